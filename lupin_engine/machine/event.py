@@ -36,6 +36,8 @@ class Event:
 
 #: How far the robot's clock is ahead of the machine's, when that has changed.
 CLOCK = "clock"
+#: Told by whoever runs the machine: another process goes on with it, a code to report, a hold to engage.
+RESUMED, TOLD, HELD_BACK = RUNNERS = ("engine.resumed", "engine.told", "engine.held")
 #: The fields of what servers and sensors say, and of which type they are.
 _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
     {
@@ -46,6 +48,9 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
         "attempt.cancelled": {"attempt": str},
         "value": {"name": str, "value": object, "stamp": (int, float)},
         CLOCK: {"ahead": (int, float)},
+        RESUMED: {"detail": str, "held": bool},
+        TOLD: {"code": str, "detail": str},
+        HELD_BACK: {"hold": str, "detail": str},
     }
 )
 #: Those that are times. No clock shows more seconds; it keeps sums finite and exact enough, and dates ours.

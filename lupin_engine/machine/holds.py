@@ -8,25 +8,43 @@
 * a transition is taken all the same where it says `during` (the hold stays) or `releases` for every engaged
   hold; an event or an end waits unless all transitions that listen to it may pass;
 * when the last hold is released, timers and actions go on, then events, in the order in which they came;
-  operations begin when the chart has come to rest, in the states that are active then.
+  operations begin when the chart has come to rest, in the states that are active then;
+* two more are the engine's own, in every chart: `restarted`, when another process goes on with the mission,
+  and `unrecorded`, when what happens cannot be written down though it must be. While one of them is engaged
+  no operation begins, moving or not. The profile's request to resume releases them, and so does every request
+  whose transition releases any hold; what comes by itself does not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from lupin_engine.chart.expressions.evaluation import Expression
-from lupin_engine.chart.model import Hold, Transition
-from lupin_engine.errors import Severity
+from lupin_engine.chart.model import Chart, Hold, Invoke, Transition
+from lupin_engine.errors import Place, Severity
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.scope import HELD, EvaluationScope, Reads, Watch
 from lupin_engine.machine.step import Macrostep
-from lupin_engine.plugin.contract import OnHold, Operation
+from lupin_engine.plugin.builtin import BUILTIN
+from lupin_engine.plugin.contract import RESTARTED_CODE, UNRECORDED_CODE, OnHold
 
 #: More events of plugins than this do not wait for a release.
 MAX_DEFERRED = 64
+#: The engine's own holds, each with its code.
+RESTARTED, UNRECORDED = "restarted", "unrecorded"
+OWN_HOLDS: Mapping[str, str] = {RESTARTED: RESTARTED_CODE, UNRECORDED: UNRECORDED_CODE}
+
+
+@lru_cache(maxsize=32)
+def all_holds(chart: Chart) -> Mapping[str, Hold]:
+    """Return the holds of a chart and the engine's own."""
+    resume = chart.profile.resume
+    release = (f"operator.{resume}",) if resume else ()
+    own = {name: Hold(name, "", release, code, Place("", 1, 1)) for name, code in OWN_HOLDS.items()}
+    return {**own, **chart.holds}
 
 
 @dataclass(slots=True)
@@ -40,7 +58,18 @@ class HoldChanges:
 
 def passes(rule: Transition, held: Iterable[str]) -> bool:
     """Say whether holds let a transition through."""
-    return all(hold in rule.during or hold in rule.releases for hold in held)
+    return all(hold in rule.during or hold in rule.releases or _lets_out(rule, hold) for hold in held)
+
+
+def _lets_out(rule: Transition, hold: str) -> bool:
+    """Say whether a transition releases one of the engine's own holds: somebody asks for it."""
+    asked = bool(rule.releases) and rule.refuse is None and (rule.event or "").startswith("operator.")
+    return asked and hold in OWN_HOLDS
+
+
+def released_by(rule: Transition) -> tuple[str, ...]:
+    """Return the holds that a transition releases, the engine's own with them."""
+    return (*rule.releases, *(hold for hold in OWN_HOLDS if _lets_out(rule, hold)))
 
 
 def blocking_hold(rule: Transition, held: Iterable[str]) -> str | None:
@@ -48,9 +77,13 @@ def blocking_hold(rule: Transition, held: Iterable[str]) -> str | None:
     return next((hold for hold in held if not passes(rule, (hold,))), None)
 
 
-def is_held_back(memory: Memory, operation: Operation) -> bool:
-    """Say whether an operation must not begin now, because it moves the robot."""
-    return bool(memory.held) and operation.on_hold is OnHold.CANCEL
+def is_held_back(memory: Memory, invoke: Invoke) -> bool:
+    """Say whether an operation must not begin now: it moves the robot, or nothing at all may begin."""
+    if not memory.held:
+        return False
+    return invoke.operation.on_hold is OnHold.CANCEL or (
+        not OWN_HOLDS.keys().isdisjoint(memory.held) and invoke.name.partition(".")[0] != BUILTIN
+    )
 
 
 def defer(memory: Memory, event: Event, step: Macrostep) -> None:
@@ -110,7 +143,7 @@ class Holds:
         """Until when no level can engage one, if nothing changes."""
         return self._watch.calm_until
 
-    def engage(self, hold: Hold, step: Macrostep) -> None:
+    def engage(self, hold: Hold, step: Macrostep, detail: str = "") -> None:
         """Engage a hold; the first one stops the chart."""
         scope = self._scope
         first = not scope.memory.held
@@ -118,7 +151,7 @@ class Holds:
         scope.touch(HELD)
         step.note(f"hold {hold.name} engaged")
         # That it is held shows by itself, and is over with the release: mere information is not remembered.
-        scope.record_code(hold.code, "", step, least=Severity.WARN)
+        scope.record_code(hold.code, detail, step, least=Severity.WARN)
         if first:
             scope.timers.freeze(step.now)
             self._suspend(step)
@@ -138,7 +171,7 @@ class Holds:
     def asked(self, event: Event, step: Macrostep) -> HoldChanges:
         """Return what a request would do with the holds, or the code that it is refused with."""
         found = HoldChanges()
-        for hold in self._scope.chart.holds.values():
+        for hold in all_holds(self._scope.chart).values():
             code = self._ask(hold, event.name, found, step)
             found.refused = found.refused or code
         return found

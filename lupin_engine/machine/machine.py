@@ -20,8 +20,19 @@ from lupin_engine.chart.model import Chart, Invariant, Kind, State, Timer, Trans
 from lupin_engine.chart.semantics import ENGINE_EVENTS, EXECUTION_ERROR, FAULT, MIN_PERIOD
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
-from lupin_engine.machine.event import CLOCK, NO_TRIGGER, NOTHING, Event, InternalEvent, Trigger, flaw
-from lupin_engine.machine.holds import Holds, defer, passes
+from lupin_engine.machine.event import (
+    CLOCK,
+    NO_TRIGGER,
+    NOTHING,
+    RESUMED,
+    RUNNERS,
+    TOLD,
+    Event,
+    InternalEvent,
+    Trigger,
+    flaw,
+)
+from lupin_engine.machine.holds import RESTARTED, Holds, all_holds, defer, passes
 from lupin_engine.machine.inputs import WAITS, Inputs, WallClock
 from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.memory import Timer as Deadline
@@ -180,6 +191,8 @@ class Machine:
             self._operations.report(event, step)
         elif event.is_request:
             self._request(event)
+        elif name in RUNNERS:
+            self._told_by_runner(event)
         else:
             self._happened(event)
         return self._finish()
@@ -246,6 +259,19 @@ class Machine:
         elif len(self._active.known) < MAX_MICROSTEPS:
             self._active.known.add(event.name)
         step.queue.append(_as_internal(event))
+
+    def _told_by_runner(self, event: Event) -> None:
+        """Take in what happened to the machine itself: see `event.RUNNERS`."""
+        step, data = self._step, event.data
+        if event.name == TOLD:
+            self.scope.record_code(data["code"], data["detail"], step)
+            return
+        name = data.get("hold", RESTARTED)
+        if event.name == RESUMED:
+            self._operations.recover(step)
+            self.scope.timers.tell_passed(step)
+        if (event.name != RESUMED or data["held"]) and name not in self.memory.held:
+            self._holds.engage(all_holds(self.chart)[name], step, data["detail"])
 
     def _fire(self, timer: Deadline, now: float) -> Step:
         due, _, kind, (owner, name) = timer
@@ -448,7 +474,7 @@ class Machine:
         for name in found.releases:
             self._holds.release(name, step)
         for name in found.engages:
-            self._holds.engage(self.chart.holds[name], step)
+            self._holds.engage(all_holds(self.chart)[name], step)
 
     def _begin_mission(self, event: Event, values: dict[str, Any]) -> None:
         memory = self.memory

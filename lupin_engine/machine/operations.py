@@ -42,6 +42,10 @@ CANCEL_DEADLINE = 3.0
 #: How many lost attempts are remembered, so that they can be cancelled should they be accepted after all.
 MAX_LOST = 64
 CANCELLED_CODE = "operation_cancelled"
+#: How long the end of what another process began is waited for, in seconds: its server must be found first.
+RECOVERY_DEADLINE = 30.0
+#: What such an attempt uses: nothing else may begin before it has ended.
+EVERYTHING = "*"
 
 #: What a state's transitions call the end that a server reports.
 _ENDS = {"done": "done", "failed": "error", "cancelled": "error"}
@@ -116,7 +120,7 @@ class Operations:
         waiting = [
             found
             for found in scope.memory.invocations.values()
-            if not found.begun and not is_held_back(scope.memory, self._invoke(found).operation)
+            if not found.begun and not is_held_back(scope.memory, self._invoke(found))
         ]
         # Before anything is begun: what an attempt that cannot be made changes is looked at again.
         self._watch.settle(active.work, scope, step.now)
@@ -155,6 +159,34 @@ class Operations:
                 invocation.tries -= 1
                 self._count(invocation, -1)
                 invocation.begun = False
+
+    def recover(self, step: Macrostep) -> None:
+        """Another process goes on: have all that the old one began ended, and begin it again later.
+
+        Nobody hears what it would still have given. Nothing is begun before its end is known, or has been
+        waited for as long as `RECOVERY_DEADLINE`.
+        """
+        memory = self._scope.memory
+        for invocation in memory.invocations.values():
+            attempt = memory.attempts.get(invocation.attempt or "")
+            if attempt is None:
+                continue
+            invoke = self._invoke(invocation)
+            if invoke.on_hold and attempt.phase is not Phase.WAITING:
+                cut = CutShort(attempt.id, CANCELLED_CODE, "cut short by a restart", invoke.on_hold)
+                self._cut_short(invocation, cut, step)
+                continue
+            self._cancel_current(invocation, step)
+            invocation.tries -= 1
+            self._count(invocation, -1)
+            invocation.begun = False
+        for attempt in memory.attempts.values():
+            self._scope.timers.disarm("cancel", attempt.id)
+            self._scope.timers.arm("cancel", attempt.id, step.now, RECOVERY_DEADLINE)
+            if not any(isinstance(c, Cancel) and c.attempt == attempt.id for c in step.commands):
+                step.commands.append(Cancel(attempt.id, attempt.operation))
+            attempt.phase, attempt.uses = Phase.CANCELLING, (EVERYTHING,)
+        self._scope.touch(OPERATIONS)
 
     def _cut_short(self, invocation: Invocation, cut: CutShort, step: Macrostep) -> None:
         """Cancel the attempt, and wait for what it gives where its operation says that it does."""
@@ -318,7 +350,9 @@ class Operations:
         for other in self._scope.memory.attempts.values():
             if other is attempt:
                 break
-            if other.phase is not Phase.LOST and not needs.isdisjoint(other.uses):
+            if other.phase is not Phase.LOST and (
+                EVERYTHING in other.uses or not needs.isdisjoint(other.uses)
+            ):
                 return other
         return None
 
@@ -444,7 +478,8 @@ class Operations:
         attempt = attempts[attempt_id]
         self._move(attempt, "no answer in time", step)
         self._gave(attempt, None, step)
-        step.note(f"{attempt.operation} did not confirm its cancel in {CANCEL_DEADLINE:g} s")
+        limit = RECOVERY_DEADLINE if EVERYTHING in attempt.uses else CANCEL_DEADLINE
+        step.note(f"{attempt.operation} did not confirm its cancel in {limit:g} s")
         lost = [found.id for found in attempts.values() if found.phase is Phase.LOST]
         for oldest in lost[:-MAX_LOST]:
             del attempts[oldest]

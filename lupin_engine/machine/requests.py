@@ -17,12 +17,12 @@ from lupin_engine.chart.model import Field, Invariant, Prompt, Transition, UsedM
 from lupin_engine.chart.semantics import ENGINE_EVENTS
 from lupin_engine.errors import guessed, nearest, reason, shortened
 from lupin_engine.machine.event import NO_TRIGGER, Event, Trigger
-from lupin_engine.machine.holds import Holds, blocking_hold
+from lupin_engine.machine.holds import Holds, all_holds, blocking_hold, released_by
 from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.step import Considered, Macrostep, Refusal, moment_of
 from lupin_engine.machine.structure import Configuration, Structure
 from lupin_engine.machine.timers import seconds
-from lupin_engine.plugin.contract import INVARIANT_CODE
+from lupin_engine.plugin.contract import INVARIANT_CODE, classify
 from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.types import Type, convert, fitted
 
@@ -75,7 +75,7 @@ class Requests:
         holds = self._holds.asked(event, step)
         found.rules, code = self._transitions(event.name, found.trigger, active, holds.releases, step)
         code = code or holds.refused
-        released = [hold for rule in found.rules for hold in rule.releases]
+        released = [hold for rule in found.rules for hold in released_by(rule)]
         found.engages = tuple(holds.engages)
         held = self._scope.memory.held
         found.releases = tuple(hold for hold in held if hold in holds.releases or hold in released)
@@ -113,7 +113,7 @@ class Requests:
                 continue
             hold = blocking_hold(rule, staying)
             if rule.refuse is not None or hold is not None:
-                return (), rule.refuse or self._scope.chart.holds[hold or ""].code
+                return (), rule.refuse or all_holds(self._scope.chart)[hold or ""].code
             chosen.append(rule)
         return self._structure.without_conflicts(active.states, chosen), ""
 
@@ -121,7 +121,7 @@ class Requests:
         return rule.guard is None or self._scope.check(rule.guard, rule.source, step, trigger)
 
     def _refusal(self, event: Event, code: str) -> Refusal:
-        label = self._scope.chart.codes[code].label if code in self._scope.chart.codes else code
+        label = classify(code, self._scope.chart.codes).label
         return Refusal(code, f"{_verb(event)} refused: {label}")
 
     def _impossible(self, event: Event) -> Refusal:

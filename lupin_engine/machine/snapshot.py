@@ -14,6 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.errors import LupinError
+from lupin_engine.machine.holds import all_holds
 from lupin_engine.machine.memory import Memory, Timer
 
 #: Raised when the form of snapshots changes.
@@ -103,7 +104,7 @@ def _mentions(chart: Chart, memory: Memory) -> Mapping[str, tuple[Iterable[str],
         "mission in state": (memory.given, _with(chart, "use")),
         "mission": ({memory.mission} - {""}, chart.missions),
         "variable": (memory.context, chart.context),
-        "hold": (memory.held, chart.holds),
+        "hold": (memory.held, all_holds(chart)),
         "input": ({*memory.inputs, *memory.heard, *memory.before}, chart.inputs),
         "invariant": (memory.broken, chart.invariants),
         "itinerary in state": (memory.itineraries, _with(chart, "itinerary")),

@@ -22,6 +22,7 @@ from transitions.extensions.nesting import HierarchicalMachine, NestedState, Nes
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.chart.semantics import EXECUTION_ERROR, FAULT, Semantics, matches
 from lupin_engine.machine.actions import CompiledAction
+from lupin_engine.machine.holds import all_holds
 from lupin_engine.machine.scope import CONFIGURATION, HELD, OPERATIONS, REQUEST, Arguments, Reads
 from lupin_engine.machine.step import Moment
 
@@ -110,7 +111,7 @@ def _fault_transition(chart: Chart) -> tuple[Transition, ...]:
     """Return what no author writes: an error that nobody handles leads to FAULT, also while held."""
     if FAULT not in chart.states:
         return ()
-    through = frozenset(chart.holds)
+    through = frozenset(all_holds(chart))
     return (
         Transition(FAULT_RULE, EXECUTION_ERROR, "", chart.states[""].place, target=FAULT, during=through),
     )

@@ -7,10 +7,13 @@ from bisect import insort
 from typing import Any
 
 from lupin_engine.machine.memory import Memory
+from lupin_engine.machine.step import Macrostep
 
 #: Deadlines about the world go on while the chart is held: a server answers or it doesn't, a value grows old,
 #: it becomes half past six.
 NEVER_FROZEN = frozenset({"cancel", "fresh", "at"})
+#: What deadlines are called of which it is told that they have passed.
+_TOLD = {"after": "the time", "budget": "the budget", "ask": "the time to answer", "at": "the time of day"}
 
 
 def seconds(value: Any) -> float:
@@ -55,6 +58,12 @@ class Timers:
                 if (its_kind, its_owner) == (kind, owner):
                     return max(0.0, due - since)
         return None
+
+    def tell_passed(self, step: Macrostep) -> None:
+        """Note the deadlines that have passed while nobody watched; a hold lets them wait, due at once."""
+        for due, _, kind, (owner, _) in self._memory.timers:
+            if due <= step.now and kind in _TOLD:
+                step.note(f"{_TOLD[kind]} of {owner} has passed meanwhile, {step.now - due:.1f} s ago")
 
     def freeze(self, now: float) -> None:
         """Stop the chart's clocks."""

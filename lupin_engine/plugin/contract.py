@@ -38,11 +38,19 @@ class Code:
 
 #: The code of an expression or an action that failed, and of an invariant that does not hold.
 EXECUTION_CODE, INVARIANT_CODE = "execution_error", "invariant_broken"
+#: Codes of the orchestrator itself: it was started again in the midst of a mission, it closed one that it
+#: could not go on with, its journal cannot be written, or can again.
+RESTARTED_CODE, CLOSED_CODE = "restarted", "mission_closed"
+UNRECORDED_CODE, RECORDED_CODE = "journal_failed", "journal_works"
 #: Codes that any operation may end in: they are the engine's, whatever the operation declares.
 OPERATION_CODES = ("driver_error", EXECUTION_CODE, "operation_cancelled")
 _ENGINE_CODES = {
     EXECUTION_CODE: Code(EXECUTION_CODE, "an expression or an action failed", Severity.ERROR),
     INVARIANT_CODE: Code(INVARIANT_CODE, "an invariant does not hold", Severity.ERROR),
+    RESTARTED_CODE: Code(RESTARTED_CODE, "the orchestrator was started again; look, then resume"),
+    CLOSED_CODE: Code(CLOSED_CODE, "the mission was closed: it could not go on after a restart"),
+    UNRECORDED_CODE: Code(UNRECORDED_CODE, "the journal cannot be written"),
+    RECORDED_CODE: Code(RECORDED_CODE, "the journal is written again", Severity.INFO),
 }
 
 

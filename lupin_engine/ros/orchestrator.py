@@ -40,12 +40,14 @@ from lupin_engine.plugin.profile import (
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
 from lupin_engine.ros import commands, messages
+from lupin_engine.ros.adapter.executor import StaleAfter
 from lupin_engine.ros.adapter.node import Qos, RosNode, RosTimer
 from lupin_engine.ros.adapter.process import signals_call
 from lupin_engine.ros.bindings.client import BoundClient
 from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.commands import STALE, STALE_AFTER_S, CommandAnswer, CommandMemory, CommandRequest
 from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
+from lupin_engine.ros.keeping import JOURNAL_PARAMETERS, Keeping
 from lupin_engine.ros.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE, NODE
 from lupin_engine.ros.outlet import NodeClock, RosOutlet
 from lupin_engine.ros.readiness import Readiness
@@ -62,6 +64,7 @@ OWN_PARAMETERS: Mapping[str, Parameter] = {
     "missions_path": Parameter(TEXT, "", "folder of the missions; empty: the ones that come with the engine"),
     "state_publish_rate_hz": Parameter(NUMBER, 5.0, "how often the state is repeated, in Hz", minimum=0.1),
     "mission_id_prefix": Parameter(TEXT, "lupin", "what mission ids begin with"),
+    **JOURNAL_PARAMETERS,
 }
 
 
@@ -78,12 +81,20 @@ class Orchestrator:
         self._prefix = str(given["mission_id_prefix"])
         machine = make_machine(chart, {name: given[name] for name in chart.parameters})
         drivers: dict[str, Driver] = {}
-        self._engine = Engine(machine, self._clock, drivers, ros.guarded(self._stepped), self._clock.wall)
+        self._telling = Telling(ros, self._clock, loaded)
+        self._keeping = Keeping(ros, self._telling.boot, self._work, lambda event: self._engine.post(event))
+        self._engine = Engine(
+            machine,
+            self._clock,
+            drivers,
+            ros.guarded(self._stepped),
+            self._clock.wall,
+            self._keeping.journal,
+        )
         self._outlet = RosOutlet(self._engine, self._clock, self._work)
         self._wire = messages.wire_of(chart.profile)
         self._state = _Publisher(ros, self._wire.state)
         self._outcomes = _Publisher(ros, self._wire.outcomes)
-        self._telling = Telling(ros, self._clock, loaded)
         self._published: tuple[object, ...] = ()
         self._started: Fields | None = None
         self._deadline: tuple[float, RosTimer] | None = None
@@ -102,6 +113,7 @@ class Orchestrator:
         self._serve_answers()
         # Real time: the state is told five times a second also while simulated time stands still.
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
+        self._keeping.begin(loaded, machine)
         self._engine.start()
         self._work()
         self._offer()
@@ -116,12 +128,13 @@ class Orchestrator:
     def _close(self) -> None:
         for driver in self._drivers.values():
             driver.close()
+        self._keeping.close()
 
     # -- requests ---------------------------------------------------------------------------------------
 
     def _serve(self) -> None:
         start = self._wire.start
-        self._ros.serve(
+        self._answer_when_kept(
             interface_class(start.type),
             start.name,
             self._start,
@@ -132,9 +145,25 @@ class Orchestrator:
             limit = None if request.however_late else STALE_AFTER_S
             answer = _answering(self._ask, f"operator.{name}")
             refuse = partial(_refuse, field="message")
-            self._ros.serve(
+            self._answer_when_kept(
                 Trigger, self._wire.requests.format(name), answer, stale_after=limit, refuse=refuse
             )
+
+    def _answer_when_kept(
+        self,
+        kind: Any,
+        name: str,
+        callback: Callable[[Any, Any], Any],
+        stale_after: StaleAfter = None,
+        refuse: Callable[[Any, str], Any] | None = None,
+    ) -> None:
+        """Serve requests: who is answered may rely on it, whatever happens to this process."""
+
+        def later(request: Any, response: Any, answer: Callable[[Any], None]) -> None:
+            found = callback(request, response)
+            self._keeping.when_kept(lambda: answer(found))
+
+        self._ros.serve_later(kind, name, later, stale_after=stale_after, refuse=refuse)
 
     def _serve_answers(self) -> None:
         """Serve the answers that the missions know; those of missions that went away are refused.
@@ -144,7 +173,7 @@ class Orchestrator:
         for event in self._chart.answers:
             if event not in self._answers:
                 self._answers.add(event)
-                self._ros.serve(
+                self._answer_when_kept(
                     Trigger,
                     ANSWER_SERVICE.format(event.removeprefix(ANSWER)),
                     _answering(self._ask, event),
@@ -168,7 +197,7 @@ class Orchestrator:
         except LupinError as problem:  # a workspace that was built before there was one
             self._ros.log.error("no commands can be taken", problem=str(problem))
         else:
-            self._ros.serve(kind, COMMAND_SERVICE, command, stale_after=limit, refuse=refuse)
+            self._answer_when_kept(kind, COMMAND_SERVICE, command, stale_after=limit, refuse=refuse)
 
     def _carry_out(self, asked: CommandRequest) -> CommandAnswer:
         if asked.verb == START_VERB:
@@ -206,7 +235,14 @@ class Orchestrator:
 
     def _ask(self, event: Event, origin: Mapping[str, str] = NOTHING) -> Step:
         self._origin = event, origin
-        step = self._engine.request(event)
+        self._work()
+        refusal = self._keeping.refusal(event, self._chart.profile)
+        if refusal is None:
+            self._keeping.before(event, self._machine)
+            step = self._engine.request(event, origin)
+        else:
+            memory, now = self._machine.memory, self._clock.now()
+            step = Step(memory.sequence, now, event, memory.configuration, accepted=False, refusal=refusal)
         self._work()
         answer = "accepted" if step.accepted else step.refusal.text if step.refusal else "refused"
         self._ros.log.info("request", request=event.name, answer=answer, **origin)
@@ -220,6 +256,7 @@ class Orchestrator:
         However quiet it is, the robot's clock is looked at as well.
         """
         self._work()
+        self._keeping.look(self._machine)
         if not is_idle(self._machine):
             return
         loaded = self._folder.changed(self._loaded)
@@ -261,6 +298,7 @@ class Orchestrator:
 
     def _take_over(self, machine: Machine) -> None:
         """Go on with another machine of the chart."""
+        self._keeping.begin(self._loaded, machine)
         self._engine.go_on_with(machine)
         heard = {name for name, found in machine.memory.inputs.items() if found.reported}
         self._outlet.tell_again(spec.value for spec in self._chart.inputs.values() if spec.name not in heard)
@@ -302,6 +340,7 @@ class Orchestrator:
             self._engine.drain()
         finally:
             self._sleep_until(self._engine.next_deadline)
+        self._keeping.tend(self._machine)
         self._telling.possible(self._machine)
 
     def _sleep_until(self, due: float | None) -> None:
@@ -328,7 +367,8 @@ class Orchestrator:
         for command in step.commands:
             if isinstance(command, Publish):
                 value = partial(self._value, now=self._clock.now())
-                self._outcomes.publish(self._wire.outcome_fields(command, value, self._stamp()))
+                fields = self._wire.outcome_fields(command, value, self._stamp())
+                self._keeping.publish(command, fields, self._outcomes.publish)
             elif isinstance(command, Report):
                 self._telling.report(command, view)
         for moment in step.trail[:-1]:
@@ -336,6 +376,7 @@ class Orchestrator:
         self._publish_if_changed(view)
         asked, origin = self._origin
         self._telling.step(step, view, origin if step.event is asked else NOTHING)
+        self._keeping.after(step, view, self._machine)
 
     # -- publishing -------------------------------------------------------------------------------------
 

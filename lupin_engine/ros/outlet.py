@@ -16,8 +16,8 @@ class NodeClock:
         self._ros = ros
 
     def now(self) -> float:
-        """Return seconds of an origin of its own."""
-        return self._ros.elapsed()
+        """Return seconds of an origin of its own, to the microsecond: that is written into every record."""
+        return round(self._ros.elapsed(), 6)
 
     def wall(self) -> float | None:
         """Return the robot's clock in POSIX time; with `use_sim_time` simulated time, once it is heard of."""
@@ -25,7 +25,7 @@ class NodeClock:
 
     def from_ros(self, stamp: float) -> float:
         """Return seconds of the node's clock as a moment of this clock."""
-        return self.now() - (self._ros.now() - stamp)
+        return round(self.now() - (self._ros.now() - stamp), 6)
 
 
 class RosOutlet(EngineOutlet):

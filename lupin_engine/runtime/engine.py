@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import Act, Cancel, Command, Event, Start
+from lupin_engine.machine.event import NOTHING, Act, Cancel, Command, Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Driver
@@ -22,8 +22,31 @@ from lupin_engine.runtime.declared import DRIVER_CODE, DRIVER_FAILED, as_declare
 CLOCK_TOLERANCE_S = 0.5
 
 
+class InputLog(Protocol):
+    """Where the loop writes what enters the machine, before the step that it leads to."""
+
+    def started(self, now: float, ahead: float | None) -> None:
+        """The machine is started."""
+
+    def handled(self, now: float, event: Event, origin: Mapping[str, str]) -> None:
+        """The machine gets an event; `origin` is who asked for it."""
+
+    def fired(self, now: float) -> None:
+        """The machine fires its earliest deadline."""
+
+    def loaded(self, now: float) -> None:
+        """The machine goes on from another one's memory."""
+
+    def when_kept(self, then: Callable[[], None]) -> None:
+        """Call `then` on the loop's thread, perhaps later, when all that was written is kept."""
+
+
 class Engine:
-    """Runs a machine against drivers on a clock."""
+    """Runs a machine against drivers on a clock.
+
+    With a log, what an operation or an action begins waits until the log is kept; what ends an operation
+    waits for nothing.
+    """
 
     def __init__(
         self,
@@ -32,6 +55,7 @@ class Engine:
         drivers: Mapping[str, Driver],
         listener: Callable[[Step], None],
         wall: Callable[[], float | None] = lambda: None,
+        log: InputLog | None = None,
     ) -> None:
         """Make a loop that is not started.
 
@@ -41,24 +65,34 @@ class Engine:
             drivers: by plugin name; may be filled after this call, because drivers need the engine's outlet.
             listener: told of every step, before its commands are carried out; only cancels go first.
             wall: the robot's clock, in POSIX time; None where it is not known, and charts wait until it is.
+            log: what is told of everything that enters the machine.
         """
         self.machine = machine
         self.clock = clock
         self.drivers = drivers
         self.listener = listener
         self._wall = wall
+        self._log = log
+        #: Attempts that wait for the log, and are not begun yet.
+        self._withheld: set[str] = set()
         self._queue: deque[Event] = deque()
         self._stepping = False
 
     def start(self) -> None:
         """Enter the chart's initial states."""
         now = self.clock.now()
-        self._carry_out(self.machine.start(now, self._ahead(now)))
+        ahead = self._ahead(now)
+        if self._log is not None:
+            self._log.started(now, ahead)
+        self._carry_out(self.machine.start(now, ahead))
         self.drain()
 
     def go_on_with(self, machine: Machine) -> None:
         """Run another machine from here on, which goes on from this one's memory."""
-        step = machine.go_on(self.clock.now())
+        now = self.clock.now()
+        if self._log is not None:
+            self._log.loaded(now)
+        step = machine.go_on(now)
         self.machine = machine
         self._carry_out(step)
         self.drain()
@@ -67,13 +101,18 @@ class Engine:
         """Queue an event; the caller, or whoever owns the loop, drains."""
         self._queue.append(event)
 
-    def request(self, event: Event) -> Step:
-        """Step a request now and return its step, which holds the answer."""
+    def request(self, event: Event, origin: Mapping[str, str] = NOTHING) -> Step:
+        """Step a request now and return its step, which holds the answer; `origin` is who asked."""
         self.drain()
-        step = self.machine.handle(event, self.clock.now())
+        step = self._handle(event, self.clock.now(), origin)
         self._carry_out(step)
         self.drain()
         return step
+
+    def _handle(self, event: Event, now: float, origin: Mapping[str, str] = NOTHING) -> Step:
+        if self._log is not None:
+            self._log.handled(now, event, origin)
+        return self.machine.handle(event, now)
 
     def drain(self) -> None:
         """Fire what is due and step every queued event; events queued meanwhile are stepped as well."""
@@ -92,7 +131,7 @@ class Engine:
         ahead = self._ahead(now)
         if ahead is None or (told is not None and abs(ahead - told) <= CLOCK_TOLERANCE_S):
             return False
-        self._carry_out(self.machine.handle(events.clock(ahead), now))
+        self._carry_out(self._handle(events.clock(ahead), now))
         return True
 
     @property
@@ -101,7 +140,12 @@ class Engine:
         return self.machine.next_deadline
 
     def _fire_due(self) -> bool:
-        step = self.machine.advance(self.clock.now())
+        now, due = self.clock.now(), self.machine.next_deadline
+        if due is None or due > now:
+            return False
+        if self._log is not None:
+            self._log.fired(now)
+        step = self.machine.advance(now)
         if step is not None:
             self._carry_out(step)
         return step is not None
@@ -111,7 +155,7 @@ class Engine:
             return False
         machine = self.machine
         event = as_declared(self._queue.popleft(), machine.chart.catalog, machine.memory.attempts)
-        self._carry_out(machine.handle(event, self.clock.now()))
+        self._carry_out(self._handle(event, self.clock.now()))
         return True
 
     def _carry_out(self, step: Step) -> None:
@@ -124,16 +168,46 @@ class Engine:
         try:
             commands = [command for command in step.commands if isinstance(command, (Start, Cancel, Act))]
             first = 0
-            while first < len(commands) and isinstance(commands[first], Cancel):
-                self._send(commands[first])
+            for command in commands:
+                if not isinstance(command, Cancel):
+                    break
+                self._end(command)
                 first += 1
             try:
                 self.listener(step)
             finally:
-                for command in commands[first:]:
-                    self._send(command)
+                self._send_all(commands[first:])
         finally:
             self._stepping = False
+
+    def _send_all(self, commands: list[Start | Cancel | Act]) -> None:
+        """Send what ends something; the rest as well, as soon as the log is kept."""
+        waiting: list[Start | Act] = []
+        for command in commands:
+            if self._log is None:
+                self._send(command)
+            elif isinstance(command, Cancel):
+                self._end(command)
+            else:
+                waiting.append(command)
+                self._withheld.update([command.attempt] if isinstance(command, Start) else [])
+        if waiting and self._log is not None:
+            self._log.when_kept(lambda: self._begin(waiting))
+
+    def _begin(self, commands: list[Start | Act]) -> None:
+        """Send what has waited, unless it is not wanted any more."""
+        for command in commands:
+            if isinstance(command, Act) or command.attempt in self._withheld:
+                self._withheld.discard(getattr(command, "attempt", ""))
+                self._send(command)
+
+    def _end(self, command: Cancel) -> None:
+        """Cancel an attempt; of one that was not begun yet no driver knows."""
+        if command.attempt in self._withheld:
+            self._withheld.remove(command.attempt)
+            self.post(events.cancelled(command.attempt))
+        else:
+            self._send(command)
 
     def _send(self, command: Command) -> None:
         """Hand a command to its driver; a driver that fails is an error of the attempt, not of the loop."""

@@ -21,6 +21,7 @@ from pydantic_core.core_schema import ValidationInfo
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import CLOCK, Act, Cancel, Command, Event, Report, Start
+from lupin_engine.machine.holds import all_holds
 from lupin_engine.machine.step import Considered, Step, View
 from lupin_engine.plugin.contract import classify
 from lupin_engine.plugin.profile import START, Publish
@@ -61,7 +62,8 @@ def view_record(view: View, chart: Chart) -> dict[str, Any]:
     record: dict[str, Any] = {}
     for name, value in asdict(view).items():
         record.update(counts if name == "counts" else {name: value})
-    codes = {name: chart.holds[name].code for name in view.held}
+    holds = all_holds(chart)
+    codes = {name: holds[name].code for name in view.held}
     return {**record, "holds": {name: classify(code, chart.codes).label for name, code in codes.items()}}
 
 

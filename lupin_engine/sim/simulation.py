@@ -22,7 +22,7 @@ from lupin_engine.machine.step import Step, View, target_of
 from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.profile import START
 from lupin_engine.runtime.clock import UTC, VirtualClock, calendar_of
-from lupin_engine.runtime.engine import Engine, EngineOutlet
+from lupin_engine.runtime.engine import Engine, EngineOutlet, InputLog
 from lupin_engine.runtime.history import History
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.agenda import Agenda
@@ -232,6 +232,7 @@ class Simulation:
         script: Script,
         parameters: Mapping[str, Any],
         world: World | None = None,
+        log: InputLog | None = None,
     ) -> None:
         self._script = script
         self._parameters = parameters
@@ -248,7 +249,7 @@ class Simulation:
             lambda: target_of(self._machine.memory),
         )
         drivers: dict[str, Any] = {}
-        self._engine = Engine(self._machine, self._clock, drivers, self._stepped, self._clock.wall)
+        self._engine = Engine(self._machine, self._clock, drivers, self._stepped, self._clock.wall, log)
         # Nobody needs waking: the loop below drains after everything that it lets happen.
         drivers.update(self._stage.drivers(EngineOutlet(self._engine, lambda: None)))
         self.history = History()

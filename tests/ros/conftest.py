@@ -34,6 +34,13 @@ def ros_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         yield domain
 
 
+@pytest.fixture(autouse=True)
+def own_state(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Keep the journals of tests apart: who finds a mission under way goes on with it."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state" / "lupin" / "journal" / f"domain-{ros_domain}"
+
+
 @pytest.fixture
 def make_node() -> Iterator[Callable[..., RosNode]]:
     """Make nodes (arguments as for `RosNode`); each has its own context and is closed after the test."""

@@ -317,7 +317,7 @@ class RosNode:
         name: str,
         callback: Callable[[Any, Any, Callable[[Any], None]], None],
         *,
-        stale_after: float | None = None,
+        stale_after: StaleAfter = None,
         refuse: Callable[[Any, str], Any] | None = None,
     ) -> None:
         """Answer requests whenever it suits: `callback(request, response, answer)`, then `answer(response)`.

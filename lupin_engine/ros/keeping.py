@@ -1,0 +1,196 @@
+"""The orchestrator's journal: which file is written, what leaves only when it is kept, what is told of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from lupin_engine import __version__
+from lupin_engine.machine.event import HELD_BACK, TOLD, Event
+from lupin_engine.machine.holds import UNRECORDED
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.step import Refusal, Step, View
+from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.plugin.contract import RECORDED_CODE, UNRECORDED_CODE, Parameter
+from lupin_engine.plugin.files import ros_domain, user_folder
+from lupin_engine.plugin.profile import START, Fields, Profile, Publish
+from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, TEXT
+from lupin_engine.ros.adapter.node import RosNode
+from lupin_engine.runtime.journal.journal import Journal, Keep
+from lupin_engine.runtime.journal.records import JournalHead
+
+#: The node's parameters about its journal.
+JOURNAL_PARAMETERS: Mapping[str, Parameter] = {
+    "journal_path": Parameter(
+        TEXT, "", "folder of the journal; empty: the user's state folder, by ROS domain"
+    ),
+    "journal_required": Parameter(
+        BOOL, False, "whether the mission is held, and none begins, while the journal cannot be written"
+    ),
+    "journal_missions": Parameter(COUNT, 200, "of how many missions the journal is kept", minimum=1),
+    "journal_days": Parameter(NUMBER, 60.0, "for how many days the journal is kept", minimum=0.01),
+}
+#: How often it is tried again to write, in seconds.
+RETRY_S = 5.0
+
+
+def journal_folder(given: Mapping[str, Any]) -> Path:
+    """Return the folder of the journal of this process's ROS domain; `given` are the node's parameters."""
+    path = str(given.get("journal_path") or "")
+    if path:
+        return Path(path)
+    return user_folder("XDG_STATE_HOME", ".local/state") / "journal" / f"domain-{ros_domain()}"
+
+
+class Keeping:
+    """The journal of one orchestrator; `work` has its loop drained."""
+
+    def __init__(
+        self, ros: RosNode, boot: str, work: Callable[[], None], tell: Callable[[Event], None]
+    ) -> None:
+        """Open the journal; `tell` queues an event of the machine."""
+        self._ros = ros
+        self._boot = boot
+        self._work = work
+        self._tell = tell
+        given = ros.parameters()
+        self.required = bool(given["journal_required"])
+        self.folder = journal_folder(given)
+        keep = Keep(int(given["journal_missions"]), float(given["journal_days"]))
+        self.journal = Journal(self.folder, keep, self._post, self._changed)
+        self._loaded: LoadedMissions | None = None
+        self._retry_at = 0.0
+        self._part = 1
+
+    def refusal(self, request: Event, profile: Profile) -> Refusal | None:
+        """Say why a request cannot be taken while nothing can be written down, unless it stops something."""
+        if not (self.required and self.journal.problem):
+            return None
+        name = request.name.rpartition(".")[2]
+        known = profile.requests.get(name) if request.name.startswith("operator.") else None
+        if known is not None and known.however_late:
+            return None
+        why = f"the journal cannot be written: {self.journal.problem}"
+        return Refusal(UNRECORDED_CODE, f"{name} refused: {why}")
+
+    def close(self) -> None:
+        """Have all that was noted on the disk, and end."""
+        self.journal.close()
+
+    def when_kept(self, then: Callable[[], None]) -> None:
+        """Call `then` when what was noted until now is on the disk."""
+        self.journal.when_kept(then)
+
+    # -- which file -------------------------------------------------------------------------------------
+
+    def begin(
+        self, loaded: LoadedMissions, machine: Machine, mission: str = "", mission_id: str = ""
+    ) -> None:
+        """Begin a file with the memory of a machine as it is, for a mission or for the time between them."""
+        if loaded is not self._loaded:
+            names = loaded.short_names
+            self.journal.keep_files(loaded.hash, {names[name]: raw for name, raw in loaded.sources.items()})
+        self._loaded = loaded
+        head, now = self.journal.head, self._ros.elapsed()
+        self._part = (
+            self._part + 1 if head is not None and mission_id and head.mission_id == mission_id else 1
+        )
+        self.journal.begin(
+            JournalHead(
+                boot=self._boot,
+                engine=__version__,
+                chart=loaded.hash,
+                chart_name=loaded.chart.name,
+                profile=loaded.chart.profile.name,
+                parameters=dict(machine.world.parameters),
+                time=now,
+                ahead_ns=self.journal.wall_ns() - round(now * 1e9),
+                files=tuple(loaded.short_names[str(file)] for file in loaded.files),
+                mission=mission,
+                mission_id=mission_id,
+                part=self._part,
+                seed=machine.world.seed,
+                snapshot=machine.snapshot() if machine.memory.sequence else "",
+            )
+        )
+
+    def before(self, request: Event, machine: Machine) -> None:
+        """Begin a mission's file where a request is about to start it."""
+        if request.name != START or self._loaded is None:
+            return
+        if machine.foresee(request, self._ros.elapsed()).possible:
+            data = request.data
+            self.begin(self._loaded, machine, str(data["mission_type"]), str(data.get("mission_id", "")))
+
+    def after(self, step: Step, view: View, machine: Machine) -> None:
+        """Close a mission's file where a step has ended it, when all that it published is out."""
+        head = self.journal.head
+        profile = machine.chart.profile
+        if head is None or not head.mission_id or not step.changed:
+            return
+        if view.lifecycle not in profile.stages.without_mission or view.mission_id != head.mission_id:
+            return
+        counts = {outcome.counter: view.counts.get(outcome.name, 0) for outcome in profile.outcomes}
+        self.journal.ended({"state": view.lifecycle, "code": view.code, "total": view.total, **counts})
+        self.journal.when_kept(lambda: self._rest(head.mission_id, machine))
+
+    def _rest(self, mission_id: str, machine: Machine) -> None:
+        """Write into a file about no mission, unless the next one has begun meanwhile."""
+        head = self.journal.head
+        if head is not None and head.mission_id == mission_id and self._loaded is not None:
+            self.begin(self._loaded, machine)
+
+    def tend(self, machine: Machine) -> None:
+        """Write a snapshot, or begin another file, where one is due; to be called between steps."""
+        if self.journal.compact(machine):
+            self._begin_anew(machine)
+
+    def look(self, machine: Machine) -> None:
+        """Notice a disk that does not answer, and try again where it has failed; called now and then."""
+        self.journal.look()
+        if self.journal.problem and self._ros.elapsed() >= self._retry_at:
+            self._retry_at = self._ros.elapsed() + RETRY_S
+            self._begin_anew(machine)
+
+    def _begin_anew(self, machine: Machine) -> None:
+        head = self.journal.head
+        if head is not None and self._loaded is not None:
+            self.begin(self._loaded, machine, head.mission, head.mission_id)
+
+    # -- what leaves when it is kept ----------------------------------------------------------------------
+
+    def publish(self, told: Publish, fields: Fields, send: Callable[[Fields], None]) -> None:
+        """Publish an outcome when it is kept, and note that it was."""
+        number = self.journal.outcome(told, fields)
+
+        def kept() -> None:
+            send(fields)
+            self.journal.published(number)
+
+        self.journal.when_kept(kept)
+
+    # -- the disk -----------------------------------------------------------------------------------------
+
+    def _post(self, call: Callable[[], None]) -> None:
+        def run() -> None:
+            call()
+            self._work()
+
+        self._ros.post(run)
+
+    def _changed(self, problem: str) -> None:
+        """Tell that the journal cannot be written, or can again."""
+        where = f"{problem}: {self.folder}"
+        if not problem:
+            self._ros.log.info("the journal is written again", folder=str(self.folder))
+            self._tell(Event(TOLD, {"code": RECORDED_CODE, "detail": ""}))
+            return
+        self._ros.log.error("the journal cannot be written", problem=problem, folder=str(self.folder))
+        self._retry_at = self._ros.elapsed() + RETRY_S
+        head = self.journal.head
+        if self.required and head is not None and head.mission_id:
+            self._tell(Event(HELD_BACK, {"hold": UNRECORDED, "detail": where}))
+        else:
+            self._tell(Event(TOLD, {"code": UNRECORDED_CODE, "detail": where}))
+        self._work()  # before what has waited goes on

@@ -1,0 +1,1 @@
+"""The journal: everything that entered a machine, on disk before it counts, and memory made of it."""

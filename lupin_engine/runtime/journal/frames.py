@@ -1,0 +1,77 @@
+"""FrameScan: records one after the other in a file, each with its length and a checksum.
+
+A frame is the length of its content and the CRC-32 of that, both 4 bytes, little-endian, and the content. A
+file begins with `MAGIC`. What follows the last whole frame is a torn tail: a write that a crash broke off. A
+broken frame that others follow is damage: what comes after it is not read as good either.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+
+#: What every file begins with; the number is raised when the form changes.
+MAGIC = b"lupin journal 1\n"
+#: No content is longer, in bytes: a length beyond it is no length.
+MAX_CONTENT = 64 * 1024 * 1024
+_HEADER = struct.Struct("<II")
+#: What the content of every record begins with.
+_BEGIN = b'["'
+
+
+@dataclass(frozen=True)
+class FrameScan:
+    """What was read: the contents of the good frames, each with where it ends, and what is behind them.
+
+    `good` is how many bytes can be used, `torn` how many follow these. `damaged`: others than a broken-off
+    write, so something that was kept is lost.
+    """
+
+    contents: list[bytes]
+    ends: list[int]
+    good: int
+    torn: int
+    damaged: bool = False
+
+
+def frame(content: bytes) -> bytes:
+    """Return the frame of a content."""
+    return _HEADER.pack(len(content), zlib.crc32(content)) + content
+
+
+def read_frames(data: bytes) -> FrameScan:
+    """Return the frames of a file; of one that is none, or is broken at once, there are none."""
+    contents: list[bytes] = []
+    ends: list[int] = []
+    if not data.startswith(MAGIC):
+        is_begun = MAGIC.startswith(data)  # the first write was broken off
+        return FrameScan(contents, ends, 0, len(data), damaged=not is_begun)
+    at = len(MAGIC)
+    while (found := _content(data, at)) is not None:
+        at += _HEADER.size + len(found)
+        contents.append(found)
+        ends.append(at)
+    return FrameScan(contents, ends, at, len(data) - at, damaged=_is_followed(data, at))
+
+
+def _content(data: bytes, at: int) -> bytes | None:
+    """Return the content of the frame at a place; None where there is no whole one."""
+    if len(data) - at < _HEADER.size:
+        return None
+    length, checksum = _HEADER.unpack_from(data, at)
+    begin = at + _HEADER.size
+    if not 0 < length <= min(MAX_CONTENT, len(data) - begin):
+        return None
+    content = data[begin : begin + length]
+    return content if zlib.crc32(content) == checksum else None
+
+
+def _is_followed(data: bytes, at: int) -> bool:
+    """Say whether a whole frame comes somewhere after the broken one at a place; contents are JSON lists."""
+    begin = data.find(_BEGIN, at + 1)
+    while begin >= 0:
+        if begin - _HEADER.size > at and _content(data, begin - _HEADER.size) is not None:
+            return True
+        begin = data.find(_BEGIN, begin + 1)
+    return False

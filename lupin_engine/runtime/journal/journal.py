@@ -1,0 +1,282 @@
+"""The journal of one domain: a folder with a file for each mission, and one for the time between missions.
+
+Everything is called on the loop's thread; only `JournalWriter` has one of its own.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.machine.event import Event, flaw
+from lupin_engine.machine.machine import Machine
+from lupin_engine.plugin.profile import Publish
+from lupin_engine.runtime.journal.frames import frame
+from lupin_engine.runtime.journal.records import (
+    END,
+    EVENT,
+    LOADED,
+    OUTCOME,
+    PUBLISHED,
+    RESUMED,
+    SNAPSHOT,
+    START,
+    TIMER,
+    VALUE,
+    WALL,
+    JournalFile,
+    JournalHead,
+    encoded,
+    encoded_head,
+    read_head,
+)
+from lupin_engine.runtime.journal.writer import JournalWriter
+
+#: What files of a journal end with, and what those begin with that are about no mission.
+SUFFIX, IDLE = ".journal", "idle"
+#: The folder in which the files of charts are kept, each chart's under its hash.
+CHARTS = "charts"
+#: After so many bytes, and so many times its size, another snapshot is written: replay begins at one.
+SNAPSHOT_BYTES, SNAPSHOT_TIMES = 262_144, 8
+#: A file is followed by another part of the same mission, which begins with a snapshot, in bytes.
+PART_BYTES, IDLE_BYTES = 67_108_864, 4_194_304
+#: How many files about no mission are kept.
+KEPT_IDLE = 3
+#: A disk that has not answered for so many seconds counts as failed.
+PATIENCE_S = 2.0
+#: The clock on the wall was set when it moved by so much against the machine's, in nanoseconds.
+_WALL_NS = 5_000_000
+#: Name, value and stamp.
+_PARTS_OF_A_VALUE = 3
+
+
+@dataclass(frozen=True)
+class Keep:
+    """How much is kept: files of so many missions, for so many days."""
+
+    missions: int = 200
+    days: float = 60.0
+
+
+class Journal:
+    """Writes the journal of one domain into `folder`; a `runtime.engine.InputLog`."""
+
+    def __init__(
+        self,
+        folder: Path,
+        keep: Keep,
+        post: Callable[[Callable[[], None]], None],
+        changed: Callable[[str], None],
+        wall_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        """Make a journal that writes nothing before `begin` or `go_on`.
+
+        Args:
+            folder: of the domain; made where it is missing.
+            keep: what is kept when another file is begun.
+            post: runs a call on the loop's thread.
+            changed: told of what keeps records from the disk, '' when nothing does any more; what waits for
+                them goes on after that.
+            wall_ns: the clock on the wall.
+        """
+        self.folder = folder
+        self._keep = keep
+        self._post = post
+        self._changed = changed
+        self.wall_ns = wall_ns
+        self._writer = JournalWriter(post, self._on_failure)
+        self.head: JournalHead | None = None
+        #: What keeps records from the disk; '' when nothing does.
+        self.problem = ""
+        self._told = ""
+        self._bytes = self._since_shot = self._shot = 0
+        self._outcomes = self._files = 0
+
+    # -- files ------------------------------------------------------------------------------------------
+
+    def begin(self, head: JournalHead) -> None:
+        """Begin another file; what comes before it is kept on the disk first."""
+        self.head = head = replace(head, outcomes=self._outcomes)
+        self.problem = ""
+        self._bytes = self._since_shot = 0
+        self._shot = len(head.snapshot)
+        path = self.folder / self._name(head)
+        self._writer.open(path)
+        self._put(encoded_head(head), urgent=True)
+        self._writer.do(partial(self._make_room, path))
+        if self._told:
+            self._writer.when_kept(self._is_back)
+
+    def go_on(self, found: JournalFile, shift: float, now: float, boot: str) -> None:
+        """Go on with the file of a process that is gone, after what is good of it.
+
+        Args:
+            found: the file.
+            shift: how far the clock of this process is ahead of that one's, in seconds.
+            now: the time, of the clock of this process.
+            boot: the name of this process.
+        """
+        ahead = self.wall_ns() - round(now * 1e9)
+        self.head = replace(found.head, time=now, ahead_ns=ahead, boot=boot)
+        self._bytes, self._since_shot, self._shot = found.good, 0, len(found.head.snapshot)
+        self._outcomes = max([found.head.outcomes, *(r.data[0] for r in found.records if r.kind == OUTCOME)])
+        self._writer.open(found.path, cut=found.good)
+        self._put(encoded(RESUMED, now, {"boot": boot, "ahead_ns": ahead, "shift": shift}), urgent=True)
+
+    def keep_files(self, name: str, files: Mapping[str, bytes]) -> None:
+        """Keep the files of a chart, which replay needs, under its name, unless they are there."""
+        self._writer.do(partial(_save, self.folder / CHARTS / name, files))
+
+    def close(self) -> None:
+        """Write what is queued, and end."""
+        self._writer.close()
+
+    def _name(self, head: JournalHead) -> str:
+        wall = (round(head.time * 1e9) + head.ahead_ns) // 1_000_000
+        moment = time.strftime("%Y%m%dT%H%M%S", time.gmtime(wall // 1000))
+        about = re.sub(r"[^A-Za-z0-9_.-]", "_", head.mission_id)[:80] or IDLE
+        self._files += 1  # two in one millisecond
+        return f"{moment}.{wall % 1000:03d}Z{self._files:03d}_{about}{SUFFIX}"
+
+    def _make_room(self, current: Path) -> None:
+        """Remove what is older or more than is kept, but never the file that is written."""
+        files = journal_files(self.folder)
+        idle = [file for file in files if file.stem.endswith(f"_{IDLE}")]
+        missions = [file for file in files if file not in idle and file != current]
+        for file in idle[:-KEPT_IDLE]:
+            file.unlink(missing_ok=True)
+        oldest = self.wall_ns() * 1e-9 - self._keep.days * 86400.0
+        for number, file in enumerate(reversed(missions)):
+            try:
+                if number >= self._keep.missions - (current not in idle) or file.stat().st_mtime < oldest:
+                    file.unlink()
+            except OSError:
+                continue  # somebody else removed it
+        used = {head.chart for file in journal_files(self.folder) if (head := read_head(file))}
+        for folder in self.folder.glob(f"{CHARTS}/*"):
+            if folder.name not in used:
+                shutil.rmtree(folder, ignore_errors=True)
+
+    # -- what entered the machine -------------------------------------------------------------------------
+
+    def started(self, now: float, ahead: float | None) -> None:
+        """The machine is started."""
+        self._input(START, now, ahead)
+
+    def handled(self, now: float, event: Event, origin: Mapping[str, str]) -> None:
+        """The machine gets an event; `origin` is who asked for it."""
+        name, data = event.name, event.data
+        if name == "value" and not flaw(event) and len(data) == _PARTS_OF_A_VALUE:
+            self._input(VALUE, now, data["name"], data["value"], data["stamp"], urgent=False)
+        else:
+            self._input(EVENT, now, name, data, *([origin] if origin else []))
+
+    def fired(self, now: float) -> None:
+        """The machine fires its earliest deadline."""
+        self._input(TIMER, now)
+
+    def loaded(self, now: float) -> None:
+        """The machine goes on from another one's memory."""
+        self._input(LOADED, now)
+
+    def when_kept(self, then: Callable[[], None]) -> None:
+        """Call `then` when all that was written is on the disk; at once when that cannot be."""
+        if self.problem or self.head is None:
+            then()
+        else:
+            self._writer.when_kept(then)
+
+    # -- what was told the world --------------------------------------------------------------------------
+
+    def outcome(self, told: Publish, fields: Mapping[str, Any]) -> int:
+        """Write what is going to be published, and return its number."""
+        self._outcomes += 1
+        self._put(encoded(OUTCOME, self._outcomes, asdict(told), fields), urgent=True)
+        return self._outcomes
+
+    def published(self, number: int) -> None:
+        """Write that it was."""
+        self._put(encoded(PUBLISHED, number), urgent=True)
+
+    def ended(self, about: Mapping[str, Any]) -> None:
+        """Write that the mission is over."""
+        self._put(encoded(END, about), urgent=True)
+
+    def compact(self, machine: Machine) -> bool:
+        """Write a snapshot where one is due; say whether another file is due instead."""
+        limit = PART_BYTES if self.head is not None and self.head.mission_id else IDLE_BYTES
+        if self._bytes > limit:
+            return True
+        if self._since_shot > max(SNAPSHOT_BYTES, SNAPSHOT_TIMES * self._shot):
+            shot = machine.snapshot()
+            self._put(encoded(SNAPSHOT, shot), urgent=False)
+            self._since_shot, self._shot = 0, len(shot)
+        return False
+
+    # -- the disk -----------------------------------------------------------------------------------------
+
+    def look(self) -> None:
+        """Notice a disk that does not answer; to be called now and then."""
+        if self._writer.waits > PATIENCE_S and not self.problem:
+            self._on_failure(f"the disk has not answered for {PATIENCE_S:g} s", self._writer.give_up())
+
+    def _on_failure(self, reason: str, waiting: list[Callable[[], None]]) -> None:
+        self.problem = reason
+        if not self._told:
+            self._told = reason
+            self._changed(reason)
+        for then in waiting:
+            if then != self._is_back:
+                then()
+
+    def _is_back(self) -> None:
+        self._told = ""
+        self._changed("")
+
+    def _input(self, kind: str, now: float, *data: Any, urgent: bool = True) -> None:
+        head = self.head
+        if head is None:
+            return
+        ahead = self.wall_ns() - round(now * 1e9)
+        if abs(ahead - head.ahead_ns) > _WALL_NS:
+            self.head = replace(head, ahead_ns=ahead)
+            self._put(encoded(WALL, ahead), urgent=False)
+        try:
+            content = encoded(kind, now, *data)
+        except (TypeError, ValueError) as problem:
+            self.problem = f"{data[0] if data else kind} cannot be written: {problem}"
+            self._post(partial(self._on_failure, self.problem, []))  # not in the midst of a step
+            return
+        self._put(content, urgent=urgent)
+
+    def _put(self, content: bytes, urgent: bool) -> None:
+        if self.problem:
+            return
+        data = frame(content)
+        self._bytes += len(data)
+        self._since_shot += len(data)
+        self._writer.append(data, urgent=urgent)
+
+
+def _save(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files into a folder that is there as a whole or not at all."""
+    if folder.exists():
+        return
+    making = folder.with_name(f".{folder.name}.{os.getpid()}")
+    for name, content in files.items():
+        path = making / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    making.rename(folder)
+
+
+def journal_files(folder: Path) -> list[Path]:
+    """Return the files of a journal, the oldest first."""
+    return sorted(folder.glob(f"*{SUFFIX}"))

@@ -1,0 +1,107 @@
+"""From records to steps: the same inputs at the same times give the same memory, which snapshots assert."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lupin_engine.errors import LupinError
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.scope import World
+from lupin_engine.machine.snapshot import restore, shift
+from lupin_engine.machine.step import Step
+from lupin_engine.runtime.journal.records import (
+    EVENT,
+    LOADED,
+    RESUMED,
+    SNAPSHOT,
+    START,
+    TIMER,
+    VALUE,
+    JournalError,
+    JournalFile,
+    JournalHead,
+    JournalRecord,
+)
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """A record, the step that its input led to (None: it is no input), and the machine after it."""
+
+    record: JournalRecord
+    step: Step | None
+    machine: Machine
+
+
+def replay(found: JournalFile, world: World) -> Iterator[Replayed]:
+    """Run the inputs of a file through a machine of its chart, one record after the other.
+
+    Args:
+        world: of the chart and the parameters that the head names; the head's seed counts.
+
+    Raises:
+        JournalError: the machine comes to another memory than the one that was recorded.
+    """
+    head = found.head
+    world = replace(world, seed=head.seed)
+    machine = _begun(found.path, head, world)
+    for record in found.records:
+        step: Step | None = None
+        if record.kind in (EVENT, VALUE):
+            step = machine.handle(record.event, record.time)
+        elif record.kind == TIMER:
+            step = machine.advance(record.time)
+            if step is None:
+                raise _differs(found.path, record, "no deadline is due there")
+        elif record.kind == START:
+            step = machine.start(record.time, record.data[0])
+        elif record.kind == LOADED:
+            step = machine.go_on(record.time)
+        elif record.kind == RESUMED:
+            machine = resumed(machine, record.data[0]["shift"])
+        elif record.kind == SNAPSHOT and machine.snapshot() != record.data[0]:
+            raise _differs(found.path, record, "its memory is another one")
+        yield Replayed(record, step, machine)
+
+
+def memory_at(found: JournalFile, world: World) -> Machine:
+    """Return the machine as it is after the last record.
+
+    Only what comes after the last snapshot but one is run; the last one asserts that.
+
+    Raises:
+        JournalError: the machine comes to another memory than the one that was recorded.
+    """
+    shots = [record for record in found.records if record.kind == SNAPSHOT]
+    begin = shots[-2] if len(shots) > 1 else None
+    if begin is not None:
+        head = replace(found.head, snapshot=begin.data[0], time=begin.time)
+        found = replace(found, head=head, records=found.records[begin.number :])
+    machine = None
+    for each in replay(found, world):
+        machine = each.machine
+    assert machine is not None, "a file that was read has a head"
+    return machine
+
+
+def resumed(machine: Machine, seconds: float) -> Machine:
+    """Return the machine that goes on from another one's memory on a clock that is so many seconds ahead."""
+    memory = restore(machine.chart, machine.snapshot())
+    shift(memory, seconds)
+    return Machine(machine.world, memory)
+
+
+def _begun(path: Path, head: JournalHead, world: World) -> Machine:
+    if not head.snapshot:
+        return Machine(world)
+    try:
+        return Machine(world, restore(world.chart, head.snapshot))
+    except LupinError as problem:
+        raise JournalError(f"{path}: {problem}") from None
+
+
+def _differs(path: Path, record: JournalRecord, how: str) -> JournalError:
+    where = f"{path}, record {record.number} ({record.kind} at {record.time:g} s)"
+    return JournalError(f"{where}: the machine of now does not come to what was recorded: {how}")

@@ -1,0 +1,201 @@
+"""The thread that writes: what was queued meanwhile goes to the disk together (group commit).
+
+The loop's thread only queues, so no disk can keep it from stopping something. Records that nobody waits for
+are written when some have come together; a process that is killed loses those of the last `LAZY_S` seconds.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from lupin_engine.runtime.journal.frames import MAGIC
+
+#: How long a record that nobody waits for may stay in memory, in seconds.
+LAZY_S = 0.5
+
+#: Called with what went wrong, and the calls that waited.
+Failed = Callable[[str, list[Callable[[], None]]], None]
+#: In every folder that is written to: who holds it is the only one that does.
+LOCK = "lock"
+
+
+class JournalWriter:
+    """Writes frames to one file after the other. `post` runs a call on the loop's thread."""
+
+    def __init__(
+        self,
+        post: Callable[[Callable[[], None]], None],
+        failed: Failed,
+        sync: Callable[[int], None] = os.fdatasync,
+    ) -> None:
+        self._post = post
+        self._failed = failed
+        self._sync = sync
+        self._ready = threading.Condition()
+        self._queue: list[bytes | Callable[[], None]] = []
+        self._waiting: list[Callable[[], None]] = []
+        self._urgent = self._ended = False
+        self._file: int | None = None
+        self._lock: int | None = None
+        self._since: float | None = None
+        #: How many bytes were written, and how often a disk was waited for.
+        self.written = self.syncs = 0
+        self._thread = threading.Thread(target=self._run, name="journal", daemon=True)
+        self._thread.start()
+
+    def open(self, path: Path, cut: int | None = None) -> None:
+        """Write into another file from here on: a new one, or after the first `cut` bytes of one there."""
+        self._add(partial(self._open, path, cut), urgent=True)
+
+    def do(self, work: Callable[[], None]) -> None:
+        """Do something else with the disk in its turn; an OSError is a failure of the journal."""
+        self._add(work, urgent=False)
+
+    def append(self, data: bytes, *, urgent: bool) -> None:
+        """Write; what is `urgent` at once, the rest soon."""
+        self._add(data, urgent=urgent)
+
+    def when_kept(self, then: Callable[[], None]) -> None:
+        """Call `then` on the loop's thread when all that was queued is on the disk."""
+        with self._ready:
+            self._waiting.append(then)
+            self._urgent = True
+            self._since = self._since or time.monotonic()
+            self._ready.notify()
+
+    @property
+    def waits(self) -> float:
+        """For how long the disk has been waited for, in seconds."""
+        since = self._since
+        return 0.0 if since is None else time.monotonic() - since
+
+    def give_up(self) -> list[Callable[[], None]]:
+        """Return the calls that wait, which are not called any more by this."""
+        with self._ready:
+            given, self._waiting, self._since = self._waiting, [], None
+        return given
+
+    def close(self, limit: float = 2.0) -> None:
+        """Write what is queued, and end; a disk that does not answer is waited for so many seconds."""
+        with self._ready:
+            self._ended = True
+            self._ready.notify()
+        self._thread.join(limit)
+
+    def _add(self, item: bytes | Callable[[], None], urgent: bool) -> None:
+        with self._ready:
+            self._queue.append(item)
+            if urgent:
+                self._urgent = True
+                self._ready.notify()
+            elif len(self._queue) == 1:
+                self._ready.notify()
+
+    # -- the thread -------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while True:
+            with self._ready:
+                while not (self._queue or self._waiting or self._ended):
+                    self._ready.wait()
+                if not (self._urgent or self._ended):
+                    self._ready.wait_for(lambda: self._urgent or self._ended, LAZY_S)
+                queue, self._queue = self._queue, []
+                waiting, self._waiting = self._waiting, []
+                self._urgent, ended = False, self._ended
+            try:
+                self._write(queue, wait=bool(waiting) or ended)
+            except OSError as problem:
+                self._fail(problem.strerror or str(problem), waiting)
+            else:
+                self._tell(waiting)
+            if ended:
+                self._close_file()
+                if self._lock is not None:
+                    os.close(self._lock)
+                return
+
+    def _tell(self, waiting: list[Callable[[], None]]) -> None:
+        if not waiting:
+            return
+        with self._ready:
+            self._since = time.monotonic() if self._waiting else None
+        self._post(partial(_call, waiting))
+
+    def _fail(self, reason: str, waiting: list[Callable[[], None]]) -> None:
+        self._close_file()
+        with self._ready:
+            self._since = None
+        self._post(lambda: self._failed(reason, waiting))
+
+    def _write(self, queue: list[bytes | Callable[[], None]], wait: bool) -> None:
+        data: list[bytes] = []
+        for item in queue:
+            if isinstance(item, bytes):
+                data.append(item)
+                continue
+            self._put(b"".join(data))
+            data.clear()
+            item()
+        self._put(b"".join(data))
+        if wait and self._file is not None:
+            self.syncs += 1
+            self._sync(self._file)
+
+    def _put(self, data: bytes) -> None:
+        if self._file is None:
+            return  # it has failed, and what is written goes on in another file
+        self.written += len(data)
+        while data:
+            data = data[os.write(self._file, data) :]
+
+    def _open(self, path: Path, cut: int | None) -> None:
+        if self._file is not None:
+            self._sync(self._file)
+        self._close_file()
+        self._take(path.parent)
+        made = os.O_CREAT | os.O_EXCL if cut is None else 0
+        self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | made, 0o600)
+        if cut is None:
+            self._put(MAGIC)
+            _sync_folder(path.parent)
+        else:
+            os.ftruncate(self._file, cut)
+
+    def _take(self, folder: Path) -> None:
+        """Have a folder, which nobody else may have meanwhile."""
+        if self._lock is not None:
+            return
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(lock)
+            raise OSError(0, f"another process writes to {folder}") from None
+        self._lock = lock
+
+    def _close_file(self) -> None:
+        if self._file is not None:
+            os.close(self._file)
+        self._file = None
+
+
+def _call(waiting: list[Callable[[], None]]) -> None:
+    for then in waiting:
+        then()
+
+
+def _sync_folder(folder: Path) -> None:
+    """Have the name of a new file on the disk as well."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,104 @@
+"""The orchestrator's journal: what entered, on disk; what is told when that cannot be."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.missions.folders import lifecycle_in
+from lupin_engine.missions.load import load_chart
+from lupin_engine.runtime.journal.journal import CHARTS, journal_files
+from lupin_engine.runtime.journal.records import JournalFile, read_journal
+from lupin_engine.runtime.journal.replay import replay
+from lupin_engine.runtime.setup import make_world
+from tests import shipped
+from tests.ros.world import Operator, World
+
+pytestmark = pytest.mark.timeout(180)
+
+
+def missions_in(folder: Path) -> list[JournalFile]:
+    """Return the files about missions, the oldest first."""
+    found = [read_journal(file) for file in journal_files(folder)]
+    return [file for file in found if file.head.mission_id]
+
+
+def test_a_mission_is_replayed_from_what_is_kept_of_it(
+    world: World, operator: Operator, own_state: Path
+) -> None:
+    """Its chart, its parameters and its inputs: from the folder alone, to the published end."""
+    world.start_all()
+    operator.in_state("READY")
+    mission_id = operator.start("1", "5").mission_id
+    operator.in_state("INSPECTING", "NAVIGATING")
+    assert operator.ask("pause").success
+    assert operator.ask("resume").success
+    operator.until_done(published=2)
+    operator.until(lambda: len(journal_files(own_state)) == 3, "the file after the mission")
+
+    (found,) = missions_in(own_state)
+    head, folder = found.head, own_state / CHARTS / found.head.chart
+    assert (head.mission, head.mission_id, found.problem) == ("InspectionMission", mission_id, "")
+    chart = load_chart(lifecycle_in(folder), [folder / file for file in head.files], shipped.catalog())
+    machine, codes = None, []
+    for each in replay(found, make_world(chart, head.parameters)):
+        machine = each.machine
+        codes += [code.code for code in each.step.codes] if each.step else []
+    assert machine is not None
+    assert (machine.view.lifecycle, machine.view.counts["OK"], machine.view.mission_id) == (
+        "DONE",
+        2,
+        mission_id,
+    )
+    assert "paused_by_operator" in codes
+    told = [record.data[0] for record in found.records if record.kind == "outcome"]
+    marked = [record.data[0] for record in found.records if record.kind == "published"]
+    assert told == marked == [1, 2]
+    (end,) = [record.data[0] for record in found.records if record.kind == "end"]
+    assert (end["state"], end["completed"], end["total"]) == ("DONE", 2, 2)
+
+
+def test_a_full_disk_is_told_and_the_mission_goes_on(world: World, operator: Operator) -> None:
+    """Files may not grow beyond a limit; that a code says, and the robot finds its way all the same."""
+    world.start("greenhouse_bridge")
+    world.start("lupin_sim", speed=10.0)
+    limited(world)
+    operator.in_state("READY")
+    assert operator.start("1", "5", "12").accepted
+    operator.until_done(published=3)
+    codes = {state.last_error.partition(":")[0] for state in operator.states}
+    assert "journal_failed" in codes
+    assert "the journal cannot be written (problem='File too large'" in log_of(world)
+
+
+def test_a_journal_that_is_required_holds_the_mission(world: World, operator: Operator) -> None:
+    """Nothing moves and none begins; what ends the mission is taken."""
+    world.start("greenhouse_bridge")
+    world.start("lupin_sim", speed=10.0)
+    limited(world, "-p", "journal_required:=true")
+    operator.in_state("READY")
+    operator.until(lambda: operator.start("1", "5", "12", "21").accepted, "the journal works for a moment")
+    operator.until(lambda: operator.state.paused, "the mission is held")
+    assert operator.state.last_error.startswith("journal_failed: File too large: ")
+    answer = operator.ask("resume")
+    assert (answer.success, answer.message) == (
+        False,
+        "resume refused: the journal cannot be written: File too large",
+    )
+    assert operator.ask("abort").success
+    operator.in_state("RETURNING")
+
+
+def limited(world: World, *parameters: str) -> None:
+    """Start an orchestrator whose files may have 5 kB."""
+    lupin = Path(sys.executable).with_name("lupin")
+    given = " ".join(["--ros-args", "-p", "estop_timeout_s:=10.0", *parameters])
+    command = f"ulimit -f 5; exec {lupin} node mission_orchestrator {given} > /dev/null 2> >(cat >&2)"
+    world.run("mission_orchestrator", ["bash", "-c", command])
+
+
+def log_of(world: World) -> str:
+    """Return what the orchestrator has written for people."""
+    return world.log("mission_orchestrator").read_text(encoding="utf-8")
