@@ -53,6 +53,7 @@ from lupin_engine.ros.outlet import NodeClock, RosOutlet
 from lupin_engine.ros.readiness import Readiness
 from lupin_engine.ros.single import other_orchestrator
 from lupin_engine.ros.telling import Telling
+from lupin_engine.ros.told import ToldState
 from lupin_engine.runtime.engine import Engine
 from lupin_engine.runtime.setup import make_machine, make_world
 
@@ -95,8 +96,7 @@ class Orchestrator:
         self._wire = messages.wire_of(chart.profile)
         self._state = _Publisher(ros, self._wire.state)
         self._outcomes = _Publisher(ros, self._wire.outcomes)
-        self._published: tuple[object, ...] = ()
-        self._started: Fields | None = None
+        self._told = ToldState(self._wire, lambda: self._machine, self._clock.now, self._stamp)
         self._deadline: tuple[float, RosTimer] | None = None
         drivers.update(_clients(ros, loaded, chart.plugins, self._outlet, machine.world.parameters))
         drivers[BUILTIN] = Readiness(drivers, self._outlet, ros.steady_timer, ros.now)
@@ -359,16 +359,14 @@ class Orchestrator:
     def _stepped(self, step: Step) -> None:
         """Tell the world what a step did."""
         if step.event.name == START and step.accepted:
-            self._started = self._stamp()
+            self._told.mission_started()
         if not self._telling.is_news(step):
             self._publish_if_changed(self._machine.view)
             return
         view = self._machine.view
         for command in step.commands:
             if isinstance(command, Publish):
-                value = partial(self._value, now=self._clock.now())
-                fields = self._wire.outcome_fields(command, value, self._stamp())
-                self._keeping.publish(command, fields, self._outcomes.publish)
+                self._keeping.publish(command, self._told.outcome(command), self._outcomes.publish)
             elif isinstance(command, Report):
                 self._telling.report(command, view)
         for moment in step.trail[:-1]:
@@ -381,32 +379,18 @@ class Orchestrator:
     # -- publishing -------------------------------------------------------------------------------------
 
     def _publish_if_changed(self, view: View, moment: Moment | None = None) -> None:
-        """Publish at once when lifecycle, phase, target or a flag is new, or a code was reported."""
-        if moment is not None:
-            view = replace(view, lifecycle=moment.lifecycle, phase=moment.phase, target=moment.target)
-        fields = self._state_fields(view)
-        said = (view.lifecycle, view.phase, view.target, view.paused, view.codes, view.mission_id)
-        shown = (*said, *(fields[name] for name in self._wire.urgent))
-        if shown != self._published:
-            self._published = shown
+        """Publish at once what is news."""
+        fields = self._told.news(view, moment)
+        if fields is not None:
             self._state.publish(fields)
 
     def _publish_state(self) -> None:
-        self._state.publish(self._state_fields(self._machine.view))
+        self._state.publish(self._told.fields(self._machine.view))
         self._telling.possible(self._machine)  # time alone may have changed an answer
-
-    def _state_fields(self, view: View) -> Fields:
-        value, request = partial(self._value, now=self._clock.now()), self._machine.memory.request
-        stamp, codes = self._stamp(), self._chart.codes
-        return self._wire.state_fields(messages.situation(view, codes, request, value, self._started, stamp))
 
     def _stamp(self) -> Fields:
         stamp = self._ros.stamp()
         return {"sec": stamp.sec, "nanosec": stamp.nanosec}
-
-    def _value(self, name: str, now: float) -> Any:
-        known = name in self._chart.inputs
-        return self._machine.input_value(name, now) if known else self._machine.memory.context.get(name)
 
 
 class _Publisher:

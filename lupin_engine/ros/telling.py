@@ -23,10 +23,9 @@ from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.ros import messages
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.names import CHART_TOPIC, MISSIONS_TOPIC, POSSIBLE_TOPIC, STEPS_TOPIC
+from lupin_engine.ros.told import StepMoment, StepNews, ToldPossible, step_told
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.offer import offered
-from lupin_engine.runtime.possible import Foresight
-from lupin_engine.runtime.record import step_record, view_record
 
 
 class Telling:
@@ -43,45 +42,22 @@ class Telling:
         self._possible = ros.publisher(String, POSSIBLE_TOPIC, Qos.LATCHED)
         self._chart = ros.publisher(String, CHART_TOPIC, Qos.LATCHED)
         self._offered = ""
-        self._foresight: tuple[Machine, Foresight] | None = None
-        self._foreseen: list[dict[str, Any]] = []
-        self._noted: dict[str, tuple[str, ...]] = {}
+        self._foreseen = ToldPossible(self.boot)
+        self.is_news = StepNews().is_news
 
     def go_on_with(self, loaded: LoadedMissions) -> None:
         """Tell of other missions from here on."""
         self._loaded = loaded
-        self._foreseen = []
+        self._foreseen.forget()
         self.chart()
 
     # -- steps ------------------------------------------------------------------------------------------
 
-    def is_news(self, step: Step) -> bool:
-        """Say whether a step is worth telling.
-
-        Live values come all the time: they are when they change something, or when there is something to note
-        that was not noted the last time. The reports of attempts are told even when they change nothing: who
-        watches sees what is waited for, and when the last goal has ended.
-        """
-        if step.event.name != "value" or step.changed:
-            return True
-        name, notes = str(step.event.data["name"]), tuple(step.notes)
-        known = self._noted.get(name, ())
-        self._noted[name] = notes
-        return notes not in ((), known)
-
     def step(self, step: Step, view: View, origin: Mapping[str, str]) -> None:
         """Log a step and publish its record; `origin` is who commanded it, as far as that is known."""
         self._log(step, view)
-        record = {
-            "time": self._clock.now(),
-            "stamp": self._ros.now(),
-            "wall_ns": time.time_ns(),
-            "boot": self.boot,
-            "chart": self._loaded.hash,
-            **({"command": origin} if origin else {}),
-            "step": step_record(step),
-            "view": view_record(view, self._loaded.chart),
-        }
+        at = StepMoment(self._clock.now(), self._ros.now(), time.time_ns())
+        record = step_told(step, view, self._loaded, self.boot, at, origin)
         self._steps.publish(_text(record))
 
     def _log(self, step: Step, view: View) -> None:
@@ -124,14 +100,9 @@ class Telling:
         To be called when steps have been taken, and now and then, because the time of day may decide. Where
         nothing can have changed it costs next to nothing.
         """
-        if self._foresight is None or self._foresight[0] is not machine:
-            self._foresight = machine, Foresight(machine)
-        found = self._foresight[1].news(self._clock.now())
-        if found is None or found == self._foreseen:
-            return
-        self._foreseen = found
-        about = {"boot": self.boot, "chart": self._loaded.hash, "sequence": machine.memory.sequence}
-        self._possible.publish(_text({**about, "requests": found}))
+        found = self._foreseen.news(machine, self._loaded.hash, self._clock.now())
+        if found is not None:
+            self._possible.publish(_text(found))
 
     # -- the chart --------------------------------------------------------------------------------------
 
