@@ -99,6 +99,13 @@ no_respawn = click.option(
     "--no-respawn", is_flag=True, help="Leave a node that dies dead: something else starts it again."
 )
 hmi = click.option("--hmi", is_flag=True, help="Serve people's pages too, on this machine only.")
+pages_port = click.option(
+    "--port",
+    type=click.IntRange(1, 65535),
+    default=8080,
+    show_default=True,
+    help="Port of the pages that --hmi serves.",
+)
 opened = click.option(
     "--open", "opened", is_flag=True, help="With --hmi: to other machines too; asks for TLS files and tokens."
 )

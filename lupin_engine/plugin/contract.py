@@ -206,8 +206,9 @@ class Plugin:
     have for whoever names them, as a binding does; `access` is what people's pages may use of all that its
     nodes and drivers name. `readers` are by the name of the type that they read. What is `internal` is for a
     chart of the plugin's own, and no author of missions is offered it. The nodes of one that is `hmi` serve
-    people's pages, and are started where `--hmi` asks for them. Companions and simulations run beside
-    missions of `profile` only; without one, beside all.
+    people's pages, and are started where `--hmi` asks for them; `pages` is the `module:function` that serves
+    the same pages on a simulation or a recording, a `plugin.pages.ServePages`. Companions and simulations
+    run beside missions of `profile` only; without one, beside all.
     """
 
     name: str
@@ -228,6 +229,7 @@ class Plugin:
     simulated_defaults: Mapping[str, Any] = field(default_factory=dict)
     internal: bool = False
     hmi: bool = False
+    pages: str = ""
     serves: tuple[str, ...] = ()
     access: Access = field(default_factory=Access)
     profile: str = ""

@@ -316,8 +316,9 @@ class Profile:
 
     `resume` and `abort` are those of `requests` that let a held mission go on and that end a mission: the
     terminal names the one, Ctrl-C sends the other. `values_of` returns the terminal's columns of what was
-    read at a target. `access` are names of the robot itself that people's pages may use. Without `wire`
-    missions can be checked, drawn and simulated, but not run.
+    read at a target. `stop` is the input that is true while the robot is stopped by hand: so a simulation
+    hears the stop of a page. `access` are names of the robot itself that people's pages may use. Without
+    `wire` missions can be checked, drawn and simulated, but not run.
     """
 
     name: str
@@ -331,6 +332,7 @@ class Profile:
     stages: Stages = field(default_factory=Stages)
     terminal: Terminal = field(default_factory=Terminal)
     values_of: Callable[[Mapping[str, Any]], Mapping[str, float]] = lambda _: {}
+    stop: str = ""
     wire: Wire | None = None
     access: Access = field(default_factory=Access)
 

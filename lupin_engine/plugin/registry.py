@@ -360,7 +360,7 @@ def _bad_names(plugin: Plugin) -> Iterator[str]:
     )
     for family, pattern, names in families:
         yield from _bad_spellings(family, pattern, names)
-    for target in filter(None, (plugin.client, *plugin.nodes.values())):
+    for target in filter(None, (plugin.client, plugin.pages, *plugin.nodes.values())):
         if not _TARGET.fullmatch(target):
             yield f"{target!r} must have the form 'module:name'"
 

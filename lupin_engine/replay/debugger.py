@@ -7,46 +7,33 @@ nothing. The same lines give the same answers.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from lupin_engine.chart.model import Chart, Field
+from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError, nearest
 from lupin_engine.machine.requests import Possibility
 from lupin_engine.machine.scope import World
 from lupin_engine.plugin.profile import START
-from lupin_engine.plugin.types import ANY, DURATION, Type, convert
 from lupin_engine.replay import panels
 from lupin_engine.replay.rewind import Move, Rewindable, effect, go_on, wait_until
 from lupin_engine.replay.story import TonedLine, laid_out, usual_columns
-from lupin_engine.runtime.clock import UTC, calendar_of
+from lupin_engine.sim.by_hand import Hand, Read, Wrong
 from lupin_engine.sim.narration import tell
 from lupin_engine.sim.simulation import (
-    Ask,
     Effect,
-    End,
-    Happen,
     Script,
-    SetClock,
     Simulation,
-    Tell,
     is_named,
     label_of,
 )
-
-#: Reads a word as a value of a type; what does not fit is returned as it is.
-Read = Callable[[str, Type], Any]
 
 #: A mission that never ends is stopped after so many steps of one `run`.
 MOST_STEPS = 10_000
 _MOST_DIGITS = 9
 #: Steps in which nothing is told (a server accepts) are joined to the next one, up to so many.
 _SILENT = 100
-
-
-class Wrong(Exception):
-    """What was typed cannot be done; the text says why, and what can."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +83,7 @@ class Debugger:
 
     def __init__(self, chart: Chart, script: Script, world: World, read: Read, width: int = 100) -> None:
         self._chart, self._catalog, self._script, self._world = chart, chart.catalog, script, world
-        self._read = read
+        self._hand = Hand(script, world, read, lambda: self.simulation)
         self._columns = usual_columns(width)
         self._rewindable = Rewindable(self._begun)
         self._told = 0
@@ -140,7 +127,7 @@ class Debugger:
         try:
             come = _known(words[0]).act(self, words[1:])
             return come if isinstance(come, list) else self._let(" ".join(words), come)
-        except (Wrong, LupinError) as problem:
+        except LupinError as problem:
             return _refused(str(problem))
 
     def complete(self, line: str) -> list[str]:
@@ -162,12 +149,8 @@ class Debugger:
 
     # -- names and values ---------------------------------------------------------------------------------
 
-    @property
-    def _request(self) -> Mapping[str, Field]:
-        return self._chart.missions[self._script.mission].request
-
     def _request_words(self, before: str = "") -> list[str]:
-        return [f"{name}=" for name in self._request]
+        return [f"{name}=" for name in self._hand.request]
 
     def _event_words(self, event: str) -> list[str]:
         if event == START:
@@ -176,23 +159,13 @@ class Debugger:
         return [f"{name}=" for name in known.fields] if known else []
 
     def _choices(self, name: str) -> Iterable[str]:
-        """Return what a live value can be, where that is one of a few words."""
-        names = self.value_names()
-        if name not in names:
-            return ()
-        kind = self._catalog.values[names[name]].type
-        return ("true", "false") if kind.kind == "bool" else kind.values
+        return self._hand.choices(name)
 
     def _codes(self, operation: str) -> list[str]:
-        known = self._catalog.operations.get(operation)
-        return [code.name for code in known.codes] if known else []
-
-    def _results(self, operation: str) -> Mapping[str, Type]:
-        known = self._catalog.operations.get(operation)
-        return known.result if known else {}
+        return self._hand.codes(operation)
 
     def _result_words(self, operation: str) -> list[str]:
-        return [f"{name}=" for name in self._results(operation)]
+        return [f"{name}=" for name in self._hand.results(operation)]
 
     def _possible(self) -> dict[str, Possibility]:
         return {found.event: found for found in self.simulation.machine.explain(self.simulation.now)}
@@ -203,14 +176,12 @@ class Debugger:
         return {*found, *(event.removeprefix("operator.") for event in found)}
 
     def event_names(self) -> list[str]:
-        """Return what can be sent: requests, also without their first word, and the plugins' events."""
-        requests = [*self._chart.profile.events, *self._chart.profile.requests, *self._chart.answers]
-        return [*requests, *self._catalog.events]
+        """Return what can be sent."""
+        return self._hand.event_names()
 
     def value_names(self) -> dict[str, str]:
-        """Return what can be set: the chart's names and the plugins' names, each with the plugin's name."""
-        specs = self._chart.inputs.values()
-        return {spec.value: spec.value for spec in specs} | {spec.name: spec.value for spec in specs}
+        """Return what can be set, each with the plugin's name for it."""
+        return self._hand.value_names()
 
     def state_names(self) -> list[str]:
         """Return how states can be called: in full, or by their last names."""
@@ -222,54 +193,7 @@ class Debugger:
 
     def operations_under_way(self) -> list[str]:
         """Return the operations that could end now."""
-        view = self.simulation.machine.view
-        return list(dict.fromkeys([*(a.operation for a in view.attempts), *view.cancelling]))
-
-    def _under_way(self, words: list[str]) -> str:
-        running = self.operations_under_way()
-        if not running:
-            raise Wrong("no operation is under way")
-        name = _first(words, "which operation", running)
-        if name not in running:
-            if name in self._catalog.operations:
-                raise Wrong(f"{name} is not under way; {', '.join(running)} is")
-            raise Wrong(f"unknown operation {name!r}; {nearest(name, running)}")
-        return name
-
-    def _fields(self, words: Iterable[str], types: Mapping[str, Type]) -> dict[str, Any]:
-        """Read `name=value` words."""
-        found = {}
-        for word in words:
-            name, equals, text = word.partition("=")
-            if not equals:
-                raise Wrong(f"{word!r} has no '='; write NAME=VALUE")
-            if name not in types:
-                raise Wrong(f"unknown field {name!r}; {nearest(name, types)}")
-            found[name] = self._request_value(name, text, types[name])
-        return found
-
-    def _request_value(self, name: str, text: str, kind: Type) -> Any:
-        """Read a field; one of a plugin's type is left to the plugin's reader."""
-        item = kind.item
-        if kind.name in self._world.readers:
-            return text
-        if item is not None and item.name in self._world.readers:
-            return [part for part in text.strip("[]").replace(" ", "").split(",") if part]
-        return self._value(name, text, kind)
-
-    def _value(self, name: str, text: str, kind: Type) -> Any:
-        if kind is ANY:
-            return text
-        try:
-            return convert(self._read(text, kind), kind)
-        except ValueError as problem:
-            raise Wrong(f"{name}: {problem}") from None
-
-    def _duration(self, text: str) -> float:
-        try:
-            return float(convert(text, DURATION))
-        except ValueError:
-            raise Wrong(f"{text!r} is no duration; write one such as '90 s' or '20 min'") from None
+        return self._hand.operations_under_way()
 
     def _lifecycle(self) -> str:
         return label_of(self._chart, self.simulation.machine.memory.configuration)
@@ -307,41 +231,19 @@ class Debugger:
         "start [NAME=VALUE ...]", "start the mission; fields of its request", _request_words, _request_words
     )
     def _start(self, words: list[str]) -> Effect:
-        data = self._fields(words, {name: field.type for name, field in self._request.items()})
-        return Ask(START, data)
+        return self._hand.start(words)
 
     @_command("send EVENT [NAME=VALUE ...]", "an operator asks, or a plugin tells", event_names, _event_words)
     def _send(self, words: list[str]) -> Effect:
-        name = _first(words, "which event", self.event_names())
-        if name == START:
-            return self._start(words[1:])
-        if name in self._chart.profile.requests:
-            name = f"operator.{name}"
-        if name in self._chart.profile.events or name in self._chart.answers:
-            return Ask(name, self._fields(words[1:], {}))
-        if name not in self._catalog.events:
-            raise Wrong(f"unknown event {name!r}; {nearest(name, self.event_names())}")
-        return Happen(name, self._fields(words[1:], self._catalog.events[name].fields))
+        return self._hand.send(words)
 
     @_command("set VALUE X", "a live value changes", value_names, _choices)
     def _set(self, words: list[str]) -> Effect:
-        names = self.value_names()
-        name = _first(words, "which value", names)
-        if name not in names:
-            raise Wrong(f"unknown value {name!r}; {nearest(name, names)}")
-        if len(words) < 2:
-            raise Wrong(f"to what? {name} is a {self._catalog.values[names[name]].type}")
-        value = self._value(name, " ".join(words[1:]), self._catalog.values[names[name]].type)
-        return Tell(names[name], value)
+        return self._hand.set(words)
 
     @_command("fail OPERATION CODE [TEXT]", "an operation under way fails", operations_under_way, _codes)
     def _fail(self, words: list[str]) -> Effect:
-        operation = self._under_way(words)
-        codes = self._codes(operation)
-        code = _first(words[1:], "with which code", codes)
-        if code not in codes:
-            raise Wrong(f"{operation} has no code {code!r}; {nearest(code, codes)}")
-        return End(operation, code, " ".join(words[2:]))
+        return self._hand.fail(words)
 
     @_command(
         "done OPERATION [NAME=VALUE ...]",
@@ -350,18 +252,11 @@ class Debugger:
         _result_words,
     )
     def _done(self, words: list[str]) -> Effect:
-        operation = self._under_way(words)
-        return End(operation, result=self._fields(words[1:], self._results(operation)))
+        return self._hand.done(words)
 
     @_command("clock [DATE TIME]", "what the robot's clock shows; with a date and a time of day it is set")
     def _clock(self, words: list[str]) -> list[TonedLine] | Effect:
-        if not words:
-            return [[(self.simulation.clock, "")]]
-        try:
-            calendar_of(UTC).moment(" ".join(words))
-        except ValueError as problem:
-            raise Wrong(str(problem)) from None
-        return SetClock(" ".join(words))
+        return self._hand.clock(words) if words else [[(self.simulation.clock, "")]]
 
     @_command("step [N]", "let the next thing happen")
     def _steps(self, words: list[str]) -> list[TonedLine]:
@@ -377,7 +272,7 @@ class Debugger:
     def _run(self, words: list[str]) -> list[TonedLine]:
         text = " ".join(words)
         if text[:1].isdigit():
-            return self._run_for(self._duration(text))
+            return self._run_for(self._hand.duration(text))
         if text and text not in self.state_names():
             raise Wrong(f"no state {text!r}; {nearest(text, self.state_names())}")
         rows: list[TonedLine] = []
@@ -462,12 +357,6 @@ class Debugger:
 
 
 # -- small pieces -----------------------------------------------------------------------------------------
-
-
-def _first(words: list[str], question: str, allowed: Iterable[str]) -> str:
-    if not words:
-        raise Wrong(f"{question}? {', '.join(sorted(allowed)) or 'there is none'}")
-    return words[0]
 
 
 def _count(words: list[str]) -> int:

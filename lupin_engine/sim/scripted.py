@@ -176,6 +176,8 @@ class _ServedAttempt:
     arguments: Mapping[str, Any]
     outcome: MockOutcome
     accepted: bool = False
+    #: By how many seconds its answer is put off.
+    late: float = 0.0
 
 
 class Stage:
@@ -288,6 +290,18 @@ class Stage:
         self._gone.discard(operation)
         return away
 
+    def delay(self, operation: str, seconds: float) -> bool:
+        """Put off what the newest attempt of an operation answers; False when there is none."""
+        running = next((one for one in reversed(self._running.values()) if one.operation == operation), None)
+        if running is not None:
+            running.late += seconds
+        return running is not None
+
+    @property
+    def away(self) -> list[str]:
+        """The operations whose servers have left."""
+        return sorted(self._gone)
+
     # -- how attempts go on -------------------------------------------------------------------------------
 
     def _later(self, wait: float | Between, action: Callable[[], None]) -> None:
@@ -313,7 +327,17 @@ class Stage:
             self.outlet.progress(attempt, outcome.progress or told)
         if not outcome.never:
             after = self._operation(running).mock.after if outcome.after is None else outcome.after
-            self._later(after, lambda: self._end(attempt, outcome))
+            self._later(after, lambda: self._come_to_end(attempt, outcome))
+
+    def _come_to_end(self, attempt: str, outcome: MockOutcome) -> None:
+        """End as planned, or as much later as it was put off."""
+        running = self._running.get(attempt)
+        late = running.late if running is not None else 0.0
+        if running is None or not late:
+            self._end(attempt, outcome)
+            return
+        running.late = 0.0
+        self._later(late, lambda: self._come_to_end(attempt, outcome))
 
     def _end(self, attempt: str, outcome: MockOutcome) -> None:
         running = self._running.get(attempt)

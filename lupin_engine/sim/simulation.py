@@ -87,6 +87,14 @@ class ComeBack:
 
 
 @dataclass(frozen=True)
+class PutOff:
+    """What the newest attempt of `operation` answers comes `seconds` later than it would."""
+
+    operation: str
+    seconds: float
+
+
+@dataclass(frozen=True)
 class SetClock:
     """The robot's clock is set, to a date with a time of day."""
 
@@ -103,7 +111,7 @@ class TakeView:
     """Nothing happens; what there is to see is kept."""
 
 
-Effect = Ask | Tell | Happen | End | Leave | ComeBack | SetClock | Restart | TakeView
+Effect = Ask | Tell | Happen | End | Leave | ComeBack | PutOff | SetClock | Restart | TakeView
 
 
 @dataclass(frozen=True)
@@ -224,7 +232,7 @@ def simulate(
 
 
 class Simulation:
-    """One run of a script."""
+    """One run of a script; `listener` is told of every step while the machine is as it left it."""
 
     def __init__(
         self,
@@ -235,6 +243,7 @@ class Simulation:
         log: InputLog | None = None,
     ) -> None:
         self._script = script
+        self.listener: Callable[[Step], None] = lambda step: None
         self._parameters = parameters
         self._agenda = Agenda()
         self._world = replace(world or make_world(chart, parameters), seed=script.seed)
@@ -315,9 +324,19 @@ class Simulation:
         return self._clock.now()
 
     @property
+    def wall(self) -> float:
+        """What the robot's clock shows, in POSIX time."""
+        return self._clock.wall()
+
+    @property
     def clock(self) -> str:
-        """What the robot's clock shows."""
+        """The same as people write it."""
         return self._calendar.told(self._clock.wall())
+
+    @property
+    def away(self) -> list[str]:
+        """The operations whose servers are not heard of, until they come back."""
+        return self._stage.away
 
     @property
     def steps(self) -> Sequence[Step]:
@@ -361,6 +380,12 @@ class Simulation:
         done = _EFFECTS[type(effect)](self, effect)
         self._engine.drain()
         return done is not False
+
+    def request(self, event: Event) -> Step:
+        """Let an operator ask for something, as the event says it; return the step with the answer."""
+        step = self._engine.request(event)
+        self._engine.drain()
+        return step
 
     # -- what the script lets happen --------------------------------------------------------------------
 
@@ -421,6 +446,7 @@ class Simulation:
             self._started = True
             self._planned += 1
             self._agenda.note(step.time, self._start_mission)
+        self.listener(step)
 
     def _notice_beginnings(self, step: Step) -> None:
         """Plan what waits for a state that was entered, or for an operation that was started."""
@@ -459,6 +485,7 @@ _EFFECTS: Mapping[type, Callable[[Simulation, Any], object]] = {
     End: Simulation._end,
     Leave: lambda simulation, effect: simulation._stage.leave(effect.operation),
     ComeBack: lambda simulation, effect: simulation._stage.come_back(effect.operation),
+    PutOff: lambda simulation, effect: simulation._stage.delay(effect.operation, effect.seconds),
     SetClock: Simulation._set_clock,
     Restart: Simulation._restart,
 }

@@ -9,4 +9,5 @@ PLUGIN = Plugin(
     doc="The gateway: pages in a browser speak the rosbridge protocol with the robot.",
     nodes={"lupin_gateway": "lupin_gateway.node:main"},
     hmi=True,
+    pages="lupin_gateway.virtual:serve_pages",
 )

@@ -28,10 +28,9 @@ from lupin_gateway.doors import NotAdmitted, Use
 from lupin_gateway.encoding import FrameData
 from lupin_gateway.entrance import SHIELDS, Entrance, browser_of
 from lupin_gateway.guard import HouseRules
-from lupin_gateway.history import TopicHistory
 from lupin_gateway.hub import Hub, Outbox
 from lupin_gateway.session import Limits, Session
-from lupin_gateway.sides import RosSide
+from lupin_gateway.sides import KeptPast, RosSide
 from lupin_gateway.stop import TELL_HZ
 
 #: The files that are served: the console, as console/build.mjs makes it.
@@ -115,7 +114,7 @@ class Gateway:
         limits: Limits,
         rules: HouseRules,
         tls: Mapping[str, str],
-        history: TopicHistory,
+        history: KeptPast,
     ) -> None:
         """`tls` are the files of the server's certificate, by uvicorn's names; none: nothing is encrypted."""
         self.rules = rules
@@ -143,7 +142,7 @@ class Gateway:
 
     async def _status(self, request: Request) -> JSONResponse:
         visitor = self.rules.doors.admit(request.headers, self.rules.clocks.wall())
-        told = {"clients": self._clients, "topics": self._hub.topics(), "mode": "robot"}
+        told = {"clients": self._clients, "topics": self._hub.topics(), **self._ros.about()}
         return JSONResponse({**told, "name": visitor.name, "role": visitor.role.word})
 
     async def _history(self, request: Request) -> Response:
@@ -157,7 +156,9 @@ class Gateway:
             wanted = "since=MS is wanted, milliseconds since 1970, such as since=1795434151280"
             return PlainTextResponse(f"{wanted}, not {shortened(given)!r}\n", 400)
         allowed = self.rules.allowed
-        topics = [each for each in self.history.topics if not allowed.refusal(visitor, Use.SUBSCRIBE, each)]
+        named = request.query_params.get("topics")
+        known = set(self.history.topics) & set(named.split(",")) if named else self.history.topics
+        topics = [each for each in known if not allowed.refusal(visitor, Use.SUBSCRIBE, each)]
         packed = "gzip" in request.headers.get("accept-encoding", "")
         headers = {**SHIELDS, "cache-control": "no-store"}
         if packed:
@@ -251,7 +252,7 @@ async def serve(gateway: Gateway, sockets: Sequence[socket.socket], until: async
         RuntimeError: a server, or the telling of the stop, ended without being told to.
     """
     applications = [gateway.application(), *(gateway.protocol_only() for _ in sockets[1:])]
-    servers = [uvicorn.Server(_configuration(application, gateway.tls)) for application in applications]
+    servers = [_QuietServer(_configuration(application, gateway.tls)) for application in applications]
     running = [
         asyncio.ensure_future(server.serve(sockets=[each]))
         for server, each in zip(servers, sockets, strict=True)
@@ -273,6 +274,15 @@ async def _tell_steadily(rules: HouseRules) -> None:
         with _telling_defects():
             rules.tick()
         await asyncio.sleep(1.0 / TELL_HZ)
+
+
+class _QuietServer(uvicorn.Server):
+    """A server that leaves signals to whoever runs the process."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Capture none."""
+        yield
 
 
 def _configuration(application: ASGIApp, tls: Mapping[str, str]) -> uvicorn.Config:

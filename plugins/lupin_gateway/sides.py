@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -31,6 +31,9 @@ class RosSide(Protocol):
     Nothing here waits, and nothing raises for what a page has sent: what comes of it is told to the functions
     that are given, on the loop. Names are absolute, types complete (`std_msgs/msg/String`) or ''.
     """
+
+    def about(self) -> Mapping[str, Any]:
+        """What pages look at: the `mode` (robot, simulation, recording), and more of the latter two."""
 
     def listen(
         self, topic: str, type_: str, told: Callable[[Sample, bool], None], problem: Callable[[str], None]
@@ -63,3 +66,17 @@ class RosSide(Protocol):
 
     def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
         """Answer a call of `/rosapi/QUESTION` as `call` does; False where there is no such question."""
+
+
+class KeptPast(Protocol):
+    """What topics said before a page was opened."""
+
+    @property
+    def topics(self) -> Collection[str]:
+        """The topics whose past there is."""
+
+    def start(self) -> None:
+        """Begin to keep; on the loop."""
+
+    def lines(self, begin: float, topics: Collection[str]) -> Iterator[bytes]:
+        """Return what topics said from a time on (ms since 1970), a line of JSON each, the oldest first."""

@@ -95,6 +95,7 @@ PROFILE = Profile(
         gauges={"battery": "battery_low"},
     ),
     values_of=messages.values_of,
+    stop="estop",
     wire=WIRE,
     access=Access(
         viewer=("/scan", "/odom", "/io/imu/movement/data", "/rosout"),

@@ -20,6 +20,7 @@ from lupin_engine.plugin.registry import load_catalog
 if TYPE_CHECKING:
     from lupin_engine.chart.model import Chart
     from lupin_engine.machine.scope import World
+    from lupin_engine.missions.load import LoadedMissions
     from lupin_engine.replay.timeline import Timeline
     from lupin_engine.sim.simulation import Run, Script
 
@@ -58,6 +59,8 @@ if TYPE_CHECKING:
     help="Draw states and operations over time into FILE.svg or FILE.png; - draws in the terminal.",
 )
 @click.option("--interactive", "-i", is_flag=True, help="Work the simulation by hand; help tells how.")
+@options.hmi
+@options.pages_port
 @click.option("--json", "as_json", is_flag=True, help="Print all that came of it as one JSON object.")
 @click.option("--quiet", "-q", is_flag=True, help="Print the summary only.")
 @not_done()
@@ -71,6 +74,8 @@ def simulate(
     speed: float,
     picture: str | None,
     interactive: bool,
+    hmi: bool,
+    port: int,
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -90,6 +95,9 @@ def simulate(
     if interactive and (as_json or quiet or speed or picture or until is not None):
         allowed = ", ".join((*options.request_options(), "--set"))
         problems.add(f"--interactive goes with {allowed}, --clock and --seed only")
+    if hmi and (interactive or as_json or quiet or picture or until is not None):
+        allowed = ", ".join((*options.request_options(), "--set"))
+        problems.add(f"--hmi goes with {allowed}, --clock, --seed, --speed and --port only")
     with problems.collecting():
         _check_picture(picture)
     with problems.collecting():
@@ -101,6 +109,8 @@ def simulate(
         subject = replace(subject, script=replace(subject.script, seed=seed))
     if clock is not None:
         subject = replace(subject, script=replace(subject.script, clock=clock))
+    if hmi:
+        return _serve(subject, speed, port)
     if interactive:
         return _interact(subject)
     began = time.perf_counter()
@@ -130,12 +140,21 @@ def simulate(
 
 @dataclass(frozen=True)
 class SimulationTask:
-    """What is simulated, at most until the time or state `until`: the request of a mission, or a scenario."""
+    """What is simulated, at most until the time or state `until`: the request of a mission, or a scenario.
 
-    chart: Chart
+    `is_complete`: more was said than which mission it is, so nobody need start it.
+    """
+
+    loaded: LoadedMissions
     script: Script
     world: World
     until: float | str | None
+    is_complete: bool
+
+    @property
+    def chart(self) -> Chart:
+        """The chart of the mission."""
+        return self.loaded.chart
 
     def run(self) -> Run:
         """Simulate it; errors as for `simulation.simulate`."""
@@ -177,7 +196,8 @@ def _subject(
                 f"a scenario names its own request and parameters; {names} and --set are for missions"
             )
         scenario = load_scenario(mission, catalog)
-        chart, script, parameters = scenario.chart, scenario.script, scenario.parameters
+        loaded = load_missions([str(scenario.mission)], catalog)
+        chart, script, parameters = loaded.chart, scenario.script, scenario.parameters
     else:
         loaded = load_missions([mission], catalog)
         chart = loaded.chart
@@ -186,10 +206,11 @@ def _subject(
             check_fields(loaded, request)
         parameters, wrong = settings_in("--set", settings, chart.parameters)
         problems.add(*wrong)
+    is_complete = is_scenario(mission) or any(request.values())
     end: float | str | None = None
     with problems.collecting():
         end = _until(chart, until)
-    return SimulationTask(chart, script, make_world(chart, parameters), end)
+    return SimulationTask(loaded, script, make_world(chart, parameters), end, is_complete)
 
 
 def _until(chart: Chart, text: str | None) -> float | str | None:
@@ -247,6 +268,19 @@ def _interact(subject: SimulationTask) -> int:
     console = make_console()
     debugger = Debugger(subject.chart, script, subject.world, read_value, console.width)
     return interact(debugger, console)
+
+
+def _serve(subject: SimulationTask, speed: float, port: int) -> int:
+    from lupin_engine.cli.pages import find_server, serve
+    from lupin_engine.cli.settings import read_value
+    from lupin_engine.ros.virtual.simulated import SimulatedPages
+
+    server = find_server(subject.chart.catalog)
+    script = subject.script if subject.is_complete else replace(subject.script, starts=False)
+    pages = SimulatedPages(
+        subject.loaded, script, subject.world, read_value, time.monotonic, speed if speed else None
+    )
+    return serve(pages, server, port)
 
 
 def _pacing(speed: float) -> Callable[[float], None]:

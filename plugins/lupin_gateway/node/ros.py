@@ -28,6 +28,10 @@ class NodeSide:
         self._actions = Actions(ros)
         self._rosapi = Rosapi(ros, self._services)
 
+    def about(self) -> Mapping[str, Any]:
+        """See `RosSide`."""
+        return {"mode": "robot"}
+
     def listen(
         self, topic: str, type_: str, told: Callable[[Sample, bool], None], problem: Callable[[str], None]
     ) -> _HeldSubscription:

@@ -53,6 +53,9 @@ class Robot:
         self._latched: dict[str, Sample] = {}
         self._told: dict[str, Callable[[Sample, bool], None]] = {}
 
+    def about(self) -> dict[str, Any]:
+        return {"mode": "robot"}
+
     def listen(self, topic: str, type_: str, told: Callable[[Sample, bool], None], _: Any) -> Robot:
         self.listened.append(topic)
         self._told[topic] = told

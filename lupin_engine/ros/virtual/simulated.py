@@ -1,0 +1,348 @@
+"""A simulation for pages: the topics and services of an orchestrator, in virtual time.
+
+Beside them it has a topic with all that can be done to it, and a service that does it: pause, go on, step,
+speed, run until a state, begin anew, and every fault that the catalogs declare.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Any
+
+from lupin_engine.errors import LupinError, nearest
+from lupin_engine.machine.scope import World
+from lupin_engine.machine.step import Step
+from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.plugin.contract import Access
+from lupin_engine.plugin.pages import PageMessage
+from lupin_engine.ros import messages, names
+from lupin_engine.ros.chart_record import chart_record
+from lupin_engine.ros.virtual.orchestrated import VirtualOrchestrator
+from lupin_engine.ros.virtual.pace import Pace
+from lupin_engine.sim.by_hand import Hand, Read, Wrong, first
+from lupin_engine.sim.simulation import MOST_AT_ONCE, Effect, Restart, Script, Simulation, Tell, is_named
+
+#: The topic that tells how the simulation stands, as JSON, and the service that does something to it.
+SIMULATION_TOPIC, SIMULATION_SERVICE = "/simulation/state", "/simulation/do"
+TEXT_TYPE = "std_msgs/msg/String"
+#: The longest that one turn of work may take, and the time between two states that say nothing new, in
+#: real seconds.
+TURN_S, REPEAT_S = 0.01, 0.2
+#: Happenings in which nothing is told are one step, up to so many.
+SILENT = 100
+#: Messages that are kept for pages that come later.
+KEPT = 200_000
+_NOTHING_MORE = "nothing will happen by itself"
+
+
+class SimulatedPages:
+    """See `plugin.pages.PageSource`.
+
+    Args:
+        loaded: the missions, with the chart that is simulated.
+        script: what happens by itself.
+        world: of the chart and its parameters.
+        read: reads values as people write them.
+        steady: the steady clock, in seconds, by which a turn of work is measured.
+        speed: runs from the beginning, so many times as fast as real time; None: it stands until told.
+    """
+
+    def __init__(
+        self,
+        loaded: LoadedMissions,
+        script: Script,
+        world: World,
+        read: Read,
+        steady: Callable[[], float],
+        speed: float | None = None,
+    ) -> None:
+        self._loaded = loaded
+        self._chart = loaded.chart
+        self._script = script
+        self._world = world
+        self._steady = steady
+        self._wire = messages.wire_of(loaded.chart.profile)
+        self._hand = Hand(script, world, read, lambda: self._simulation)
+        self._pace = Pace()
+        self._page: Callable[[PageMessage], None] = lambda message: None
+        self._kept: deque[PageMessage] = deque(maxlen=KEPT)
+        self._picture = chart_record(loaded)
+        self._stopped = False
+        self._until = self._note = ""
+        self._repeated_at = -math.inf
+        self._shown: dict[str, Any] = {}
+        self._at_once = 0
+        self._orchestrator = self._made()
+        self._begin()
+        if speed is not None:
+            self._pace.set_speed(speed, steady(), 0.0)
+            self._pace.go(steady(), 0.0)
+
+    @property
+    def _simulation(self) -> Simulation:
+        return self._orchestrator.simulation
+
+    # -- as a page source -----------------------------------------------------------------------------------
+
+    @property
+    def topics(self) -> Mapping[str, str]:
+        """See `PageSource`."""
+        own = (names.STEPS_TOPIC, names.MISSIONS_TOPIC, names.CHART_TOPIC, names.POSSIBLE_TOPIC)
+        channels = {one.name: one.type for one in (self._wire.state, self._wire.outcomes)}
+        return {**dict.fromkeys((*own, SIMULATION_TOPIC), TEXT_TYPE), **channels}
+
+    @property
+    def events(self) -> Collection[str]:
+        """See `PageSource`."""
+        return (names.STEPS_TOPIC, self._wire.outcomes.name)
+
+    @property
+    def access(self) -> Access:
+        """See `PageSource`."""
+        viewer = (SIMULATION_TOPIC, *names.ACCESS.viewer)
+        return Access(viewer, (SIMULATION_SERVICE, *names.ACCESS.operator))
+
+    def about(self) -> Mapping[str, Any]:
+        """See `PageSource`."""
+        return {"mode": "simulation", "title": self._script.mission}
+
+    def begin(self, tell: Callable[[PageMessage], None], now: float) -> None:
+        """See `PageSource`."""
+        self._page = tell
+        for message in {message.topic: message for message in self._kept}.values():
+            tell(message)
+        self._tell_news(in_any_case=True)
+
+    def clock(self, now: float) -> float:
+        """See `PageSource`."""
+        return self._orchestrator.at
+
+    def stop(self, stopped: bool) -> None:
+        """See `PageSource`."""
+        if stopped is self._stopped:
+            return
+        self._stopped = stopped
+        spec = self._chart.inputs.get(self._chart.profile.stop)
+        if spec is not None:
+            self._simulation.do(Tell(spec.value, stopped))
+            self._tell_news()
+
+    def history(self, since: float, topics: Collection[str]) -> Iterator[PageMessage]:
+        """See `PageSource`."""
+        for message in list(self._kept):
+            if message.at > since and (not topics or message.topic in topics):
+                yield message
+
+    def call(self, service: str, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
+        """See `PageSource`."""
+        if service == SIMULATION_SERVICE:
+            return self._do(arguments, now)
+        if service == names.COMMAND_SERVICE:
+            answer = self._orchestrator.command(arguments, now)
+            self._tell_news()
+            return answer
+        raise LupinError(f"{service}: a simulation does not have this service")
+
+    def work(self, now: float) -> float | None:
+        """See `PageSource`."""
+        end = self._steady() + TURN_S
+        while self._pace.is_running and self._goes_on(now) and self._steady() < end:
+            pass
+        self._tell_news()
+        if not self._pace.is_running:
+            return None
+        due = self._simulation.next_due
+        return REPEAT_S if due is None else min(REPEAT_S, self._pace.wait(now, due))
+
+    def _goes_on(self, now: float) -> bool:
+        """Let the next thing happen, if its time has come; else time passes."""
+        due, target = self._simulation.next_due, self._pace.target(now, self._simulation.now)
+        if due is not None and due <= target:
+            self._go_on(due)
+            return True
+        if target == math.inf:
+            self._stand(_NOTHING_MORE)
+        else:
+            self._simulation.wait_until(max(target, self._simulation.now))
+        return False
+
+    # -- what pages do to it --------------------------------------------------------------------------------
+
+    def _do(self, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
+        """Do what a page wants; a wrong word is told, and nothing happens."""
+        word, words = arguments.get("command"), arguments.get("words", [])
+        if not isinstance(word, str) or not _are_texts(words):
+            raise LupinError(f"{SIMULATION_SERVICE}: it takes a command, and words, which are texts")
+        self._note = ""
+        try:
+            self._act(word, list(words), now)
+        except LupinError as wrong:
+            return {"success": False, "message": str(wrong)}
+        finally:
+            self._tell_news()
+        return {"success": True, "message": self._note}
+
+    def _act(self, word: str, words: list[str], now: float) -> None:
+        controls, effects = self._controls(words, now), self._effects(words)
+        if word in controls:
+            controls[word]()
+        elif word not in effects:
+            raise Wrong(f"unknown command {word!r}; {nearest(word, [*controls, *effects])}")
+        elif not self._simulation.do(effects[word]()):
+            raise Wrong("nothing came of that")
+
+    def _controls(self, words: list[str], now: float) -> Mapping[str, Callable[[], object]]:
+        return {
+            "run": lambda: self._run(now),
+            "pause": lambda: self._stand(""),
+            "step": self._step,
+            "speed": lambda: self._pace.set_speed(_speed(words), now, self._simulation.now),
+            "until": lambda: self._run_until(words, now),
+            "again": self._begin_anew,
+        }
+
+    def _effects(self, words: list[str]) -> Mapping[str, Callable[[], Effect]]:
+        hand = self._hand
+        return {
+            "fail": lambda: hand.fail(words),
+            "done": lambda: hand.done(words),
+            "silence": lambda: hand.silence(words),
+            "answer": lambda: hand.answer(words),
+            "late": lambda: hand.late(words),
+            "set": lambda: hand.set(words),
+            "send": lambda: hand.send(words),
+            "clock": lambda: hand.clock(words),
+            "crash": Restart,
+        }
+
+    def _run(self, now: float) -> None:
+        self._until = ""
+        self._pace.go(now, self._simulation.now)
+
+    def _stand(self, note: str) -> None:
+        self._pace.stand()
+        self._until, self._note = "", note
+
+    def _run_until(self, words: list[str], now: float) -> None:
+        known = [name for name in self._chart.states if name]
+        wanted = first(words, "until which state", ())
+        if not any(is_named(name, wanted) for name in known):
+            raise Wrong(f"no state {wanted!r}; {nearest(wanted, known)}")
+        self._run(now)
+        self._until = wanted
+
+    def _step(self) -> None:
+        """Let the next thing happen that is told."""
+        self._stand("")
+        before = self._orchestrator.told
+        for _ in range(SILENT):
+            due = self._simulation.next_due
+            if due is None:
+                self._note = _NOTHING_MORE
+                return
+            self._go_on(due)
+            if self._orchestrator.told > before:
+                return
+
+    def _go_on(self, due: float) -> None:
+        self._at_once = self._at_once + 1 if due <= self._simulation.now else 0
+        if self._at_once > MOST_AT_ONCE:
+            self._stand(f"time stands still: more than {MOST_AT_ONCE} things happen at this moment")
+        else:
+            self._simulation.go_on()
+
+    def _begin_anew(self) -> None:
+        """Begin from the beginning; what was told is forgotten."""
+        self._stand("")
+        self._kept.clear()
+        self._at_once = 0
+        self._orchestrator = self._made()
+        self._begin()
+
+    def _made(self) -> VirtualOrchestrator:
+        return VirtualOrchestrator(self._loaded, self._script, self._world, self._keep, self._stepped)
+
+    def _begin(self) -> None:
+        self._orchestrator.begin(self._picture)
+        # Starting up takes no time in most charts; nobody wants to wait for it.
+        while self._simulation.next_due == 0.0 and not self._simulation.is_over:
+            self._simulation.go_on()
+        if self._stopped:
+            self._stopped = False
+            self.stop(True)
+        self._tell_news(in_any_case=True)
+
+    def _stepped(self, step: Step) -> None:
+        if self._until and any(is_named(name, self._until) for name in step.entered):
+            self._stand(f"{self._until} was entered")
+
+    # -- what is told ---------------------------------------------------------------------------------------
+
+    def _keep(self, message: PageMessage) -> None:
+        self._kept.append(message)
+        self._page(message)
+
+    def _tell_news(self, in_any_case: bool = False) -> None:
+        """Tell what is new, how the simulation stands, and now and then the state."""
+        self._orchestrator.tell_news()
+        real = self._steady()
+        is_time = in_any_case or real - self._repeated_at >= REPEAT_S
+        if is_time:
+            self._repeated_at = real
+            self._page(self._orchestrator.state())
+        shown = self._standing()
+        if shown != self._shown or is_time:
+            self._shown = shown
+            told = {**shown, "at": self._orchestrator.at, "time": self._simulation.now}
+            text = json.dumps({**told, "clock": self._simulation.clock}, default=str)
+            self._page(PageMessage(SIMULATION_TOPIC, self._orchestrator.at, {"data": text}))
+
+    def _standing(self) -> dict[str, Any]:
+        """Return how the simulation stands, and what can be done to it; the time aside."""
+        catalog, used = self._chart.catalog, self._chart.plugins
+        events = {name: event for name, event in catalog.events.items() if name.partition(".")[0] in used}
+        return {
+            "boot": self._orchestrator.boot,
+            "running": self._pace.is_running,
+            "speed": None if self._pace.speed == math.inf else self._pace.speed,
+            "until": self._until,
+            "note": self._note,
+            "next": self._simulation.next_due,
+            "operations": [self._operation(name) for name in self._hand.operations_under_way()],
+            "silent": self._simulation.away,
+            "values": [self._value(name) for name in self._chart.inputs],
+            "events": [
+                {"name": name, "fields": {field: kind.name for field, kind in event.fields.items()}}
+                for name, event in events.items()
+            ],
+        }
+
+    def _operation(self, name: str) -> dict[str, Any]:
+        known = self._chart.catalog.operations[name]
+        codes = [{"code": c.name, "label": c.label, "severity": int(c.severity)} for c in known.codes]
+        return {"operation": name, "codes": codes, "result": {n: k.name for n, k in known.result.items()}}
+
+    def _value(self, name: str) -> dict[str, Any]:
+        kind = self._chart.catalog.values[self._chart.inputs[name].value].type
+        return {
+            "name": name,
+            "type": kind.name,
+            "unit": kind.unit,
+            "choices": self._hand.choices(name),
+            "now": self._simulation.machine.input_value(name, self._simulation.now),
+        }
+
+
+def _are_texts(words: Any) -> bool:
+    return isinstance(words, list) and all(isinstance(word, str) for word in words)
+
+
+def _speed(words: list[str]) -> float:
+    text = first(words, "how fast", ("0.1 to 100", "max"))
+    try:
+        return math.inf if text == "max" else float(text)
+    except ValueError:
+        raise Wrong(f"{text!r} is no speed; write 0.1 to 100, or max") from None

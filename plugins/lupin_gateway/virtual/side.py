@@ -1,0 +1,166 @@
+"""A simulation or a recording in the place of ROS; everything runs on the loop of asyncio."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Any
+
+from lupin_engine.errors import LupinError
+from lupin_engine.plugin.pages import PageMessage, PageSource
+from lupin_gateway.encoding import Sample, as_json
+from lupin_gateway.guard import STOPS_TOPIC
+from lupin_gateway.people import NOTIFICATIONS_TOPIC, PEOPLE_TOPIC
+from lupin_gateway.sides import CallFailed, GoalEnd
+
+
+class _HeardTopic:
+    """One subscription; see `hub.Feed`."""
+
+    def __init__(self, all_: list[_HeardTopic], topic: str, told: Callable[[Sample, bool], None]) -> None:
+        self.topic = topic
+        self.told = told
+        self._all = all_
+        all_.append(self)
+
+    def close(self) -> None:
+        """See `hub.Feed`."""
+        self._all.remove(self)
+
+
+class SourceSide:
+    """See `sides.RosSide`; `steady` is the clock, in seconds, by which the source works."""
+
+    def __init__(self, source: PageSource, steady: Callable[[], float]) -> None:
+        self._source = source
+        self._steady = steady
+        self._heard: list[_HeardTopic] = []
+        self._last: dict[str, Sample] = {}
+        self._count = 0
+        self._asked = asyncio.Event()
+
+    @property
+    def _types(self) -> Mapping[str, str]:
+        own = (STOPS_TOPIC, PEOPLE_TOPIC, NOTIFICATIONS_TOPIC)
+        return {**self._source.topics, **dict.fromkeys(own, "std_msgs/msg/String")}
+
+    async def work(self) -> None:
+        """Let the source work, for ever."""
+        self._source.begin(self._tell, self._steady())
+        while True:
+            self._asked.clear()
+            wait = self._source.work(self._steady())
+            await asyncio.sleep(0)  # frames of pages come between two turns
+            waiting = asyncio.ensure_future(self._asked.wait())
+            await asyncio.wait({waiting}, timeout=wait)
+            waiting.cancel()
+
+    def tell(self, topic: str, text: str) -> None:
+        """Tell pages something of the gateway itself, in a std_msgs/String."""
+        self._tell(PageMessage(topic, self._source.clock(self._steady()), {"data": text}))
+
+    def stop(self, stopped: bool) -> None:
+        """Hear whether a page has stopped."""
+        self._source.stop(stopped)
+        self._asked.set()
+
+    def _tell(self, message: PageMessage) -> None:
+        self._count += 1  # two messages that say the same are two
+        sample = _sample(message, self._count)
+        self._last[message.topic] = sample
+        for each in list(self._heard):
+            if each.topic == message.topic:
+                each.told(sample, True)
+
+    # -- as the side of ROS -----------------------------------------------------------------------------
+
+    def about(self) -> Mapping[str, Any]:
+        """See `RosSide`."""
+        return self._source.about()
+
+    def listen(
+        self, topic: str, type_: str, told: Callable[[Sample, bool], None], problem: Callable[[str], None]
+    ) -> _HeardTopic:
+        """See `RosSide`."""
+        known = self._types.get(topic, type_)
+        loop = asyncio.get_running_loop()
+        if type_ and type_ != known:
+            loop.call_soon(problem, f"{topic} is of type {known}, not {type_}")
+        elif topic in self._last:
+            loop.call_soon(told, self._last[topic], True)
+        return _HeardTopic(self._heard, topic, told)
+
+    def advertise(self, topic: str, type_: str, latch: bool, problem: Callable[[str], None]) -> None:
+        """See `RosSide`."""
+        problem(self._no("hears nothing that pages publish", topic))
+
+    def unadvertise(self, topic: str) -> None:
+        """See `RosSide`."""
+
+    def publish(self, topic: str, data: Any, problem: Callable[[str], None]) -> None:
+        """See `RosSide`."""
+        problem(self._no("hears nothing that pages publish", topic))
+
+    def call(self, service: str, data: Any, limit: float, done: Callable[[Any], None]) -> None:
+        """See `RosSide`."""
+        loop = asyncio.get_running_loop()
+        try:
+            if not isinstance(data, Mapping):
+                raise LupinError(f"{service}: its request is an object of fields")
+            answer: Any = self._source.call(service, data, self._steady())
+        except LupinError as problem:
+            answer = CallFailed(str(problem))
+        loop.call_soon(done, answer)
+        self._asked.set()
+
+    def send_goal(
+        self,
+        action: str,
+        data: Any,
+        feedback: Callable[[Mapping[str, Any]], None],
+        done: Callable[[GoalEnd | CallFailed], None],
+    ) -> Callable[[], None]:
+        """See `RosSide`."""
+        asyncio.get_running_loop().call_soon(done, CallFailed(self._no("has no actions", action)))
+        return lambda: None
+
+    def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
+        """See `RosSide`."""
+        if question == "get_time":
+            rest, seconds = math.modf(self._source.clock(self._steady()) / 1000.0)
+            done({"time": {"sec": int(seconds), "nanosec": int(rest * 1e9)}})
+        elif question == "topics":
+            done({"topics": list(self._types), "types": list(self._types.values())})
+        else:
+            done(CallFailed(self._no("has no network", f"/rosapi/{question}")))
+        return True
+
+    def _no(self, why: str, name: str) -> str:
+        return f"{name}: this is a {self._source.about()['mode']}, which {why}"
+
+
+class SourceHistory:
+    """What a source told before a page was opened; see `sides.KeptPast`."""
+
+    def __init__(self, source: PageSource) -> None:
+        self._source = source
+
+    @property
+    def topics(self) -> Collection[str]:
+        """See `KeptPast`."""
+        return self._source.topics.keys()
+
+    def start(self) -> None:
+        """See `KeptPast`."""
+
+    def lines(self, begin: float, topics: Collection[str]) -> Iterator[bytes]:
+        """See `KeptPast`."""
+        for message in self._source.history(begin, topics):
+            told = as_json(message.fields)
+            yield b'{"topic":%b,"at":%.3f,"msg":%b}\n' % (as_json(message.topic), message.at, told)
+
+
+def _sample(message: PageMessage, count: int) -> Sample:
+    name, stamp_ns = str(count).encode(), round(message.at * 1e6)
+    return Sample(message.topic, name, stamp_ns, lambda _: message.fields)
