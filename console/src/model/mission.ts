@@ -5,6 +5,8 @@ import { link } from "../wire/link";
 import { alike, json, topic } from "./topics";
 
 const ORCHESTRATOR = "/mission_orchestrator";
+/** Seconds without a word after which the orchestrator is silent; the history has a sign of life every 2 s. */
+const SILENT_S = 5;
 
 /** An operation under way. Without a `deadline` it has none, or a hold has stopped its clock. */
 export interface Attempt {
@@ -182,6 +184,7 @@ export const state = topic<MissionState, Omit<MissionState, "header">>("/mission
   always: true,
   read: ({ header: _, ...rest }) => rest,
   same: alike,
+  steady: SILENT_S,
 });
 
 export const steps = topic<Text, StepRecord>(`${ORCHESTRATOR}/steps`, MSG_TYPES.StdMsgsString, {
@@ -193,6 +196,7 @@ export const steps = topic<Text, StepRecord>(`${ORCHESTRATOR}/steps`, MSG_TYPES.
     return record && record.wall_ns / 1e6;
   },
   same: (one, other) => one.boot === other.boot && one.step.sequence === other.step.sequence,
+  minor: ({ step }) => step.event === "attempt.progress",
 });
 
 export const possible = topic<Text, { sequence: number; requests: readonly Possible[] }>(
