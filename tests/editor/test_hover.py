@@ -135,7 +135,7 @@ CASES = {
         PART,
         "amcl_drift|_var",
         ["code amcl_drift_var", "localization drifted (warn)"],
-        f'{NAV}: "amcl_drift_var",',
+        f'{NAV}: DRIFTED = Code("amcl_drift_var", "localization drifted")',
     ),
     "a hold": (
         PART,

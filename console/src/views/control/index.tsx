@@ -1,20 +1,6 @@
-// Mission control: where the mission stands, what to do, and every request with the reason why it cannot be asked for.
-import "./control.css";
-import { Questions } from "./questions";
-import { Requests } from "./requests";
-import { RunningNow } from "./running";
-import { Starts } from "./starts";
-import { ToDo, Where } from "./status";
+import { texts } from "../../model/page";
+import { Panel } from "../../parts/panel";
 
 export function ControlView() {
-  return (
-    <div class="control">
-      <Questions />
-      <Where />
-      <ToDo />
-      <Requests />
-      <RunningNow />
-      <Starts />
-    </div>
-  );
+  return <Panel title={texts.value.control.title}>…</Panel>;
 }

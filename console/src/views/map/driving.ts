@@ -1,0 +1,60 @@
+// Driving to a place of the map: when it may be, where to, and the order itself.
+import { computed, signal } from "@preact/signals";
+import { robotNow } from "../../model/clock";
+import { MAP_FRAME, robot } from "../../model/map";
+import { possible, state } from "../../model/mission";
+import { gateway, mode, texts } from "../../model/page";
+import { moment } from "../../model/past";
+import type { FloorPlace } from "../../model/twin";
+import { MSG_TYPES, type PoseStamped } from "../../ros";
+import { link } from "../../wire/link";
+
+const GOAL = "/goal_pose";
+
+/** Whether the next press on the map chooses a place to drive to. */
+export const choosing = signal(false);
+/** The place that is chosen and waits for a confirmation, with the heading. */
+export const aim = signal<FloorPlace | undefined>(undefined);
+/** What came of the last order. */
+export const driven = signal("");
+
+/** Why nobody may drive by the map now, in words; "" when it is allowed. A mission drives by itself: none may run. */
+export const driveRefusal = computed<string>(() => {
+  const t = texts.value.map.drive;
+  if (mode.value === "recording") return t.recording;
+  if (moment.value !== null) return t.past;
+  if (link.state.value !== "open") return t.away;
+  if (gateway.value?.role === "viewer") return t.viewer;
+  if (state.shown.value?.value.estop_engaged) return t.stopped;
+  const starts = possible.shown.value?.value.requests.filter(({ request }) => request === "mission.start") ?? [];
+  if (starts.length === 0) return t.unknown;
+  return starts.some((each) => each.possible) ? "" : t.mission(starts[0]!.reason);
+});
+
+export function endChoosing(): void {
+  choosing.value = false;
+  aim.value = undefined;
+}
+
+/** Aim at a place; without a heading the robot keeps its own. */
+export function aimAt(x: number, y: number, yaw = robot.shown.value?.value.yaw ?? 0): void {
+  aim.value = { x, y, yaw };
+}
+
+/** Send the robot to the place that is chosen, if that is still allowed. */
+export function drive(): void {
+  const to = aim.value;
+  const refusal = driveRefusal.value;
+  if (!to) return;
+  const t = texts.value.map.drive;
+  const at = robotNow();
+  const order: PoseStamped = {
+    header: { stamp: { sec: Math.floor(at / 1000), nanosec: Math.floor(at % 1000) * 1_000_000 }, frame_id: MAP_FRAME },
+    pose: {
+      position: { x: to.x, y: to.y, z: 0 },
+      orientation: { x: 0, y: 0, z: Math.sin(to.yaw / 2), w: Math.cos(to.yaw / 2) },
+    },
+  };
+  driven.value = refusal || (link.publish(GOAL, MSG_TYPES.PoseStamped, order) ? t.sent(to.x, to.y) : t.away);
+  if (!refusal) endChoosing();
+}
