@@ -2,8 +2,10 @@
 import { render } from "preact";
 import { startClock } from "./model/clock";
 import { startHistory } from "./model/history";
+import { startLog } from "./model/log";
 import { state } from "./model/mission";
 import { language, mode, open, route, startPage, texts, theme, type Language, type Theme } from "./model/page";
+import { startScrubbing } from "./model/scrub";
 import { startTopics } from "./model/topics";
 import { MomentBar } from "./parts/moment";
 import { Contained, Pill } from "./parts/panel";
@@ -98,5 +100,7 @@ startPage();
 startClock();
 startHistory();
 startTopics();
+startLog();
+startScrubbing();
 link.start();
 render(<Console />, document.getElementById("console")!);

@@ -361,7 +361,7 @@ class _BindingReader:
                 problem, hint = f"the code {name!r} has no label for people", "write 'label: ...'"
                 self._findings.add(written.at("label"), "missing-key", path, problem, hint)
             elif self._good_name(FREE_NAME, "code", name, place, path):
-                yield name, Code(name, written.label, SEVERITIES[written.severity])
+                yield name, Code(name, written.label, SEVERITIES[written.severity], written.advice)
 
     def _unused_codes(self, codes: Mapping[str, Code]) -> None:
         used = {name for each in self._node.operations.values() for name, _ in _codes_of(each)}

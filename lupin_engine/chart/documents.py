@@ -426,6 +426,7 @@ class CodeNode(Node):
 
     label: str = Field(description="text for people")
     severity: Literal["info", "warn", "error"] = Field("warn", description="how bad it is")
+    advice: str = Field("", description="one sentence for the operator: what to do about it")
 
 
 class VariableNode(Node):

@@ -207,6 +207,7 @@ class Field:
     default: Value | None = field(default=None, metadata=said(Role.VALUE, "default"))
     not_empty: str | None = field(default=None, metadata=said(Role.CODE, "not_empty"))
     minimum: float | None = field(default=None, metadata=said(Role.PLAIN, "min"))
+    summary: str = field(default="", metadata=said(Role.PLAIN, "summary"))
 
 
 @record(frozen=True)

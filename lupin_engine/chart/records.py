@@ -119,7 +119,7 @@ def _inside(value: Any, words: tuple[str, ...]) -> Iterator[tuple[Any, tuple[str
 
 
 #: Fields that make no difference to what a declaration means.
-_ASIDE = ("place", "summary", "doc")
+_ASIDE = ("place", "summary", "doc", "advice")
 
 
 def same_meaning(first: Any, second: Any) -> bool:

@@ -200,7 +200,8 @@ class Macrostep:
 class Attempting:
     """An operation under way: which try, how far, and when it times out (None: never, or frozen).
 
-    `limit` is how long it may take in all, in seconds; None: as long as it likes.
+    `limit` is how long it may take in all, in seconds; None: as long as it likes. While a hold stops its
+    clock `left` seconds remain.
     """
 
     state: str
@@ -210,6 +211,7 @@ class Attempting:
     detail: str
     deadline: float | None
     limit: float | None
+    left: float | None = None
 
 
 @dataclass(frozen=True)
@@ -337,6 +339,7 @@ def _asking(chart: Chart, memory: Memory) -> Iterator[Question]:
 
 def _attempting(memory: Memory) -> list[Attempting]:
     deadlines = {owner: due for due, _, kind, (owner, _) in memory.timers if kind == "timeout"}
+    left = {owner: left for left, _, kind, (owner, _) in memory.frozen if kind == "timeout"}
     shown = []
     for invocation in memory.invocations.values():
         attempt = memory.attempts.get(invocation.attempt or "")
@@ -350,6 +353,7 @@ def _attempting(memory: Memory) -> list[Attempting]:
                     attempt.detail,
                     deadlines.get(attempt.id),
                     attempt.timeout,
+                    left.get(attempt.id),
                 )
             )
     return shown

@@ -29,11 +29,16 @@ class OnHold(enum.Enum):
 
 @dataclass(frozen=True)
 class Code:
-    """A reason that can reach the published state: raw name, label for people, severity."""
+    """A reason that can reach the published state: raw name, label for people, severity.
+
+    `advice` is one sentence for whoever operates the robot: what to do about it. Whoever declares the code as
+    well need not repeat it.
+    """
 
     name: str
     label: str
     severity: Severity = Severity.WARN
+    advice: str = field(default="", compare=False)
 
 
 #: The code of an expression or an action that failed, and of an invariant that does not hold.
@@ -44,13 +49,45 @@ RESTARTED_CODE, CLOSED_CODE = "restarted", "mission_closed"
 UNRECORDED_CODE, RECORDED_CODE = "journal_failed", "journal_works"
 #: Codes that any operation may end in: they are the engine's, whatever the operation declares.
 OPERATION_CODES = ("driver_error", EXECUTION_CODE, "operation_cancelled")
-_ENGINE_CODES = {
-    EXECUTION_CODE: Code(EXECUTION_CODE, "an expression or an action failed", Severity.ERROR),
-    INVARIANT_CODE: Code(INVARIANT_CODE, "an invariant does not hold", Severity.ERROR),
-    RESTARTED_CODE: Code(RESTARTED_CODE, "the orchestrator was started again; look, then resume"),
-    CLOSED_CODE: Code(CLOSED_CODE, "the mission was closed: it could not go on after a restart"),
-    UNRECORDED_CODE: Code(UNRECORDED_CODE, "the journal cannot be written"),
-    RECORDED_CODE: Code(RECORDED_CODE, "the journal is written again", Severity.INFO),
+#: The codes that are in every chart.
+ENGINE_CODES: Mapping[str, Code] = {
+    code.name: code
+    for code in (
+        Code("driver_error", "a plugin failed", advice="Tell whoever wrote the plugin what the detail says."),
+        Code(
+            "operation_cancelled",
+            "cancelled by the server",
+            advice="Look for who else commands this server; the mission goes on as it says.",
+        ),
+        Code(
+            EXECUTION_CODE,
+            "an expression or an action failed",
+            Severity.ERROR,
+            "Tell whoever wrote the mission: the detail has the file and the line.",
+        ),
+        Code(
+            INVARIANT_CODE,
+            "an invariant does not hold",
+            Severity.ERROR,
+            "Tell whoever wrote the mission what you saw: something that must always hold does not.",
+        ),
+        Code(
+            RESTARTED_CODE,
+            "the orchestrator was started again; look, then resume",
+            advice="Look where the robot is and that its way is free, then resume, or abort.",
+        ),
+        Code(
+            CLOSED_CODE,
+            "the mission was closed: it could not go on after a restart",
+            advice="Look where the robot is, then start the mission anew.",
+        ),
+        Code(
+            UNRECORDED_CODE,
+            "the journal cannot be written",
+            advice="Look at the disk: after a restart now, the mission could not go on.",
+        ),
+        Code(RECORDED_CODE, "the journal is written again", Severity.INFO, "Nothing to do."),
+    )
 }
 
 
@@ -58,7 +95,7 @@ def classify(code: str, declared: Mapping[str, Code]) -> Code:
     """Return a code with its label and severity; one that nobody declares is its own label, a warning."""
     if not code:
         return Code("", "", Severity.INFO)
-    return declared.get(code) or _ENGINE_CODES.get(code) or Code(code, code)
+    return declared.get(code) or ENGINE_CODES.get(code) or Code(code, code)
 
 
 @dataclass(frozen=True)

@@ -163,10 +163,11 @@ class Attendant(Commander):
 
     def __init__(self) -> None:
         super().__init__()
-        #: The last steps, oldest first; what each request would do now; the missions. Empty until told.
+        #: The last steps, oldest first; what each request would do now; the missions with what is told of
+        #: them. Empty until told.
         self.steps: deque[dict[str, Any]] = deque(maxlen=MAX_STEPS)
         self.possible: dict[str, Any] = {}
-        self.missions: list[dict[str, Any]] = []
+        self.offer: dict[str, Any] = {}
         self._ros.subscribe(String, STEPS_TOPIC, Qos.BACKLOG, self._take_step)
         self._ros.subscribe(String, POSSIBLE_TOPIC, Qos.LATCHED, self._take_possible)
         self._ros.subscribe(String, MISSIONS_TOPIC, Qos.LATCHED, self._take_missions)
@@ -181,7 +182,12 @@ class Attendant(Commander):
         self.possible = json.loads(message.data)
 
     def _take_missions(self, message: Any) -> None:
-        self.missions = json.loads(message.data)["missions"]
+        self.offer = json.loads(message.data)
+
+    @property
+    def missions(self) -> list[dict[str, Any]]:
+        """What each mission asks of whoever starts it; empty until told."""
+        return list(self.offer.get("missions", ()))
 
     def hear(self, timeout: float) -> bool:
         """Wait for the orchestrator to have told where it stands; say whether it has."""

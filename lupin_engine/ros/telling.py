@@ -25,7 +25,7 @@ from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.names import CHART_TOPIC, MISSIONS_TOPIC, POSSIBLE_TOPIC, STEPS_TOPIC
 from lupin_engine.ros.told import StepMoment, StepNews, ToldPossible, step_told
 from lupin_engine.runtime.clock import Clock
-from lupin_engine.runtime.offer import offered
+from lupin_engine.runtime.offer import missions_record
 
 
 class Telling:
@@ -84,8 +84,8 @@ class Telling:
     # -- missions ---------------------------------------------------------------------------------------
 
     def missions(self, machine: Machine, problems: Sequence[str]) -> None:
-        """Tell which missions there are and what they ask for, and what is wrong with the files."""
-        text = _text({"missions": offered(machine, self._clock.now()), "problems": problems})
+        """Tell which missions there are, what they ask for and can say, and what is wrong with the files."""
+        text = _text(missions_record(machine, self._clock.now(), problems))
         if text.data != self._offered:
             self._offered = text.data
             self._missions.publish(text)

@@ -1,21 +1,51 @@
-"""What a machine's missions ask of whoever starts them: plain data, for displays and forms."""
+"""What a machine's missions ask of whoever starts them, and what codes mean: plain data, for displays."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import PurePath
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.model import Field
 from lupin_engine.machine.machine import Machine
+from lupin_engine.plugin.contract import ENGINE_CODES
 from lupin_engine.plugin.types import Type
+
+
+def missions_record(machine: Machine, now: float, problems: Sequence[str]) -> dict[str, Any]:
+    """Return the missions with all that is said of them once, as JSON data.
+
+    `codes` are label, severity and advice of every code, `holds` the code of each hold, `outcomes` how a
+    visit can end, with the name of its count in views, `stages` what published states mean, `ends` the verb
+    that ends a mission. `problems` say what is wrong with files that were not loaded.
+    """
+    chart, profile = machine.chart, machine.chart.profile
+    return {
+        "missions": offered(machine, now),
+        "problems": list(problems),
+        "codes": {
+            name: {"label": code.label, "severity": code.severity, "advice": code.advice}
+            for name, code in sorted({**ENGINE_CODES, **chart.codes}.items())
+        },
+        "holds": {hold.name: hold.code for hold in chart.holds.values()},
+        "outcomes": [
+            {"name": one.name, "counter": one.counter, "word": one.word, "rating": one.rating.value}
+            for one in profile.outcomes
+        ],
+        "stages": asdict(profile.stages),
+        "ends": profile.verbs.get(profile.abort, ""),
+    }
 
 
 def offered(machine: Machine, now: float) -> list[dict[str, Any]]:
     """Return every mission with its file's name, its summary and the fields of its request, as JSON data.
 
-    A field has a name, a type with its base unit, a default where it has one, and its smallest value. A
-    default that is computed is told as it would be now, and as it is written (`computed`).
+    A field has a name, a type with its base unit and the kind of its elements (`number`, `text`; `name` of
+    something that a plugin finds by it), a default where it has one, and its range: of a list, that of its
+    elements, and how many these may be (`at_most`). A default that is computed is told as it would be now,
+    and as it is written (`computed`).
     """
     return [
         {
@@ -30,25 +60,35 @@ def offered(machine: Machine, now: float) -> list[dict[str, Any]]:
 
 def _field(field: Field, machine: Machine, now: float) -> dict[str, Any]:
     told: dict[str, Any] = {"name": field.name, **_type(field.type), "required": field.default is None}
+    if (field.type.item or field.type).name in machine.scope.world.readers:
+        told["kind"] = "name"
     if field.default is not None:
         told["default"] = _default(field, machine, now)
         if not isinstance(field.default, Constant):
             told["computed"] = field.default.source
-    low = field.type.minimum if field.minimum is None else field.minimum
-    if low is not None:
-        told["minimum"] = low
-    if field.not_empty is not None:
-        told["may_be_empty"] = False
-    return told
+    single = field.type.item or field.type
+    low = single.minimum if field.minimum is None else field.minimum
+    most = field.type.maximum if field.type.item else None
+    more = {
+        "summary": field.summary or None,
+        "minimum": low,
+        "maximum": single.maximum,
+        "at_most": most,
+        "distinct": field.type.distinct or None,
+        "may_be_empty": None if field.not_empty is None else False,
+    }
+    return told | {name: value for name, value in more.items() if value is not None}
 
 
 def _type(kind: Type) -> dict[str, Any]:
     inner = kind.item or kind
-    told: dict[str, Any] = {"type": kind.name}
+    told: dict[str, Any] = {"type": kind.name, "kind": inner.kind}
     if inner.unit:
         told["unit"] = inner.unit
     if inner.values:
         told["allowed"] = list(inner.values)
+    if inner.pattern:
+        told |= {"pattern": inner.pattern, "example": inner.example}
     return told
 
 

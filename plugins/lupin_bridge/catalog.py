@@ -43,8 +43,10 @@ READING = Type(
     },
 )
 
-SCAN_FAILED = Code("scan_failed", "scan failed")
-UNKNOWN_TAG = Code("unknown_tag", "unknown tag")
+SCAN_FAILED = Code(
+    "scan_failed", "scan failed", advice="Look at the bridge: its answer is in the observation."
+)
+UNKNOWN_TAG = Code("unknown_tag", "unknown tag", advice="Name a tag that the greenhouse has.")
 
 MOCK_READ_S = 0.2
 NOON_S = 12 * 3600.0

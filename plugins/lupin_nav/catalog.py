@@ -56,18 +56,42 @@ SEEN_TAG = Type("record", "seen_tag", fields={"x": LENGTH, "y": LENGTH, "facing"
 #: How full a battery is.
 CHARGE = Type("number", "number", minimum=0.0, maximum=1.0)
 
-UNKNOWN_TAG = Code("unknown_tag", "unknown tag")
+UNKNOWN_TAG = Code("unknown_tag", "unknown tag", advice="Name a tag that the greenhouse has.")
 
 #: An end that ROS has no name for is told as status 0 (UNKNOWN), so three statuses are all a goal can end in
 #: without success: see `goal_status.failure`.
 DRIVE_CODES = (
-    Code("nav_status_0", "navigation retry"),
-    Code("nav_status_5", "navigation retry"),
-    Code("nav_status_6", "navigation retry"),
-    Code("nav_rejected", "navigation goal rejected"),
-    Code("nav_unavailable", "navigation server gone"),
+    Code(
+        "nav_status_0",
+        "navigation retry",
+        advice="Wait: the outcome of the drive was lost, and it is tried again.",
+    ),
+    Code(
+        "nav_status_5",
+        "navigation retry",
+        advice="Wait: somebody else cancelled the drive, and it is tried again.",
+    ),
+    Code(
+        "nav_status_6",
+        "navigation retry",
+        advice="Wait: navigation gave up, and the drive is tried again.",
+    ),
+    Code(
+        "nav_rejected",
+        "navigation goal rejected",
+        advice="Look whether the target is on the map and outside of obstacles.",
+    ),
+    Code(
+        "nav_unavailable",
+        "navigation server gone",
+        advice="Look at the navigation; the drive is tried again.",
+    ),
 )
-DRIFTED = Code("amcl_drift_var", "localization drifted")
+DRIFTED = Code(
+    "amcl_drift_var",
+    "localization drifted",
+    advice="Wait for a better pose; if that happens often, look at the map and the laser.",
+)
 
 MOCK_LOCALIZE_S = 0.5
 MOCK_DRIVE_S = 3.0

@@ -47,8 +47,16 @@ PLUGIN = Plugin(
             },
             result={"confidence": NUMBER},
             codes=(
-                Code("visual_confirm_missed", "tag not seen"),
-                Code("confirm_failed", "visual confirmation failed"),
+                Code(
+                    "visual_confirm_missed",
+                    "tag not seen",
+                    advice="Look whether the tag is dirty, or its place in the layout is wrong.",
+                ),
+                Code(
+                    "confirm_failed",
+                    "visual confirmation failed",
+                    advice="Look at the cameras, and at who serves confirm_tag.",
+                ),
             ),
             on_hold=OnHold.FINISH,
             mock=Mock(after=0.2, result={"confidence": 1.0}),

@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.cli.operator.look import lines, look
+from lupin_engine.cli.operator.look import lines, look, to_do
 from lupin_engine.cli.operator.start import _offer, _read, _together
 from lupin_engine.cli.verbs.up import served
 from lupin_engine.errors import UsageError
-from lupin_engine.machine.event import Event
 from lupin_engine.missions.selection import load_missions
+from lupin_engine.runtime.offer import missions_record
 from lupin_engine.runtime.possible import Foresight
 from lupin_engine.runtime.record import step_record, view_record
 from lupin_engine.runtime.setup import make_machine
@@ -85,14 +85,20 @@ def test_up_tells_the_verbs() -> None:
 # -- what is shown ----------------------------------------------------------------------------------------
 
 
-def standing(*events: str) -> dict[str, Any]:
-    """Return the look at the inspection after some requests at 1 s, at 11 s."""
+def told() -> tuple[list[dict[str, Any]], dict[str, Any], dict[str, Any]]:
+    """Return what an orchestrator of the inspection tells at its start: steps, what is possible, missions."""
     machine = make_machine(shipped.mission("inspection"), {})
-    steps = [machine.start(0.0), *(machine.handle(Event(name), 1.0) for name in events)]
-    shown = view_record(machine.view, machine.chart)
-    records = [{"step": step_record(step), "view": shown} for step in steps]
-    possible = {"requests": Foresight(machine).news(11.0)}
-    return look(records, possible, {"InspectionMission": "inspection"}, {"BOOT"}, 11.0)
+    step = machine.start(0.0)
+    steps = [{"step": step_record(step), "view": view_record(machine.view, machine.chart)}]
+    return steps, {"requests": Foresight(machine).news(11.0)}, missions_record(machine, 11.0, ())
+
+
+TOLD = told()
+
+
+def standing() -> dict[str, Any]:
+    """Return the look at it, at 11 s."""
+    return look(*TOLD, 11.0)
 
 
 def test_what_is_possible_is_told_as_commands() -> None:
@@ -100,6 +106,7 @@ def test_what_is_possible_is_told_as_commands() -> None:
     assert list(lines(standing(), VERBS)) == [
         "BOOT",
         "  doing      plugins.ready",
+        "  to do      Wait until the servers and topics that it waits for are there.",
         "  not now    abort: abort is not possible in BOOT; it is possible in RETURNING or a running mission",
         "             dock: dock is not possible in BOOT; it is possible in a running mission",
         "             pause: pause refused: no mission is running",
@@ -130,6 +137,7 @@ VIEW = {
         }
     ],
     "operations": [],
+    "to_do": ["Release the stop, then resume."],
     "codes": [
         {"code": "tap_dry", "label": "no water", "severity": 1, "detail": "tap 3", "target": "6"},
         {"code": "paused", "label": "paused by the operator", "severity": 0, "detail": "", "target": ""},
@@ -158,6 +166,7 @@ def test_what_holds_a_mission_and_what_it_asks_is_told() -> None:
         "             else stay in 00:09.0",
         "  last       no water (tap_dry: tap 3), target 6",
         "             paused by the operator (paused)",
+        "  to do      Release the stop, then resume.",
         "  possible   answer stay, skip",
         "  not now    start water, start weed: start refused: a mission is already running",
     ]
@@ -165,4 +174,18 @@ def test_what_holds_a_mission_and_what_it_asks_is_told() -> None:
 
 def test_what_an_orchestrator_does_not_tell_is_not_shown() -> None:
     """One of an older version tells nothing of what is possible."""
-    assert list(lines({**standing(), "requests": []}, VERBS)) == ["BOOT", "  doing      plugins.ready"]
+    shown = look(TOLD[0], {}, {}, 11.0)
+    assert list(lines(shown, VERBS)) == ["BOOT", "  doing      plugins.ready"]
+
+
+def test_what_to_do_is_the_advice_of_the_holds_and_of_what_happened_last() -> None:
+    """While no mission is under way also that of the starts that are refused."""
+    view = {"held": ["estop", "pause"], "code": "nav_timeout"}
+    refused = [{"verb": "start", "code": "battery_low"}, {"verb": "pause", "code": "not_running"}]
+    assert to_do(view, refused, TOLD[2]) == [
+        "Release the stop, then resume.",
+        "Resume to go on with the same target.",
+        "Look whether the way is free; a longer way needs a larger nav_timeout_s.",
+        "Charge the robot, then resume or start.",
+    ]
+    assert to_do({"held": [], "code": ""}, (), TOLD[2]) == []

@@ -6,6 +6,7 @@ import difflib
 import re
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -100,12 +101,21 @@ def test_the_guide_ends_with_the_shipped_mission() -> None:
     """What it says of the differences at its end is all of them."""
     shipped = default_missions_folder()
     part = yaml.safe_load((STEPS / "14-visit_targets.yaml").read_bytes())
-    assert part == yaml.safe_load((shipped / "parts" / "visit_targets.yaml").read_bytes())
+    assert part == without_advice(yaml.safe_load((shipped / "parts" / "visit_targets.yaml").read_bytes()))
     mission = yaml.safe_load((STEPS / "13-part.yaml").read_bytes())
     real = yaml.safe_load((shipped / "inspection.yaml").read_bytes())
     for own in (mission, real):
         del own["mission"], own["summary"], own["request"]["tag_sequence"]["default"]
-    assert mission == real
+    assert mission == without_advice(real)
+
+
+def without_advice(file: dict[str, Any]) -> dict[str, Any]:
+    """Return a file of the shipped missions, whose codes all say what to do about them, without that."""
+    assert all(code["advice"] for code in file["codes"].values())
+    codes = {name: {**code} for name, code in file["codes"].items()}
+    for code in codes.values():
+        del code["advice"]
+    return {**file, "codes": codes}
 
 
 def test_a_page_that_cannot_be_carried_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

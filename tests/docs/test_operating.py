@@ -18,10 +18,12 @@ ROW = re.compile(r"\| `(?P<code>\w+)` \| (?P<label>.+?) \| (?P<severity>\w+) \| 
 
 
 def test_every_code_is_explained_with_its_label_and_severity() -> None:
-    """All that the shipped missions and plugins can say, in the order of the alphabet."""
-    told = [row.group("code", "label", "severity") for row in ROW.finditer(PAGE.read_text(encoding="utf-8"))]
+    """All that the shipped missions and plugins can say, in the order of the alphabet, with its advice."""
+    told = [row.groups() for row in ROW.finditer(PAGE.read_text(encoding="utf-8"))]
     codes = load_missions((), load_catalog()).chart.codes
-    assert told == [(name, code.label, code.severity.name.lower()) for name, code in sorted(codes.items())]
+    assert told == [
+        (name, code.label, code.severity.name.lower(), code.advice) for name, code in sorted(codes.items())
+    ]
 
 
 def commands() -> Iterator[str]:

@@ -135,7 +135,7 @@ CASES = {
         PART,
         "amcl_drift|_var",
         ["code amcl_drift_var", "localization drifted (warn)"],
-        f'{NAV}: DRIFTED = Code("amcl_drift_var", "localization drifted")',
+        f'{NAV}: "amcl_drift_var",',
     ),
     "a hold": (
         PART,

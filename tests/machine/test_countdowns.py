@@ -38,6 +38,14 @@ def test_a_hold_stops_the_clock_and_what_is_left_is_told() -> None:
     assert told(bench) == [Countdown("A", "after.0", 12.0, None)]
 
 
+def test_a_hold_stops_the_clock_of_an_operation_that_may_finish() -> None:
+    bench = Bench(chart({"A": {"invoke": {"do": "bridge.read", "timeout": 10.0}}}, holds={"pause": PAUSE}))
+    bench.wait(3.0)
+    bench.send("operator.pause")
+    (attempt,) = bench.machine.view.attempts
+    assert (attempt.deadline, attempt.limit, attempt.left) == (None, 10.0, 7.0)
+
+
 def test_a_pause_before_the_next_try_is_told_with_its_state_and_an_attempt_with_its_limit() -> None:
     invoke = {"do": "nav.go", "timeout": 10.0, "attempts": 2, "backoff": 4.0}
     bench = Bench(chart({"A": {"invoke": invoke}}))

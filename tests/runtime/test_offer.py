@@ -14,6 +14,7 @@ FIELDS: dict[str, dict[str, Any]] = {
     "exploration": {
         "name": "discovery_goal",
         "type": "count",
+        "kind": "integer",
         "required": False,
         "default": 5,
         "computed": "param.discovery_goal",
@@ -22,6 +23,7 @@ FIELDS: dict[str, dict[str, Any]] = {
     "inspection": {
         "name": "tag_sequence",
         "type": "list of tag",
+        "kind": "name",
         "required": False,
         "computed": "tags.named(param.tag_sequence) if len(param.tag_sequence) > 0 else tags.numeric_order()",
         "may_be_empty": False,

@@ -8,6 +8,16 @@ import { moment } from "./past";
 const ahead = signal<number | undefined>(undefined);
 const ticks = signal(0);
 
+/** What waits until the robot's clock is known. */
+const waiting: (() => void)[] = [];
+
+/** Call something with the robot's time now; a little later where that is not known yet. */
+export function atRobotTime(call: (at: number) => void): void {
+  const at = performance.now();
+  if (ahead.peek() !== undefined) call(at + ahead.peek()!);
+  else waiting.push(() => call(at + (ahead.peek() ?? performance.timeOrigin)));
+}
+
 /** The robot's time now, in milliseconds since 1970. */
 export function robotNow(): number {
   return performance.now() + (ahead.value ?? performance.timeOrigin);
@@ -29,11 +39,12 @@ async function compare(): Promise<void> {
     if (way >= shortest) continue;
     shortest = way;
     ahead.value = time.sec * 1000 + time.nanosec / 1e6 - (asked + way / 2);
+    for (const call of waiting.splice(0)) call();
   }
 }
 
 export function startClock(): void {
-  const look = (): void => void compare().catch(() => undefined);
+  const look = (): void => void compare().catch(() => waiting.splice(0).forEach((call) => call()));
   link.opened.push(look);
   setInterval(look, 60_000);
   setInterval(() => ticks.value++, 1000);

@@ -5,6 +5,8 @@ import { link } from "../wire/link";
 import { alike, json, topic } from "./topics";
 
 const ORCHESTRATOR = "/mission_orchestrator";
+/** Seconds without a word after which the orchestrator is silent; the history has a sign of life every 2 s. */
+const SILENT_S = 5;
 
 /** An operation under way. Without a `deadline` it has none, or a hold has stopped its clock. */
 export interface Attempt {
@@ -16,6 +18,8 @@ export interface Attempt {
   readonly deadline: number | null;
   /** How long it may take in all, in seconds. */
   readonly limit: number | null;
+  /** The seconds that remain of a clock that a hold has stopped. */
+  readonly left: number | null;
 }
 
 /** What a state does by itself later; `left` seconds remain of a clock that a hold has stopped. */
@@ -107,15 +111,23 @@ export interface Possible {
   readonly reason: string;
 }
 
+/** A field of a request; of a list, kind, unit, range and pattern are those of its elements. */
 export interface RequestField {
   readonly name: string;
   readonly type: string;
+  /** `name` is that of something which a plugin finds by it, such as a tag. */
+  readonly kind: "bool" | "integer" | "number" | "text" | "name" | "list" | "record" | "any";
+  readonly summary?: string;
   readonly unit?: string;
   readonly allowed?: readonly string[];
+  readonly pattern?: string;
+  readonly example?: string;
   readonly required: boolean;
   readonly default?: unknown;
   readonly computed?: string;
   readonly minimum?: number;
+  readonly maximum?: number;
+  readonly at_most?: number;
   readonly may_be_empty?: boolean;
 }
 
@@ -124,6 +136,32 @@ export interface OfferedMission {
   readonly file: string;
   readonly summary: string;
   readonly request: readonly RequestField[];
+}
+
+/** What is said of a code; severity 0 is information, 1 a warning, 2 an error. */
+export interface CodeText {
+  readonly label: string;
+  readonly severity: number;
+  readonly advice: string;
+}
+
+/** A way in which a visit can end; views have how many did under the name `counter`. */
+export interface Outcome {
+  readonly name: string;
+  readonly counter: string;
+  readonly word: string;
+  readonly rating: "good" | "bad" | "left out";
+}
+
+/** The missions with what is said of them once. `holds` are the codes of the holds, `ends` is the verb of an abort. */
+export interface Offer {
+  readonly missions: readonly OfferedMission[];
+  readonly problems: readonly string[];
+  readonly codes: Readonly<Record<string, CodeText>>;
+  readonly holds: Readonly<Record<string, string>>;
+  readonly outcomes: readonly Outcome[];
+  readonly stages: Readonly<Record<"starting" | "ready" | "returning" | "ended" | "faulted", readonly string[]>>;
+  readonly ends: string;
 }
 
 interface Place {
@@ -146,6 +184,7 @@ export const state = topic<MissionState, Omit<MissionState, "header">>("/mission
   always: true,
   read: ({ header: _, ...rest }) => rest,
   same: alike,
+  steady: SILENT_S,
 });
 
 export const steps = topic<Text, StepRecord>(`${ORCHESTRATOR}/steps`, MSG_TYPES.StdMsgsString, {
@@ -157,6 +196,7 @@ export const steps = topic<Text, StepRecord>(`${ORCHESTRATOR}/steps`, MSG_TYPES.
     return record && record.wall_ns / 1e6;
   },
   same: (one, other) => one.boot === other.boot && one.step.sequence === other.step.sequence,
+  minor: ({ step }) => step.event === "attempt.progress",
 });
 
 export const possible = topic<Text, { sequence: number; requests: readonly Possible[] }>(
@@ -165,7 +205,7 @@ export const possible = topic<Text, { sequence: number; requests: readonly Possi
   { keep: 5000, always: true, read: json, same: alike },
 );
 
-export const missions = topic<Text, { missions: readonly OfferedMission[]; problems: readonly string[] }>(
+export const missions = topic<Text, Offer>(
   `${ORCHESTRATOR}/missions`,
   MSG_TYPES.StdMsgsString,
   { keep: 200, always: true, read: json, same: alike },
@@ -189,9 +229,10 @@ export const observations = topic<Observation>("/floranova/observations", MSG_TY
 /** The view after the last step at the moment that is shown. */
 export const view = computed(() => steps.shown.value?.value.view);
 
-/** How long ago that step was taken by the orchestrator's clock is not known; by this its deadlines are counted down. */
+/** The answer to what was commanded from this page. */
 export interface Answered {
   readonly verb: string;
+  readonly mission: string;
   readonly accepted: boolean;
   readonly text: string;
   readonly code: string;
@@ -199,7 +240,7 @@ export interface Answered {
 
 /** The answer to what was commanded last from this page. */
 export const answered = signal<Answered | undefined>(undefined);
-/** What is being asked just now, one thing at a time. */
+/** The verb that is being asked just now, one at a time; "": none. */
 export const asking = signal("");
 /** Who this page's commands are from, for the record. */
 export const person = signal("console");
@@ -217,9 +258,10 @@ export async function command(verb: string, mission = "", request: object = {}):
   let answer: Answered;
   try {
     const { accepted, message, code } = await link.call<CommandResponse>(`${ORCHESTRATOR}/command`, sent);
-    answer = { verb, accepted, text: message, code };
+    answer = { verb, mission, accepted, text: message, code };
   } catch (problem) {
-    answer = { verb, accepted: false, text: problem instanceof Error ? problem.message : String(problem), code: "" };
+    const text = problem instanceof Error ? problem.message : String(problem);
+    answer = { verb, mission, accepted: false, text, code: "" };
   }
   asking.value = "";
   answered.value = answer;

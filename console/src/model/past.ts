@@ -7,38 +7,64 @@ export interface Known<T> {
   readonly value: T;
 }
 
+/** How a past is kept. */
+interface Keeping<T> {
+  /** Whether two values are one: the later of two neighbours is not kept, nor one of the same time. */
+  same?(one: T, other: T): boolean;
+  /** What may be forgotten before all else. */
+  minor?(value: T): boolean;
+}
+
+/** A past as it stands: `list` goes on growing at its end as long as `edition` is the same. */
+export interface Standing<T> {
+  readonly list: readonly Known<T>[];
+  readonly edition: number;
+}
+
 export class Past<T> {
-  private readonly list: Known<T>[] = [];
+  private list: Known<T>[] = [];
+  private edition = 0;
   private readonly changes = signal(0);
 
-  /** `most`: the oldest are forgotten beyond so many. */
-  constructor(private readonly most: number) {}
+  /** `most`: the oldest are forgotten beyond so many, and some more at once. */
+  constructor(
+    private readonly most: number,
+    private readonly keeping: Keeping<T> = {},
+  ) {}
 
   /** Add a value; one that is older than the last is put in its place. */
   add(at: number, value: T): void {
-    const place = this.place(at);
-    this.list.splice(place, 0, { at, value });
-    if (this.list.length > this.most) this.list.splice(0, this.list.length - this.most);
-    this.changes.value++;
+    this.addAll([{ at, value }]);
   }
 
   /** Add many at once, such as a history. */
   addAll(known: readonly Known<T>[]): void {
-    this.list.push(...known);
-    this.list.sort((one, other) => one.at - other.at);
-    if (this.list.length > this.most) this.list.splice(0, this.list.length - this.most);
-    this.changes.value++;
+    const sorted = known.every(({ at }, index) => !index || known[index - 1]!.at <= at);
+    const added = sorted ? known : [...known].sort((one, other) => one.at - other.at);
+    const before = this.list.length;
+    if (!added.length) return;
+    if (before && this.list[before - 1]!.at > added[0]!.at) this.merge(added);
+    else for (const each of added) this.append(each);
+    this.forget();
+    this.changes.value = this.changes.peek() + 1;
   }
 
   clear(): void {
-    this.list.length = 0;
-    this.changes.value++;
+    this.list = [];
+    this.edition++;
+    this.changes.value = this.changes.peek() + 1;
   }
 
   /** What was known last at a moment; the newest for `null`. Reading it in a component follows it. */
   at(moment: number | null): Known<T> | undefined {
     void this.changes.value;
     return moment === null ? this.list.at(-1) : this.list[this.place(moment) - 1];
+  }
+
+  /** What comes first after a moment. */
+  after(moment: number): Known<T> | undefined {
+    void this.changes.value;
+    return this.list[this.place(moment)];
   }
 
   /** All that was known from one moment to another, both included. */
@@ -51,6 +77,48 @@ export class Past<T> {
   until(moment: number | null): readonly Known<T>[] {
     void this.changes.value;
     return moment === null ? this.list.slice() : this.list.slice(0, this.place(moment));
+  }
+
+  /** All of it, not copied: for who reads on where he stopped. */
+  standing(): Standing<T> {
+    void this.changes.value;
+    return { list: this.list, edition: this.edition };
+  }
+
+  /** Put values between those that are there; both are in the order of time. */
+  private merge(added: readonly Known<T>[]): void {
+    const kept = this.list;
+    const first = this.place(added[0]!.at);
+    const rest = kept.splice(first);
+    this.edition++;
+    let next = 0;
+    for (const each of added) {
+      while (next < rest.length && rest[next]!.at <= each.at) this.append(rest[next++]!);
+      this.append(each);
+    }
+    while (next < rest.length) this.append(rest[next++]!);
+  }
+
+  private append(known: Known<T>): void {
+    const { keeping } = this;
+    for (let index = this.list.length - 1; keeping.same && index >= 0; index--) {
+      const before = this.list[index]!;
+      if (keeping.same(before.value, known.value)) return;
+      if (before.at < known.at) break;
+    }
+    this.list.push(known);
+  }
+
+  /** Forget so much at once that it is seldom done: of the older half what is minor, then the oldest. */
+  private forget(): void {
+    const { most, keeping } = this;
+    if (this.list.length <= most * 1.1) return;
+    this.edition++;
+    if (keeping.minor) {
+      const half = this.list.length / 2;
+      this.list = this.list.filter(({ value }, index) => index >= half || !keeping.minor!(value));
+    }
+    if (this.list.length > most) this.list = this.list.slice(-most);
   }
 
   /** Where the first value lies that is later than `at`. */

@@ -1,8 +1,8 @@
 // The topics that the console reads, each declared once. A view asks for one with `useTopic`.
-import { signal, type ReadonlySignal } from "@preact/signals";
+import { batch, signal, type ReadonlySignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { link } from "../wire/link";
-import { robotNow } from "./clock";
+import { atRobotTime, robotNow } from "./clock";
 import { moment, Past, shown, type Known } from "./past";
 
 interface How<Message, T> {
@@ -18,6 +18,16 @@ interface How<Message, T> {
   readonly read: (message: Message, at: number) => T | undefined;
   /** Whether two values are one: the later one is not kept. */
   readonly same?: (one: T, other: T) => boolean;
+  /** What is forgotten first. */
+  readonly minor?: (value: T) => boolean;
+  /** Seconds within which it speaks again, as long as its node lives. */
+  readonly steady?: number;
+}
+
+/** A message, and when it arrived. */
+export interface Arrived {
+  readonly at: number;
+  readonly msg: unknown;
 }
 
 export interface Topic<T> {
@@ -27,8 +37,12 @@ export interface Topic<T> {
   readonly shown: ReadonlySignal<Known<T> | undefined>;
   /** When a message arrived last, in the robot's milliseconds; also one that said nothing new. */
   readonly heardAt: ReadonlySignal<number | undefined>;
+  /** When it was silent although it is a steady one: the time of the silence's begin, and of its end. */
+  readonly silences: Past<number>;
   /** Take a message as if it arrived at a time: from the wire, or from a history. */
   readonly take: (message: unknown, at: number) => void;
+  /** Take messages of a history, the oldest first. */
+  readonly takeAll: (messages: readonly Arrived[]) => void;
   /** Read the topic until the function that is returned is called. */
   readonly follow: () => () => void;
 }
@@ -38,26 +52,54 @@ export const topics = new Map<string, Topic<unknown>>();
 const always: Topic<unknown>[] = [];
 
 export function topic<Message, T = Message>(name: string, type: string, how: How<Message, T>): Topic<T> {
-  const past = new Past<T>(how.keep);
+  const past = new Past<T>(how.keep, how);
   const heardAt = signal<number | undefined>(undefined);
+  const silences = new Past<number>(1000);
   let readers = 0;
   let end = (): void => undefined;
-  const take = (message: unknown, arrived: number): void => {
-    heardAt.value = Math.max(heardAt.peek() ?? 0, arrived);
+  /** When it was heard last in the history, and by this page on the connection that it has. */
+  const heard: { history?: number | undefined; wire?: number | undefined } = {};
+  link.opened.push(() => {
+    heard.history = heard.wire ?? heard.history;
+    heard.wire = undefined;
+  });
+  const hear = (at: number, from: keyof typeof heard): void => {
+    const last = heard[from];
+    if (how.steady && last !== undefined && at - last > how.steady * 1000) silences.add(last, at);
+    heard[from] = at;
+  };
+  const read = (message: unknown, arrived: number): Known<T> | undefined => {
     const at = how.when?.(message as Message) ?? arrived;
     const value = how.read(message as Message, at);
-    if (value === undefined) return;
-    const before = past.at(at);
-    if (before && how.same?.(before.value, value)) return;
-    past.add(at, value);
+    return value === undefined ? undefined : { at, value };
+  };
+  const take = (message: unknown, arrived: number): void => {
+    const found = read(message, arrived);
+    hear(arrived, "wire");
+    batch(() => {
+      heardAt.value = Math.max(heardAt.peek() ?? 0, arrived);
+      if (found) past.add(found.at, shared(past.at(null)?.value, found.value));
+    });
+  };
+  const takeAll = (messages: readonly Arrived[]): void => {
+    const found: Known<T>[] = [];
+    for (const { msg, at } of messages) {
+      const known = read(msg, at);
+      hear(at, "history");
+      if (known) found.push({ at: known.at, value: shared(found.at(-1)?.value, known.value) });
+    }
+    batch(() => {
+      heardAt.value = Math.max(heardAt.peek() ?? 0, messages.at(-1)?.at ?? 0);
+      past.addAll(found);
+    });
   };
   const follow = (): (() => void) => {
-    if (readers++ === 0) end = link.subscribe(name, type, (message) => take(message, robotNow()), how.throttle);
+    if (readers++ === 0) end = link.subscribe(name, type, (message) => atRobotTime((at) => take(message, at)), how.throttle);
     return () => {
       if (--readers === 0) end();
     };
   };
-  const made: Topic<T> = { name, past, shown: shown(past), heardAt, take, follow };
+  const made: Topic<T> = { name, past, shown: shown(past), heardAt, silences, take, takeAll, follow };
   topics.set(name, made as Topic<unknown>);
   if (how.always) always.push(made as Topic<unknown>);
   return made;
@@ -75,9 +117,43 @@ export function isStale(wanted: Topic<unknown>, seconds: number): boolean {
   return moment.value === null && (heard === undefined || robotNow() - heard > seconds * 1000);
 }
 
-/** Values of JSON are one when they are written alike. */
+/** Whether two values of JSON are one. */
 export function alike(one: unknown, other: unknown): boolean {
-  return JSON.stringify(one) === JSON.stringify(other);
+  if (one === other) return true;
+  if (Array.isArray(one) && Array.isArray(other))
+    return one.length === other.length && one.every((part, index) => alike(part, other[index]));
+  if (!isPlain(one) || !isPlain(other)) return false;
+  const names = Object.keys(one);
+  return names.length === Object.keys(other).length && names.every((name) => name in other && alike(one[name], other[name]));
+}
+
+/**
+ * A new value of JSON, with the parts that it has in common with an earlier one replaced by those, so that they are in
+ * memory once; the earlier one itself where both are alike.
+ */
+function shared<T>(before: unknown, value: T): T;
+function shared(before: unknown, value: unknown): unknown {
+  if (before === value) return before;
+  let same: boolean;
+  if (Array.isArray(before) && Array.isArray(value)) {
+    same = before.length === value.length;
+    for (let index = 0; index < value.length; index++) {
+      value[index] = shared(before[index], value[index]);
+      same &&= value[index] === before[index];
+    }
+  } else if (isPlain(before) && isPlain(value)) {
+    const names = Object.keys(value);
+    same = names.length === Object.keys(before).length;
+    for (const name of names) {
+      value[name] = shared(before[name], value[name]);
+      same &&= name in before && value[name] === before[name];
+    }
+  } else return value;
+  return same ? before : value;
+}
+
+function isPlain(value: unknown): value is Record<string, unknown> {
+  return typeof value === "object" && value !== null && Object.getPrototypeOf(value) === Object.prototype;
 }
 
 /** JSON in a std_msgs/String; what is no JSON is nothing. */

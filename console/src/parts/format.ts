@@ -1,15 +1,27 @@
 // How times, ages and numbers are written.
 import { language, texts } from "../model/page";
 
-/** A time of day with seconds, local, with its zone: `03:12:07 CET`. */
+/** Times of the day have 24 hours, and zones their letters. */
+const LOCALES = { en: "en-GB", nl: "nl-NL" } as const;
+
+function locale(): string {
+  return LOCALES[language.value];
+}
+
+/** A time of day with seconds, local: `03:12:07`. */
 export function clockTime(at: number): string {
-  return new Intl.DateTimeFormat(language.value, { timeStyle: "medium" }).format(at);
+  return new Intl.DateTimeFormat(locale(), { timeStyle: "medium" }).format(at);
+}
+
+/** The same with its zone: `03:12:07 CET`. */
+export function timeWithZone(at: number): string {
+  return new Intl.DateTimeFormat(locale(), { timeStyle: "long" }).format(at);
 }
 
 /** A date and time with the zone: `23 Nov 2026, 03:12:07 CET`. */
 export function dateTime(at: number): string {
   const how = { dateStyle: "medium", timeStyle: "long" } as const;
-  return new Intl.DateTimeFormat(language.value, how).format(at);
+  return new Intl.DateTimeFormat(locale(), how).format(at);
 }
 
 /** A span of seconds: `4.2 s`, `1 min 05 s`, `2 h 10 min`. */

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from lupin_engine.chart.documents import (
@@ -270,8 +270,10 @@ class Declarer:
         for name, node in file.codes.items():
             place = file.key_at("codes", name)
             if self.good_name("code", name, place, f"codes.{name}"):
-                code = Code(name, node.label, SEVERITIES[node.severity])
+                code = Code(name, node.label, SEVERITIES[node.severity], node.advice)
                 self._put("code", self.declared.codes, name, code, place)
+                known = self.declared.codes[name]
+                self.declared.codes[name] = replace(known, advice=known.advice or code.advice)
 
     def _inputs(self, file: FileNode) -> None:
         scope = self.base_scope(file, functions=False)
@@ -452,7 +454,8 @@ class Declarer:
                 findings.add(at, "wrong-type", path, problem)
             else:
                 check_code(node.not_empty, at, path, codes, findings)
-        return Field(name, kind, place, default, node.not_empty, self.limit(node, "min", kind, path))
+        low = self.limit(node, "min", kind, path)
+        return Field(name, kind, place, default, node.not_empty, low, node.summary)
 
     def _can_be_given(self, name: str, node: RequestFieldNode, kind: Type, place: Place, path: str) -> None:
         """Refuse a field that no start can fill: a mission with it could never begin."""

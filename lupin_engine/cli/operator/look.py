@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import fields
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from lupin_engine.cli.terminal.view import clock, default_text
-from lupin_engine.machine.step import View
 from lupin_engine.plugin.profile import ANSWER, ANSWER_VERB, START_VERB
 from lupin_engine.runtime.record import OpenQuestion, open_questions
 
 #: How many of the codes that were reported last are shown.
 SHOWN_CODES = 3
-#: What a view has beside the counters, whose names are the profile's.
-_NO_COUNTERS = {field.name for field in fields(View)} | {"holds"}
 
 
 def look(
     steps: Iterable[Mapping[str, Any]],
     possible: Mapping[str, Any],
-    missions: Mapping[str, str],
-    idle: Container[str],
+    offer: Mapping[str, Any],
     now: float,
 ) -> dict[str, Any]:
     """Return where the orchestrator stands, as JSON data.
@@ -29,8 +24,7 @@ def look(
     Args:
         steps: its last records, oldest first; at least one.
         possible: what it told of its requests; empty where it told nothing.
-        missions: what a mission is called for `lupin start`, by its name.
-        idle: the states in which no mission is under way.
+        offer: what it told of its missions, codes, holds and outcomes; empty where it told nothing.
         now: the time of its loop.
     """
     records = list(steps)
@@ -38,19 +32,34 @@ def look(
     told = ("lifecycle", "phase", "target", "mission", "mission_id", "total", "paused", "code", "detail")
     began = view["started_at"]
     codes = [code for record in records for code in record["step"].get("codes", ())]
+    missions = {one["mission"]: one.get("file") or one["mission"] for one in offer.get("missions", ())}
+    stages = offer.get("stages", {})
+    idle = any(view["lifecycle"] in states for stage, states in stages.items() if stage != "returning")
+    requests = possible.get("requests", ())
     return {
         **{name: view[name] for name in told},
-        "seconds": None if began is None or view["lifecycle"] in idle else round(now - began, 1),
-        "counts": {name: count for name, count in view.items() if name not in _NO_COUNTERS},
+        "seconds": None if began is None or idle else round(now - began, 1),
+        "counts": {one["counter"]: view[one["counter"]] for one in offer.get("outcomes", ())},
         "holds": view.get("holds", dict.fromkeys(view["held"], "")),
         "asking": [_question(asked) for asked in open_questions(view, now)],
         "operations": [each["operation"] for each in view["attempts"]],
         "codes": codes[-SHOWN_CODES:],
         "requests": [
-            {**request, "start": missions.get(request["mission"], request["mission"])}
-            for request in possible.get("requests", ())
+            {**request, "start": missions.get(request["mission"], request["mission"])} for request in requests
         ],
+        "to_do": to_do(view, requests if idle else (), offer),
     }
+
+
+def to_do(
+    view: Mapping[str, Any], requests: Iterable[Mapping[str, Any]], offer: Mapping[str, Any]
+) -> list[str]:
+    """Return what is advised about the holds, about what happened last and about starts that are refused."""
+    holds, table = offer.get("holds", {}), offer.get("codes", {})
+    held = [holds.get(name, "") for name in view["held"]]
+    refused = [one["code"] for one in requests if one["verb"] == START_VERB]
+    advised = (table.get(code, {}).get("advice", "") for code in (*held, view["code"], *refused))
+    return list(dict.fromkeys(filter(None, advised)))
 
 
 def _question(asked: OpenQuestion) -> dict[str, Any]:
@@ -80,6 +89,7 @@ def _rows(standing: Mapping[str, Any], verbs: Mapping[str, str]) -> Iterator[tup
         answers = [f"lupin answer {choice['name']}: {choice['label']}" for choice in asked["choices"]]
         yield "asks", [asked["question"], *answers, asked["default"]]
     yield "last", [_code(code) for code in standing["codes"]] or [standing["code"]] * bool(standing["code"])
+    yield "to do", standing["to_do"]
     possible: list[str] = []
     refused: dict[str, list[str]] = {}
     for request in standing["requests"]:

@@ -52,9 +52,7 @@ def _profiles() -> list[Profile]:
 def _look(orchestrator: Attendant) -> dict[str, Any]:
     from lupin_engine.cli.operator.look import look
 
-    missions = {one["mission"]: one.get("file") or one["mission"] for one in orchestrator.missions}
-    idle = {state for profile in _profiles() for state in profile.stages.without_mission}
-    return look(orchestrator.steps, orchestrator.possible, missions, idle, orchestrator.now)
+    return look(orchestrator.steps, orchestrator.possible, orchestrator.offer, orchestrator.now)
 
 
 def _text(found: Mapping[str, Any]) -> str:

@@ -19,7 +19,7 @@ from lupin_engine.plugin.wire import time_fields
 from lupin_engine.ros import commands, messages, names
 from lupin_engine.ros.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_engine.ros.told import StepMoment, StepNews, ToldPossible, ToldState, step_told
-from lupin_engine.runtime.offer import offered
+from lupin_engine.runtime.offer import missions_record
 from lupin_engine.sim.simulation import Script, Simulation
 
 
@@ -118,7 +118,7 @@ class VirtualOrchestrator:
         found = self._foreseen.news(machine, self._loaded.hash, now)
         if found is not None:
             self._tell_text(names.POSSIBLE_TOPIC, found)
-        missions = {"missions": offered(machine, now), "problems": []}
+        missions = missions_record(machine, now, ())
         if missions != self._offered:
             self._offered = missions
             self._tell_text(names.MISSIONS_TOPIC, missions)

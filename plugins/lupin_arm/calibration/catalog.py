@@ -19,7 +19,11 @@ CORRECTION = Type(
 )
 
 _OFFSETS, _CORRECTIONS = list_of(SERVO_OFFSET), list_of(CORRECTION)
-_FAILED = Code("servo_failed", "a servo did not do what it was asked for")
+_FAILED = Code(
+    "servo_failed",
+    "a servo did not do what it was asked for",
+    advice="Look at the servo that the detail names, its cable and its power, then begin anew.",
+)
 
 
 def _each(**fields: Any) -> list[Mapping[str, Any]]:
@@ -33,7 +37,10 @@ PLUGIN = Plugin(
     operations={
         "take_arm": Operation(
             doc="Keep everybody else from moving the arm, and its controller from moving the servos.",
-            codes=(Code("arm_not_free", "the arm cannot be had"), _FAILED),
+            codes=(
+                Code("arm_not_free", "the arm cannot be had", advice="Wait until nobody else moves the arm."),
+                _FAILED,
+            ),
             mock=Mock(after=0.1),
         ),
         "read_offsets": Operation(
@@ -68,7 +75,13 @@ PLUGIN = Plugin(
                 "largest": Argument(ANGLE, "the largest offset that may be written"),
             },
             result={"corrections": _CORRECTIONS},
-            codes=(Code("no_position", "a servo does not tell where it is"),),
+            codes=(
+                Code(
+                    "no_position",
+                    "a servo does not tell where it is",
+                    advice="Look at the cables of the servos, then begin anew.",
+                ),
+            ),
             mock=Mock(
                 after=2.0,
                 result={"corrections": _each(difference=0, in_place=True, refused="")},
@@ -86,7 +99,13 @@ PLUGIN = Plugin(
         ),
         "enable": Operation(
             doc="Switch the torque on where the arm is, and let others move it again.",
-            codes=(Code("still_limp", "the arm is still without torque; support it, and switch torque on"),),
+            codes=(
+                Code(
+                    "still_limp",
+                    "the arm is still without torque; support it, and switch torque on",
+                    advice="Support the arm with your hand, then switch its torque on.",
+                ),
+            ),
             mock=Mock(after=0.1),
         ),
     },

@@ -1,6 +1,20 @@
-import { texts } from "../../model/page";
-import { Panel } from "../../parts/panel";
+// Mission control: where the mission stands, what to do, and every request with the reason why it cannot be asked for.
+import "./control.css";
+import { Questions } from "./questions";
+import { Requests } from "./requests";
+import { RunningNow } from "./running";
+import { Starts } from "./starts";
+import { ToDo, Where } from "./status";
 
 export function ControlView() {
-  return <Panel title={texts.value.control.title}>…</Panel>;
+  return (
+    <div class="control">
+      <Questions />
+      <Where />
+      <ToDo />
+      <Requests />
+      <RunningNow />
+      <Starts />
+    </div>
+  );
 }

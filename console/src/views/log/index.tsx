@@ -1,6 +1,141 @@
-import { texts } from "../../model/page";
+// What happened: the timeline, and the log below it. Whatever is clicked there sets the moment that all views show.
+import { useSignal } from "@preact/signals";
+import { robotNow } from "../../model/clock";
+import { isLoading } from "../../model/history";
+import { entries } from "../../model/log";
+import { open, texts } from "../../model/page";
+import { moment } from "../../model/past";
+import { showMoment, timeOfDay } from "../../model/scrub";
+import { KINDS, type Kind, type Severity } from "../../model/story";
+import { dateTime } from "../../parts/format";
 import { Panel } from "../../parts/panel";
+import { hidden, least, lines, targets, wantedTarget, wantedText } from "./filter";
+import { Lines } from "./lines";
+import "./log.css";
+import { save } from "./save";
+import { Timeline } from "./timeline";
+
+function toggle(kind: Kind): void {
+  const next = new Set(hidden.value);
+  if (!next.delete(kind)) next.add(kind);
+  hidden.value = next;
+}
+
+function Jump() {
+  const t = texts.value.log;
+  const wrong = useSignal(false);
+  return (
+    <label>
+      {t.jump}{" "}
+      <input
+        class="jump"
+        placeholder="03:12"
+        title={t.jumpHint}
+        aria-invalid={wrong.value}
+        onInput={() => (wrong.value = false)}
+        onKeyDown={(event) => {
+          if (event.key !== "Enter") return;
+          const at = timeOfDay(event.currentTarget.value, robotNow());
+          wrong.value = at === undefined;
+          if (at !== undefined) showMoment(at);
+        }}
+      />
+      {wrong.value && (
+        <span class="bad" role="alert">
+          {" "}
+          {t.noTime}
+        </span>
+      )}
+    </label>
+  );
+}
+
+function Filters() {
+  const t = texts.value.log;
+  return (
+    <div class="row log-filters">
+      <label>
+        {t.text} <input type="search" value={wantedText.value} onInput={({ currentTarget }) => (wantedText.value = currentTarget.value)} />
+      </label>
+      <label>
+        {t.columns.severity}{" "}
+        <select value={least.value} onChange={({ currentTarget }) => (least.value = Number(currentTarget.value) as Severity)}>
+          {t.severities.map((name, severity) => (
+            <option value={severity}>{name}</option>
+          ))}
+        </select>
+      </label>
+      <label>
+        {t.columns.target}{" "}
+        <select value={wantedTarget.value} onChange={({ currentTarget }) => (wantedTarget.value = currentTarget.value)}>
+          <option value="">{t.anyTarget}</option>
+          {targets.value.map((target) => (
+            <option value={target}>{target}</option>
+          ))}
+        </select>
+      </label>
+      <details class="log-kinds">
+        <summary>
+          {t.columns.kind}
+          {hidden.value.size > 0 && ` (${KINDS.length - hidden.value.size}/${KINDS.length})`}
+        </summary>
+        <fieldset>
+          {KINDS.map((kind) => (
+            <label>
+              <input type="checkbox" checked={!hidden.value.has(kind)} onChange={() => toggle(kind)} /> {t.kind[kind]}
+            </label>
+          ))}
+        </fieldset>
+      </details>
+      <Jump />
+      <span class="row">
+        {(["csv", "json"] as const).map((kind) => (
+          <button disabled={!lines.value.length} onClick={() => save(lines.value, kind)}>
+            {t.export} {kind.toUpperCase()}
+          </button>
+        ))}
+      </span>
+    </div>
+  );
+}
+
+/** The last line at the moment that is shown, in full. */
+function Detail() {
+  const t = texts.value.log;
+  const entry = lines.value.findLast(({ at }) => at <= (moment.value ?? Infinity));
+  if (!entry) return null;
+  const { at, text, state, commands = [], notes = [], sequence, severity, kind } = entry;
+  return (
+    <div class="log-detail" role="status">
+      <p>
+        <time>{dateTime(at)}</time> · {t.severity[severity]} · {t.kind[kind]}
+        {sequence !== undefined && ` · ${t.step(sequence)}`}
+      </p>
+      <p>{text}</p>
+      {[...commands, ...notes].map((line) => (
+        <p class="soft">{line}</p>
+      ))}
+      {state && (
+        <button class="link" onClick={() => open(`chart/${state}`)}>
+          {t.openState(state)}
+        </button>
+      )}
+    </div>
+  );
+}
 
 export function LogView() {
-  return <Panel title={texts.value.log.title}>…</Panel>;
+  const t = texts.value.log;
+  const [shown, all] = [lines.value.length, entries.value.length];
+  const empty = isLoading.value ? t.loading : all ? t.nothingFound : t.nothing;
+  return (
+    <>
+      <Timeline />
+      <Panel title={t.title} tools={<span class="soft">{t.showing(shown, all)}</span>} class="log">
+        <Filters />
+        {shown ? <Lines /> : <p class="note soft">{empty}</p>}
+        <Detail />
+      </Panel>
+    </>
+  );
 }

@@ -1,0 +1,136 @@
+// The log and the timeline of all that is known, as signals.
+import { computed, effect, type ReadonlySignal } from "@preact/signals";
+import { MSG_TYPES, Observation, type StdMsgsString as Text } from "../ros";
+import { link, type LinkState } from "../wire/link";
+import { robotNow } from "./clock";
+import { isLoading } from "./history";
+import { observations, state, steps } from "./mission";
+import { texts } from "./page";
+import { Past, type Known } from "./past";
+import { StepStory, type Entry, type Span, type Words } from "./story";
+import { json, topic } from "./topics";
+
+interface Stops {
+  readonly stopped: boolean;
+  readonly stops: readonly { readonly name: string }[];
+}
+
+/** Which software stops are engaged; the page's own button for it stands outside of the console. */
+export const stops = topic<Text, Stops>("/lupin/hmi/stops", MSG_TYPES.StdMsgsString, {
+  keep: 1000,
+  always: true,
+  read: json,
+  same: (one, other) => one.stopped === other.stopped && one.stops.map(({ name }) => name).join() === other.stops.map(({ name }) => name).join(),
+});
+
+/** How the connection of this page was. */
+const links = new Past<LinkState>(1000);
+
+export function startLog(): void {
+  effect(() => {
+    const now = link.state.value;
+    if (now !== "connecting") links.add(robotNow(), now);
+  });
+}
+
+interface Reader<T> {
+  read(known: Known<T>): void;
+}
+
+/** A reader that has read all of a past, as far as it has been loaded; it goes on where it stopped, if it can. */
+function readOn<T, R extends Reader<T>>(past: Past<T>, made: (words: Words) => R): ReadonlySignal<{ readonly reader: R }> {
+  let told: { reader: R; edition: number; words: Words; next: number } | undefined;
+  return computed(() => {
+    const words = texts.value.log;
+    if (isLoading.value && told) return { reader: told.reader };
+    const { list, edition } = past.standing();
+    if (told?.edition !== edition || told.words !== words) told = { reader: made(words), edition, words, next: 0 };
+    while (told.next < list.length) told.reader.read(list[told.next++]!);
+    return { reader: told.reader };
+  });
+}
+
+class ObservationStory implements Reader<Observation> {
+  readonly entries: Entry[] = [];
+
+  constructor(private readonly words: Words) {}
+
+  read({ at, value }: Known<Observation>): void {
+    const { words } = this;
+    const { kind, status } = value;
+    const target = value.tag_reading.tag_id || value.flower.tag_id;
+    const values = value.tag_reading.readings.map(({ name, value: number }) => `${name} ${number?.toPrecision(4) ?? "–"}`);
+    const flower = [value.flower.species, value.flower.anomaly ? words.anomaly : ""].filter(Boolean);
+    const about = kind === Observation.KIND_FLOWER ? flower : kind === Observation.KIND_ANOMALY ? [value.anomaly.description] : values;
+    const text = [words.statuses[status] ?? String(status), value.status_detail, ...about].filter(Boolean).join(", ");
+    const isOdd = status !== Observation.STATUS_OK || kind === Observation.KIND_ANOMALY || value.flower.anomaly;
+    this.entries.push({ at, kind: "target", severity: isOdd ? 1 : 0, text: `${words.kinds[kind] ?? kind}: ${text}`, target });
+  }
+}
+
+class StopStory implements Reader<Stops> {
+  readonly entries: Entry[] = [];
+  readonly spans: Span[] = [];
+
+  constructor(private readonly words: Words) {}
+
+  read({ at, value }: Known<Stops>): void {
+    const names = value.stops.map(({ name }) => name).join(", ");
+    const last = this.spans.at(-1);
+    const isOpen = last !== undefined && last.to === undefined;
+    if (isOpen && (!value.stopped || last.text !== names)) last.to = at;
+    if (value.stopped && !(isOpen && last.text === names)) {
+      this.spans.push({ from: at, to: undefined, text: names, severity: 2 });
+      this.entries.push({ at, kind: "stop", severity: 2, text: this.words.stopped(names) });
+    } else if (isOpen && !value.stopped) this.entries.push({ at, kind: "stop", severity: 0, text: this.words.stopReleased });
+  }
+}
+
+export const stepStory = readOn(steps.past, (words) => new StepStory(words));
+const observationStory = readOn(observations.past, (words) => new ObservationStory(words));
+export const stopStory = readOn(stops.past, (words) => new StopStory(words));
+
+/** When this page was not connected, the orchestrator was silent, or another one was started. */
+export const gaps = computed<readonly Span[]>(() => {
+  const words = texts.value.log;
+  const lost: Span[] = [];
+  for (const { at, value } of links.until(null)) {
+    const last = lost.at(-1);
+    if (value === "lost") lost.push({ from: at, to: undefined, text: words.linkLost, severity: 2 });
+    else if (last) last.to ??= at;
+  }
+  const silent = state.silences.until(null).map(({ at, value }): Span => ({ from: at, to: value, text: words.silent, severity: 2 }));
+  const isCovered = (gap: Span): boolean => silent.some(({ from, to }) => from < gap.to! + 1000 && to! > gap.from);
+  const anew = stepStory.value.reader.gaps.filter((gap) => !isCovered(gap));
+  return [...lost, ...silent, ...anew].sort(byBegin);
+});
+
+function byBegin(one: Span, other: Span): number {
+  return one.from - other.from;
+}
+
+/** All that happened, the oldest first. */
+export const entries = computed<readonly Entry[]>(() => {
+  const words = texts.value.log;
+  const broken = gaps.value.flatMap(({ from, to, text, severity }): Entry[] => [
+    ...(text === words.newBoot ? [] : [{ at: from, kind: "connection", severity, text } as const]),
+    ...(text === words.linkLost && to !== undefined ? [{ at: to, kind: "connection", severity: 0, text: words.linkBack } as const] : []),
+  ]);
+  const all = [...stepStory.value.reader.entries, ...observationStory.value.reader.entries, ...stopStory.value.reader.entries, ...broken];
+  return all.sort((one, other) => one.at - other.at);
+});
+
+/** Warnings and errors, the oldest first. */
+export const problems = computed(() => entries.value.filter(({ severity }) => severity > 0));
+
+/** When the first thing was that is known. */
+export const begin = computed(() => {
+  const firsts = [entries.value[0]?.at, state.past.standing().list[0]?.at].filter((at) => at !== undefined);
+  return firsts.length ? Math.min(...firsts) : undefined;
+});
+
+/** The last of a list before a time, or the first after it. */
+export function neighbour<T extends { readonly at: number }>(list: readonly T[], at: number, direction: 1 | -1): T | undefined {
+  return direction < 0 ? list.findLast((each) => each.at < at) : list.find((each) => each.at > at);
+}
+

@@ -1,0 +1,41 @@
+// Why nothing can be commanded from this page now. Buttons are grey with this reason; the engine's own come after it.
+import { computed } from "@preact/signals";
+import { link } from "../wire/link";
+import { shownNow } from "./clock";
+import { asking, state } from "./mission";
+import { gateway, mode, texts } from "./page";
+import { moment } from "./past";
+import { isStale } from "./topics";
+
+/** The state comes five times a second; after so many seconds without it nobody is there to be commanded. */
+const SILENT_S = 3;
+
+/** Whether the orchestrator tells nothing any more, although there is a connection to the gateway. */
+export const silent = computed(() => {
+  void shownNow.value;
+  return isStale(state, SILENT_S);
+});
+
+/** Why this page may command nothing at all; "" where it may. What is under way now is not among it. */
+export const hindrance = computed(() => {
+  const t = texts.value.control.hindrances;
+  if (mode.value === "recording") return t.recording;
+  if (link.state.value !== "open") return t.unconnected;
+  if (gateway.value?.role === "viewer") return t.viewer;
+  if (moment.value !== null) return t.past;
+  return "";
+});
+
+/** Why the mission cannot be commanded now; "" where the engine is the one to ask. */
+export const commandHindrance = computed(() => {
+  const t = texts.value.control;
+  if (hindrance.value) return hindrance.value;
+  if (silent.value) return t.hindrances.silent;
+  return asking.value && t.hindrances.asking(verbText(asking.value));
+});
+
+/** What a verb is called on its button; one that this page does not know by its own name. */
+export function verbText(verb: string): string {
+  const known: Readonly<Record<string, string>> = texts.value.control.verbs;
+  return known[verb] ?? verb.replaceAll("_", " ");
+}

@@ -1,0 +1,106 @@
+// A button that commands something, grey with the reason why not; what it would do and what was answered stand by it.
+import { signal } from "@preact/signals";
+import { useEffect, useId } from "preact/hooks";
+import { answered, command, missions, type Possible } from "../../model/mission";
+import { texts } from "../../model/page";
+import { commandHindrance, verbText } from "../../model/permission";
+
+/** Within so many milliseconds the second press must come where two are needed. */
+const SECOND_PRESS_MS = 5000;
+
+interface Wanted {
+  readonly label: string;
+  readonly verb: string;
+  readonly mission?: string;
+  readonly request?: object;
+  readonly possible: Possible | undefined;
+  /** A press is not carried out while this says no, such as for a form with mistakes. */
+  readonly check?: () => boolean;
+  readonly main?: boolean;
+}
+
+/** Why it cannot be asked for now: the page's reason, else the engine's sentence. */
+function reasonOf(possible: Possible | undefined): string {
+  if (commandHindrance.value) return commandHindrance.value;
+  if (!possible) return texts.value.control.hindrances.untold;
+  return possible.possible ? "" : possible.reason;
+}
+
+/** What it would do to the holds, in the words of their codes. */
+function effectOf(possible: Possible | undefined): string {
+  const t = texts.value.control;
+  const offer = missions.shown.value?.value;
+  const named = (holds: readonly string[]): string => holds.map((name) => offer?.codes[offer.holds[name] ?? ""]?.label ?? name).join(", ");
+  const { engages = [], releases = [] } = possible ?? {};
+  return [engages.length && t.engages(named(engages)), releases.length && t.releases(named(releases))].filter(Boolean).join("; ");
+}
+
+export function RequestButton({ label, verb, mission = "", request = {}, possible, check, main }: Wanted) {
+  const id = useId();
+  const reason = reasonOf(possible);
+  const twice = missions.shown.value?.value.ends === verb;
+  const press = (): void => {
+    if (reason || (check && !check())) return;
+    if (!twice || isSecond(verb)) void command(verb, mission, request);
+  };
+  const armed = twice && !reason && pressed.value?.verb === verb;
+  return (
+    <div class="control-request">
+      <button
+        type="button"
+        class={`${armed ? "control-armed" : ""} ${main ? "main" : ""}`}
+        aria-disabled={!!reason}
+        aria-describedby={id}
+        onClick={press}
+      >
+        {armed ? <Again label={label} /> : label}
+      </button>
+      <span id={id} class="soft">
+        {reason || effectOf(possible)}
+      </span>
+      <AnswerOf verb={verb} mission={mission} />
+    </div>
+  );
+}
+
+/** The press that waits for its second one. */
+const pressed = signal<{ verb: string; until: number; left: number } | undefined>(undefined);
+
+/** Whether this press is the second one in time; else it is the first one. */
+function isSecond(verb: string): boolean {
+  const before = pressed.peek();
+  const second = before?.verb === verb && performance.now() < before.until;
+  pressed.value = second ? undefined : { verb, until: performance.now() + SECOND_PRESS_MS, left: SECOND_PRESS_MS };
+  return second;
+}
+
+function Again({ label }: { label: string }) {
+  useEffect(() => {
+    const tick = setInterval(() => {
+      const now = pressed.peek();
+      const left = now ? now.until - performance.now() : 0;
+      pressed.value = now && left > 0 ? { ...now, left } : undefined;
+    }, 250);
+    const forget = (): void => {
+      if (document.hidden) pressed.value = undefined;
+    };
+    document.addEventListener("visibilitychange", forget);
+    return () => {
+      clearInterval(tick);
+      document.removeEventListener("visibilitychange", forget);
+    };
+  }, []);
+  return <>{texts.value.control.again(label, String(Math.ceil((pressed.value?.left ?? 0) / 1000)))}</>;
+}
+
+/** What was answered to the last press, while it is the last. */
+function AnswerOf({ verb, mission }: { verb: string; mission: string }) {
+  const t = texts.value.control.answer;
+  const last = answered.value;
+  const mine = last?.verb === verb && last.mission === mission;
+  return (
+    <span role="status" class={mine ? `control-answer ${last.accepted ? "good" : "bad"}` : ""}>
+      {mine && `${verbText(verb)} ${last.accepted ? t.accepted : t.refused}: ${last.text}`}
+    </span>
+  );
+}

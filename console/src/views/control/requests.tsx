@@ -1,0 +1,29 @@
+// The requests of the operator, whatever the profile has.
+import { possible, type Possible } from "../../model/mission";
+import { texts } from "../../model/page";
+import { verbText } from "../../model/permission";
+import { Panel } from "../../parts/panel";
+import { RequestButton } from "./button";
+
+/** Verbs that are known stand in this order; others behind them. */
+const ORDER = ["pause", "resume", "skip", "skip_current", "dock", "abort", "reset"];
+
+function place({ verb }: Possible): number {
+  const found = ORDER.indexOf(verb);
+  return found < 0 ? ORDER.length : found;
+}
+
+export function Requests() {
+  const t = texts.value.control;
+  const told = possible.shown.value?.value.requests ?? [];
+  const requests = told.filter(({ request }) => request.startsWith("operator."));
+  return (
+    <Panel title={t.requests} class="control-requests">
+      {[...requests]
+        .sort((one, other) => place(one) - place(other))
+        .map((each) => (
+          <RequestButton key={each.verb} label={verbText(each.verb)} verb={each.verb} possible={each} />
+        ))}
+    </Panel>
+  );
+}
