@@ -49,6 +49,7 @@ OWNED = {
     "lsprotocol": {"editor"},
     "resvg_py": {"diagram"},
     "mcap": {"ros"},
+    "mcap_ros2": {"ros"},
     "structlog": {"ros.adapter", "ros.launch", "cli"},
 }
 #: What would make a chart or a machine depend on more than its inputs.

@@ -6,9 +6,12 @@ import { startLog } from "./model/log";
 import { state } from "./model/mission";
 import { language, mode, open, route, startPage, texts, theme, type Language, type Theme } from "./model/page";
 import { startScrubbing } from "./model/scrub";
+import { startPlayback } from "./model/playback";
+import { startSimulation } from "./model/simulation";
 import { startTopics } from "./model/topics";
 import { MomentBar } from "./parts/moment";
 import { Contained, Pill } from "./parts/panel";
+import { VirtualBar } from "./parts/virtual";
 import "./style/base.css";
 import { VIEWS } from "./views/list";
 import { link } from "./wire/link";
@@ -20,7 +23,6 @@ function Bar() {
   return (
     <div class="bar">
       <Pill tone={linked === "open" ? "good" : linked === "lost" ? "bad" : "info"}>{t[linked]}</Pill>
-      {mode.value !== "robot" && <strong class="mode">{t.modes[mode.value]}</strong>}
       {now ? (
         <span class="where" role="status">
           <b>{now.lifecycle_state || "–"}</b> {now.mission_phase} {now.current_target && `· ${now.current_target}`}
@@ -59,7 +61,8 @@ function Settings() {
 
 function Console() {
   const t = texts.value;
-  const shown = VIEWS.find(({ id }) => route.value.split("/")[0] === id) ?? VIEWS[0]!;
+  const views = VIEWS.filter(({ only }) => !only || only === mode.value);
+  const shown = views.find(({ id }) => route.value.split("/")[0] === id) ?? VIEWS[0]!;
   const control = VIEWS[0]!;
   return (
     <>
@@ -67,14 +70,17 @@ function Console() {
         {t.shell.skip}
       </a>
       <nav aria-label={t.shell.views}>
-        {VIEWS.map(({ id, sign, title }) => (
+        {views.map(({ id, sign, title }) => (
           <a href={`#${id}`} aria-current={id === shown.id ? "page" : undefined} onClick={() => open(id)}>
             <span aria-hidden="true">{sign}</span> {title(t)}
           </a>
         ))}
         <Settings />
       </nav>
-      <Bar />
+      <div class="bars">
+        <VirtualBar />
+        <Bar />
+      </div>
       <main id="content" tabIndex={-1} class={shown === control ? "alone" : ""}>
         <div class="view" key={shown.id}>
           <Contained>
@@ -102,5 +108,7 @@ startHistory();
 startTopics();
 startLog();
 startScrubbing();
+startSimulation();
+startPlayback();
 link.start();
 render(<Console />, document.getElementById("console")!);

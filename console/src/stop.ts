@@ -24,6 +24,7 @@ const WORDS = {
     by: (names: string) => `Stopped by ${names}`,
     reset: (name: string) => `Reset ${name}`,
     unreachable: "Not connected: use the button on the robot",
+    recording: "A recording: there is no robot here",
   },
   nl: {
     stop: "STOP",
@@ -32,6 +33,7 @@ const WORDS = {
     by: (names: string) => `Gestopt door ${names}`,
     reset: (name: string) => `${name} opheffen`,
     unreachable: "Niet verbonden: gebruik de knop op de robot",
+    recording: "Een opname: hier is geen robot",
   },
 };
 
@@ -66,6 +68,7 @@ function set(to: boolean): void {
 
 function show(): void {
   const words = document.documentElement.lang === "nl" ? WORDS.nl : WORDS.en;
+  const isRecording = document.documentElement.dataset["mode"] === "recording";
   const names = stops.stops.map(({ name }) => name);
   button.textContent = words.stop;
   button.setAttribute("aria-pressed", String(stopped));
@@ -73,7 +76,8 @@ function show(): void {
   release.hidden = !stopped;
   box.dataset["state"] = !isOpen() ? "away" : stopped || stops.stopped ? "stopped" : "free";
   const by = names.length ? words.by(names.join(", ")) : "";
-  told.textContent = problem || (isOpen() ? by || (stopped ? words.here : "") : words.unreachable);
+  button.disabled = isRecording;
+  told.textContent = isRecording ? words.recording : problem || (isOpen() ? by || (stopped ? words.here : "") : words.unreachable);
   const left = stops.stops.filter((each) => each.left || !stopped);
   others.replaceChildren(
     ...left.map(({ name }) => {
@@ -119,7 +123,7 @@ release.addEventListener("click", () => set(false));
 addEventListener("keydown", (event) => {
   if (event.key === "Escape" && event.shiftKey) set(true);
 });
-new MutationObserver(show).observe(document.documentElement, { attributeFilter: ["lang"] });
+new MutationObserver(show).observe(document.documentElement, { attributeFilter: ["lang", "data-mode"] });
 setInterval(() => stopped && tell(), TELL_EVERY_MS);
 connect();
 show();

@@ -98,7 +98,7 @@ def state_fields(now: Situation) -> Fields:
         "paused": now.paused,
         "battery_percentage": math.nan if charge is None else charge,
         "battery_low": bool(battery.get("low", False)),
-        "started_at": now.started or {},
+        "started_at": now.started or time_fields(0.0),
     }
 
 
@@ -155,16 +155,28 @@ def observation_fields(published: Publish, value: Callable[[str], Any], stamp: F
         "source": published.source,
         "kind": TAG_READING,
         "status": list(STATUSES).index(published.status),
-        "tag_reading": {"tag_id": published.target, "stamp": stamp},
-        "tag_pose_in_map": {"orientation": {"w": 0.0}},
+        "status_detail": "",
+        "tag_reading": {
+            "tag_id": published.target,
+            "stamp": stamp,
+            "sim_time_of_day_seconds": 0.0,
+            "readings": [],
+        },
+        "tag_pose_in_map": _whole_pose({}, {}),
     }
     if published.status != "OK":
         return {**fields, "status_detail": published.detail or published.code}
     fields["tag_reading"] = reading_fields(published.target, published.reading or {})
     place = place_of(published.target, value("discovered") or (), value("pose"))
     if place is not None:
-        fields["tag_pose_in_map"] = place
+        fields["tag_pose_in_map"] = _whole_pose(place["position"], place["orientation"])
     return fields
+
+
+def _whole_pose(position: Fields, orientation: Fields) -> Fields:
+    """Return a pose with all its numbers: who is no message knows no defaults."""
+    none = dict.fromkeys("xyz", 0.0)
+    return {"position": {**none, **position}, "orientation": {**none, "w": 0.0, **orientation}}
 
 
 def reading_fields(tag_id: str, reading: Mapping[str, Any]) -> Fields:

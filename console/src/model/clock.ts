@@ -8,18 +8,29 @@ import { moment } from "./past";
 const ahead = signal<number | undefined>(undefined);
 const ticks = signal(0);
 
+/** A clock that is not a robot's: what it showed, when by this page's steady clock, and how fast it goes. */
+const pace = signal<{ readonly at: number; readonly seen: number; readonly rate: number } | undefined>(undefined);
+
+/** From now on the clock is one of a simulation or a recording: it shows `at`, and goes so many times as fast. */
+export function setPace(at: number, rate: number): void {
+  pace.value = { at, seen: performance.now(), rate };
+}
+
 /** What waits until the robot's clock is known. */
 const waiting: (() => void)[] = [];
 
 /** Call something with the robot's time now; a little later where that is not known yet. */
 export function atRobotTime(call: (at: number) => void): void {
   const at = performance.now();
-  if (ahead.peek() !== undefined) call(at + ahead.peek()!);
+  if (pace.peek()) call(robotNow());
+  else if (ahead.peek() !== undefined) call(at + ahead.peek()!);
   else waiting.push(() => call(at + (ahead.peek() ?? performance.timeOrigin)));
 }
 
 /** The robot's time now, in milliseconds since 1970. */
 export function robotNow(): number {
+  const virtual = pace.value;
+  if (virtual) return virtual.at + (performance.now() - virtual.seen) * virtual.rate;
   return performance.now() + (ahead.value ?? performance.timeOrigin);
 }
 

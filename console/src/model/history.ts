@@ -20,7 +20,7 @@ export const isLoading = signal(false);
 
 /** Load what the gateway has kept since the last time; where it keeps nothing, nothing comes. */
 async function load(): Promise<void> {
-  const answer = await fetch(`history?since=${newest}`);
+  const answer = await fetch(`history?since=${newest}&topics=${[...topics.keys()].join(",")}`);
   if (!answer.ok || !answer.body) return;
   const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
   let text = "";
@@ -59,6 +59,18 @@ function loadMore(): void {
     .then(() => {
       isLoading.value = false;
     });
+}
+
+/** Forget all, and load it again: what was known is of another run. */
+export function loadAnew(): void {
+  loading = loading.then(() => {
+    newest = 0;
+    for (const { past, silences } of topics.values()) {
+      past.clear();
+      silences.clear();
+    }
+  });
+  loadMore();
 }
 
 export function startHistory(): void {

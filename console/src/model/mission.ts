@@ -205,11 +205,26 @@ export const possible = topic<Text, { sequence: number; requests: readonly Possi
   { keep: 5000, always: true, read: json, same: alike },
 );
 
-export const missions = topic<Text, Offer>(
-  `${ORCHESTRATOR}/missions`,
-  MSG_TYPES.StdMsgsString,
-  { keep: 200, always: true, read: json, same: alike },
-);
+/** What an orchestrator of an earlier version did not tell; recordings are kept for long. */
+const UNTOLD: Offer = {
+  missions: [],
+  problems: [],
+  codes: {},
+  holds: {},
+  outcomes: [],
+  stages: { starting: [], ready: [], returning: [], ended: [], faulted: [] },
+  ends: "",
+};
+
+export const missions = topic<Text, Offer>(`${ORCHESTRATOR}/missions`, MSG_TYPES.StdMsgsString, {
+  keep: 200,
+  always: true,
+  read: (message) => {
+    const told = json<Partial<Offer>>(message);
+    return told && { ...UNTOLD, ...told };
+  },
+  same: alike,
+});
 
 export const chart = topic<Text, ChartRecord>(`${ORCHESTRATOR}/chart`, MSG_TYPES.StdMsgsString, {
   keep: 20,

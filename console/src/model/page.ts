@@ -16,6 +16,10 @@ export interface GatewayStatus {
   readonly mode?: Mode;
   /** Of a recording or a simulation: what is shown. */
   readonly title?: string;
+  /** Of a recording: its begin and end in milliseconds since 1970, and what is wrong with it. */
+  readonly from?: number;
+  readonly to?: number;
+  readonly problems?: readonly string[];
   readonly clients: number;
   /** Who this page is for the gateway, and what it may do. */
   readonly name?: string;
@@ -54,6 +58,9 @@ export function startPage(): void {
   theme.subscribe((chosen) => {
     localStorage.setItem("lupin.theme", chosen);
     document.documentElement.dataset["theme"] = chosen;
+  });
+  mode.subscribe((now) => {
+    document.documentElement.dataset["mode"] = now;
   });
   link.opened.push(() => void look().catch(() => undefined));
 }

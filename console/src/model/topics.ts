@@ -3,6 +3,7 @@ import { batch, signal, type ReadonlySignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { link } from "../wire/link";
 import { atRobotTime, robotNow } from "./clock";
+import { mode } from "./page";
 import { moment, Past, shown, type Known } from "./past";
 
 interface How<Message, T> {
@@ -65,7 +66,9 @@ export function topic<Message, T = Message>(name: string, type: string, how: How
   });
   const hear = (at: number, from: keyof typeof heard): void => {
     const last = heard[from];
-    if (how.steady && last !== undefined && at - last > how.steady * 1000) silences.add(last, at);
+    // In virtual time nobody is silent: it may go by faster than anybody speaks.
+    const steady = mode.peek() === "simulation" ? undefined : how.steady;
+    if (steady && last !== undefined && at - last > steady * 1000) silences.add(last, at);
     heard[from] = at;
   };
   const read = (message: unknown, arrived: number): Known<T> | undefined => {
@@ -111,8 +114,9 @@ export function useTopic<T>(wanted: Topic<T>): Known<T> | undefined {
   return wanted.shown.value;
 }
 
-/** Whether a topic is silent for so many seconds, now; of the past it is never said. */
+/** Whether a topic is silent for so many seconds, now; of the past it is never said, nor of virtual time. */
 export function isStale(wanted: Topic<unknown>, seconds: number): boolean {
+  if (mode.value !== "robot") return false;
   const heard = wanted.heardAt.value;
   return moment.value === null && (heard === undefined || robotNow() - heard > seconds * 1000);
 }

@@ -1,5 +1,6 @@
 // The views, in the order of the navigation.
 import type { ComponentType } from "preact";
+import type { Mode } from "../model/page";
 import type { Texts } from "../texts/en";
 import { ArmView } from "./arm";
 import { ChartView } from "./chart";
@@ -8,14 +9,17 @@ import { HealthView } from "./health";
 import { LogView } from "./log";
 import { MapView } from "./map";
 import { PeopleView } from "./people";
+import { SimulationView } from "./simulation";
 import { TwinView } from "./twin";
 
 export interface ViewEntry {
-  readonly id: "control" | "chart" | "map" | "log" | "twin" | "arm" | "health" | "people";
+  readonly id: "control" | "chart" | "map" | "log" | "twin" | "arm" | "health" | "people" | "simulation";
   /** A sign for narrow screens. */
   readonly sign: string;
   readonly title: (texts: Texts) => string;
   readonly View: ComponentType;
+  /** It is there only where this is looked at. */
+  readonly only?: Mode;
 }
 
 export const VIEWS: readonly ViewEntry[] = [
@@ -27,4 +31,5 @@ export const VIEWS: readonly ViewEntry[] = [
   { id: "arm", sign: "⚙", title: (t) => t.arm.title, View: ArmView },
   { id: "health", sign: "♥", title: (t) => t.health.title, View: HealthView },
   { id: "people", sign: "☺", title: (t) => t.people.title, View: PeopleView },
+  { id: "simulation", sign: "⚗", title: (t) => t.simulation.title, View: SimulationView, only: "simulation" },
 ];

@@ -51,7 +51,7 @@ class VirtualOrchestrator:
         self._listener = stepped
         self.simulation = Simulation(loaded.chart, script, {}, world)
         self.simulation.listener = self._stepped
-        self._began_ms = self.simulation.wall * 1000.0
+        self._began_ms = self._told_at = self.simulation.wall * 1000.0
         self._origin: tuple[Event | None, Mapping[str, str]] = (None, NOTHING)
         self._commands = CommandMemory()
         self._news, self._foreseen = StepNews(), ToldPossible(self.boot)
@@ -64,6 +64,14 @@ class VirtualOrchestrator:
     def at(self) -> float:
         """The time in milliseconds since 1970: it goes on as virtual time does, also when a clock is set."""
         return self._began_ms + self.simulation.now * 1000.0
+
+    def _moment(self) -> float:
+        """Return the time for something that is told; of what happens at once, each has its own.
+
+        So whoever puts it in order does so as it happened. A millisecond has room for a thousand.
+        """
+        self._told_at = max(self.at, self._told_at + 0.001)
+        return self._told_at
 
     def begin(self, picture: Mapping[str, Any]) -> None:
         """Enter the chart's initial states; `picture` is the record of the chart."""
@@ -104,7 +112,8 @@ class VirtualOrchestrator:
                 self._say_state(self._state.news(view, moment))
             self._say_state(self._state.news(view))
             asked, origin = self._origin
-            at = StepMoment(self.simulation.now, self.at / 1000.0, round(self.at * 1e6))
+            told_at = self._moment()
+            at = StepMoment(self.simulation.now, told_at / 1000.0, round(told_at * 1e6))
             origin = origin if step.event is asked else NOTHING
             self._tell_text(names.STEPS_TOPIC, step_told(step, view, self._loaded, self.boot, at, origin))
             self.told += 1
@@ -136,7 +145,7 @@ class VirtualOrchestrator:
         self._say(topic, {"data": json.dumps(data, default=str)})
 
     def _say(self, topic: str, fields: Fields) -> None:
-        self._tell(PageMessage(topic, self.at, fields))
+        self._tell(PageMessage(topic, self._moment(), fields))
 
     def _stamp(self) -> Fields:
         return time_fields(self.at / 1000.0)
