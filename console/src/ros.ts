@@ -49,6 +49,65 @@ export const GoalStatus = {
 } as const;
 
 /**
+ * `action_msgs/srv/CancelGoal_Request`
+ * Cancel one or more goals with the following policy:
+ *
+ * - If the goal ID is zero and timestamp is zero, cancel all goals.
+ * - If the goal ID is zero and timestamp is not zero, cancel all goals accepted
+ *   at or before the timestamp.
+ * - If the goal ID is not zero and timestamp is zero, cancel the goal with the
+ *   given ID regardless of the time it was accepted.
+ * - If the goal ID is not zero and timestamp is not zero, cancel the goal with
+ *   the given ID and all goals accepted at or before the timestamp.
+ */
+export interface CancelGoalRequest {
+  /** Goal info describing the goals to cancel, see above. */
+  goal_info?: GoalInfo;
+}
+
+/**
+ * `action_msgs/srv/CancelGoal_Response`
+ * Return codes.
+ */
+export interface CancelGoalResponse {
+  /** Return code, see above definitions. */
+  return_code: number;
+  /** Goals that accepted the cancel request. */
+  goals_canceling: GoalInfo[];
+}
+
+export const CancelGoalResponse = {
+  /**
+   * Indicates the request was accepted without any errors.
+   *
+   * One or more goals have transitioned to the CANCELING state. The
+   * goals_canceling list is not empty.
+   */
+  ERROR_NONE: 0,
+  /**
+   * Indicates the request was rejected.
+   *
+   * No goals have transitioned to the CANCELING state. The goals_canceling list is
+   * empty.
+   */
+  ERROR_REJECTED: 1,
+  /**
+   * Indicates the requested goal ID does not exist.
+   *
+   * No goals have transitioned to the CANCELING state. The goals_canceling list is
+   * empty.
+   */
+  ERROR_UNKNOWN_GOAL_ID: 2,
+  /**
+   * Indicates the goal is not cancelable because it is already in a terminal state.
+   *
+   * No goals have transitioned to the CANCELING state. The goals_canceling list is
+   * empty.
+   */
+  ERROR_GOAL_TERMINATED: 3,
+} as const;
+
+/**
  * `builtin_interfaces/msg/Duration`
  * Duration defines a period between two time points.
  * Messages of this datatype are of ROS Time following this design:
@@ -320,6 +379,50 @@ export interface CommandResponse {
   step: number;
   /** this is the answer to an earlier command of the same id */
   repeated: boolean;
+}
+
+/**
+ * `lupin_engine_msgs/srv/Draw_Request`
+ * Draw the chart that runs, with some of its states folded. Nothing changes by it.
+ */
+export interface DrawRequest {
+  /** hash of the chart that is meant, as on ~/chart; another one is refused. Empty: whichever runs */
+  chart?: string;
+  /** full names of states that are shown without what is in them; empty: all is shown */
+  folded?: string[];
+}
+
+/** `lupin_engine_msgs/srv/Draw_Response` */
+export interface DrawResponse {
+  success: boolean;
+  /** why nothing was drawn */
+  message: string;
+  /** hash of the chart that runs */
+  chart: string;
+  /** groups of states carry `data-state`, those of transitions `data-transition` */
+  svg: string;
+}
+
+/**
+ * `lupin_engine_msgs/srv/Explain_Request`
+ * What each transition of a state would do now, and why it cannot be taken. Nothing changes by it.
+ */
+export interface ExplainRequest {
+  /** hash of the chart that is meant, as on ~/chart; another one is refused. Empty: whichever runs */
+  chart?: string;
+  /** full name of a state, or id of a transition */
+  element?: string;
+}
+
+/** `lupin_engine_msgs/srv/Explain_Response` */
+export interface ExplainResponse {
+  success: boolean;
+  /** why nothing is explained */
+  message: string;
+  /** hash of the chart that runs */
+  chart: string;
+  /** JSON object: docs/operating.md says what is in it */
+  explanation: string;
 }
 
 /**
@@ -1858,7 +1961,10 @@ export const MSG_TYPES = {
 } as const;
 
 export const SRV_TYPES = {
+  CancelGoal: "action_msgs/srv/CancelGoal",
   Command: "lupin_engine_msgs/srv/Command",
+  Draw: "lupin_engine_msgs/srv/Draw",
+  Explain: "lupin_engine_msgs/srv/Explain",
   ArmLibraryEdit: "lupin_msgs/srv/ArmLibraryEdit",
   ArmRecord: "lupin_msgs/srv/ArmRecord",
   CalibrateArm: "lupin_msgs/srv/CalibrateArm",

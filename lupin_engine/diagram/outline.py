@@ -8,7 +8,7 @@ Everything keeps the order of the file, so a picture changes only where the char
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from itertools import accumulate
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
@@ -21,7 +21,12 @@ READABLE = 40
 
 
 def outline(
-    chart: Chart, *, focus: str | None = None, depth: int | None = None, whole: bool = False
+    chart: Chart,
+    *,
+    focus: str | None = None,
+    depth: int | None = None,
+    folded: Collection[str] = (),
+    whole: bool = False,
 ) -> Picture:
     """Return what a picture of `chart` shows.
 
@@ -29,13 +34,14 @@ def outline(
         chart: The chart.
         focus: Show this state with all within it, and greyed what leads there and where it leads.
         depth: Show so many levels of boxes; deeper states are collapsed.
+        folded: Full names of states that are collapsed as well.
         whole: Show the state that wraps a single mission, too.
 
     Raises:
         UsageError: there is no such state, or several are called so.
     """
     centre = None if focus is None else find_state(chart, focus)
-    return _Outliner(chart, centre, depth, whole).picture()
+    return _Outliner(chart, centre, depth, folded, whole).picture()
 
 
 def readable_depth(picture: Picture) -> int | None:
@@ -74,7 +80,9 @@ def _levels(boxes: Iterable[StateBox]) -> Iterator[int]:
 
 
 class _Outliner:
-    def __init__(self, chart: Chart, focus: str | None, depth: int | None, whole: bool) -> None:
+    def __init__(
+        self, chart: Chart, focus: str | None, depth: int | None, folded: Collection[str], whole: bool
+    ) -> None:
         self._chart = chart
         self._states = chart.states
         self._words = ElementTexts(chart)
@@ -82,6 +90,7 @@ class _Outliner:
         self._wrapper = "" if whole or only == focus else only
         self._focus = focus
         self._depth = depth
+        self._folded = folded
         #: State -> the box that stands for it in this picture.
         self._shown: dict[str, str] = {}
 
@@ -109,7 +118,7 @@ class _Outliner:
     def _box(self, state: State, level: int) -> StateBox:
         self._shown[state.name] = state.name
         pale = self._focus is not None and not self._inside(state.name)
-        collapsed = pale or level == self._depth
+        collapsed = pale or level == self._depth or state.name in self._folded
         children = self._children(state)
         return StateBox(
             state.name,

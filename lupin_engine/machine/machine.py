@@ -58,6 +58,7 @@ from lupin_engine.machine.scope import (
 )
 from lupin_engine.machine.snapshot import snapshot
 from lupin_engine.machine.step import (
+    Considered,
     Macrostep,
     Moment,
     Refusal,
@@ -228,6 +229,14 @@ class Machine:
     def explain(self, now: float) -> tuple[Possibility, ...]:
         """Return what every request and event of the chart would do now, and why not; nothing changes."""
         return self._explainer().explain(now)
+
+    def explain_event(self, event: str, now: float) -> Possibility:
+        """Return what one request or event would do now, as `explain` does of all."""
+        return self._explainer().one(event, now)
+
+    def consider(self, rule: Transition, now: float) -> Considered:
+        """Return what keeps a transition from being taken now, were its state active; nothing changes."""
+        return consider(self.scope, rule, Macrostep(Event(rule.event), now))
 
     def foresee(self, request: Event, now: float) -> Possibility:
         """Return what `handle` would do with a request that came at time `now`; nothing changes.

@@ -386,6 +386,12 @@ class Explainer:
         found = [self._request(name, now) for name in requests] + [self._event(name, now) for name in others]
         return tuple(one for one in found if one.considered or one.event != ALWAYS)
 
+    def one(self, event: str, now: float) -> Possibility:
+        """Return of one request or event what `explain` returns of all."""
+        chart = self._scope.chart
+        is_request = event in chart.profile.events or event in chart.answers
+        return self._request(event, now) if is_request else self._event(event, now)
+
     def considered(self, event: str, now: float, trigger: Trigger = NO_TRIGGER) -> tuple[Considered, ...]:
         """Return the transitions that listen to an event here, and what keeps each from being taken."""
         step = Macrostep(Event(event), now)

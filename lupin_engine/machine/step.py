@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from lupin_engine.chart.model import Chart
@@ -19,6 +19,10 @@ class Refusal:
 
     code: str
     text: str
+
+
+def _shown(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 @record(frozen=True)
@@ -41,17 +45,21 @@ class Considered:
             return f"{self.transition} ({self.place}) waits: {self.held} is engaged"
         if self.holds:
             return f"{self.transition} ({self.place}) can be taken"
-        values = ", ".join(f"{text} is {_shown(value)}" for text, value in self.telling)
-        return f"{self.transition} ({self.place}): {self.guard} is false" + (f": {values}" if values else "")
+        return f"{self.transition} ({self.place}): {self.reason()}"
 
     @property
     def telling(self) -> tuple[tuple[str, object], ...]:
         """The parts that tell more than that the guard is false."""
         return tuple(part for part in self.parts if part[0] != self.guard or part[1] is not False)
 
-
-def _shown(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    def reason(self, show: Callable[[object], str] = _shown) -> str:
+        """Return what keeps it from being taken, '' where nothing does; `show` writes the values."""
+        if self.held:
+            return f"{self.held} is engaged"
+        if self.holds:
+            return ""
+        values = ", ".join(f"{text} is {show(value)}" for text, value in self.telling)
+        return f"{self.guard} is false" + (f": {values}" if values else "")
 
 
 @record(frozen=True)

@@ -60,12 +60,8 @@ def _why_not(found: Possibility) -> str:
 
 def _reason(found: Possibility, one: Considered) -> str:
     """Return what keeps a transition from being taken."""
-    if one.held:
-        return f"{one.held} is engaged"
-    if one.holds:
-        return f"{found.event} is false" if found.event.startswith("input.") else "can be taken"
-    values = ", ".join(f"{text} is {shorten(value)}" for text, value in one.telling)
-    return f"{one.guard} is false" + (f": {values}" if values else "")
+    otherwise = f"{found.event} is false" if found.event.startswith("input.") else "can be taken"
+    return one.reason(shorten) or otherwise
 
 
 def _leads_to(chart: Chart, rule: str) -> str:

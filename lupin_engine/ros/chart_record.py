@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from lupin_engine.diagram.outline import outline
-from lupin_engine.diagram.svg import svg
-from lupin_engine.errors import Place
+from lupin_engine.diagram.descriptions import ElementTexts
+from lupin_engine.diagram.folding import folded_svg
+from lupin_engine.errors import Place, reason
 from lupin_engine.missions.load import LoadedMissions
 
 
@@ -15,8 +15,15 @@ def chart_record(loaded: LoadedMissions) -> dict[str, Any]:
 
     Files are named as in the folder of the missions. `id` is what the picture calls a state (`data-state`);
     transitions have their ids there as well (`data-transition`), except refusals, which are not drawn.
+    A chart that cannot be drawn has no picture, and `problem` says why.
     """
     chart, names = loaded.chart, loaded.short_names
+    words = ElementTexts(chart)
+    picture = problem = ""
+    try:
+        picture = folded_svg(chart, frozenset())
+    except Exception as raised:  # all the rest is of use without it
+        problem = f"the chart cannot be drawn: {reason(raised)}"
 
     def where(place: Place) -> dict[str, Any]:
         return {"file": names[place.file], "line": place.line}
@@ -26,8 +33,20 @@ def chart_record(loaded: LoadedMissions) -> dict[str, Any]:
     return {
         "hash": loaded.hash,
         "missions": list(loaded.names),
-        "svg": svg(outline(chart, whole=True)),
-        "states": {state.name: {"id": state.name, **where(state.place)} for state in states},
-        "transitions": {rule.id: where(rule.place) for rule in rules},
+        "svg": picture,
+        "problem": problem,
+        "states": {
+            state.name: {"id": state.name, "summary": state.summary, **where(state.place)} for state in states
+        },
+        "transitions": {
+            rule.id: {
+                "state": rule.source,
+                "target": rule.target or "",
+                "label": f"{words.label(rule)}",
+                "refuse": rule.refuse or "",
+                **where(rule.place),
+            }
+            for rule in rules
+        },
         "files": {names[name]: raw.decode(errors="replace") for name, raw in loaded.sources.items()},
     }

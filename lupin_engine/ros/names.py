@@ -30,8 +30,15 @@ COMMAND_HASH = "e3082568131722648efec9c442969ef1023b509ce7de89606224ed23ccfdfa22
 #: How every node is, once a second (diagnostic_msgs/msg/DiagnosticArray); a name of ROS.
 DIAGNOSTICS_TOPIC = "/diagnostics"
 
+#: The services by which displays draw and explain the chart, and their types.
+DRAW_SERVICE, EXPLAIN_SERVICE = f"/{NODE}/draw", f"/{NODE}/explain"
+DRAW_TYPE, EXPLAIN_TYPE = "lupin_engine_msgs/srv/Draw", "lupin_engine_msgs/srv/Explain"
+
 #: Which of these people's pages may use.
 ACCESS = Access(
-    viewer=(STEPS_TOPIC, MISSIONS_TOPIC, CHART_TOPIC, POSSIBLE_TOPIC, DIAGNOSTICS_TOPIC),
+    viewer=(
+        *(STEPS_TOPIC, MISSIONS_TOPIC, CHART_TOPIC, POSSIBLE_TOPIC, DIAGNOSTICS_TOPIC),
+        *(DRAW_SERVICE, EXPLAIN_SERVICE),
+    ),
     operator=(COMMAND_SERVICE, ANSWER_SERVICE.format("*")),
 )

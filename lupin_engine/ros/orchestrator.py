@@ -46,6 +46,7 @@ from lupin_engine.ros.adapter.process import signals_call
 from lupin_engine.ros.bindings.client import BoundClient
 from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.commands import STALE, STALE_AFTER_S, CommandAnswer, CommandMemory, CommandRequest
+from lupin_engine.ros.displays import Displays
 from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
 from lupin_engine.ros.keeping import JOURNAL_PARAMETERS, Keeping
 from lupin_engine.ros.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE, NODE
@@ -111,6 +112,7 @@ class Orchestrator:
         self._serve()
         self._serve_commands()
         self._serve_answers()
+        Displays(ros, self._clock, lambda: (self._loaded, self._machine))
         # Real time: the state is told five times a second also while simulated time stands still.
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
         self._keeping.begin(loaded, machine)

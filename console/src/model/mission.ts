@@ -164,9 +164,22 @@ export interface Offer {
   readonly ends: string;
 }
 
-interface Place {
+export interface Place {
   readonly file: string;
   readonly line: number;
+}
+
+export interface StateRecord extends Place {
+  readonly id: string;
+  readonly summary?: string;
+}
+
+export interface TransitionRecord extends Place {
+  readonly state?: string;
+  readonly target?: string;
+  readonly label?: string;
+  /** The code that it refuses a request with; it is not in the picture then. */
+  readonly refuse?: string;
 }
 
 export interface ChartRecord {
@@ -174,8 +187,10 @@ export interface ChartRecord {
   readonly boot: string;
   readonly missions: readonly string[];
   readonly svg: string;
-  readonly states: Readonly<Record<string, Place & { readonly id: string }>>;
-  readonly transitions: Readonly<Record<string, Place>>;
+  /** Why there is no picture. */
+  readonly problem?: string;
+  readonly states: Readonly<Record<string, StateRecord>>;
+  readonly transitions: Readonly<Record<string, TransitionRecord>>;
   readonly files: Readonly<Record<string, string>>;
 }
 

@@ -28,7 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from lupin_arm.joints import ARM
 from lupin_arm.library import ROUNDING, Library, Sequence, StoredPose, Waypoint
 from lupin_engine.ros.adapter.node import Qos
-from lupin_engine_msgs.srv import Command
+from lupin_engine_msgs.srv import Command, Draw, Explain
 from lupin_msgs.msg import TwinState
 from lupin_msgs.srv import (
     ArmLibraryEdit,
@@ -236,6 +236,27 @@ TABLE: dict[str, Served] = {
             *texts("by", "dock is not possible in READY", "huge", verb="dock"),
         ],
         lambda answer: (not answer.accepted and not answer.mission_id, answer.message),
+    ),
+    "/mission_orchestrator/draw": Served(
+        Draw,
+        {"folded": ["MISSION.InspectionMission"]},
+        lambda answer: answer.success and "data-state" in answer.svg,
+        [
+            *texts("chart", "another chart runs: ", "empty"),
+            *[(f"folded: {what}", {"folded": [text]}, "no state '") for what, text in TEXTS.items()],
+            ("folded: very many", {"folded": [str(n) for n in range(10_000)]}, "no state '0'"),
+        ],
+        lambda answer: (not answer.success and not answer.svg, answer.message),
+    ),
+    "/mission_orchestrator/explain": Served(
+        Explain,
+        {"element": "READY"},
+        lambda answer: answer.success and json.loads(answer.explanation)["rules"],
+        [
+            *texts("chart", "another chart runs: ", "empty", element="READY"),
+            *texts("element", "no state or transition '", "empty"),
+        ],
+        lambda answer: (not answer.success and not answer.explanation, answer.message),
     ),
     # --- greenhouse_bridge ----------------------------------------------------------------------------------
     "/greenhouse_bridge/get_tag_reading": Served(

@@ -1,0 +1,216 @@
+// The drawing and what lies over it: one can move around in it, fold states, and choose one or an arrow.
+import { effect, untracked, useSignal, useSignalEffect } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { shownNow } from "../../model/clock";
+import { steps, view, type ChartRecord } from "../../model/mission";
+import { texts } from "../../model/page";
+import { moment } from "../../model/past";
+import { Camera } from "./camera";
+import { drawing, folded, inner, reveal, toggle } from "./folds";
+import { Marks } from "./marks";
+import { around, choose } from "./names";
+import { Outline } from "./outline";
+import { Picture } from "./picture";
+
+/** Earlier steps that are looked through for how long a clock has been running. */
+const LOOK_BACK = 500;
+/** Pixels that a key moves the drawing by, and how much it changes its scale. */
+const STEP_PX = 60;
+const ZOOM = 1.25;
+
+export function Stage(props: { chart: ChartRecord; chosen: string }) {
+  const t = texts.value.chart;
+  const stage = useRef<HTMLDivElement>(null);
+  const paper = useRef<HTMLDivElement>(null);
+  const camera = useRef<Camera>();
+  const drawn = useSignal<{ picture: Picture; marks: Marks } | undefined>(undefined);
+  const anchor = useRef<string>();
+  const cursor = useSignal("");
+  const problem = useSignal("");
+  const unusable = useSignal("");
+  const drawingNow = useSignal(false);
+  const following = useSignal(true);
+  const element = useSignal(props.chosen);
+  const isFirst = useRef(true);
+  element.value = props.chosen;
+
+  useEffect(() => {
+    camera.current = new Camera(stage.current!, paper.current!, () => (following.value = false));
+  }, []);
+
+  // Another drawing when something is folded or unfolded; the last one is seen until it is there.
+  useSignalEffect(() => {
+    const names = folded.value;
+    const whole = props.chart;
+    let outdated = false;
+    drawingNow.value = true;
+    drawing(whole, names)
+      .then((svg) => {
+        if (outdated) return;
+        const picture = Picture.read(svg);
+        camera.current!.show(picture, anchor.current);
+        drawn.value = { picture, marks: new Marks(picture, inner(whole), names) };
+        problem.value = "";
+      })
+      .catch((wrong: unknown) => {
+        const told = wrong instanceof Error ? wrong.message : String(wrong);
+        if (outdated) return;
+        if (drawn.peek()) problem.value = told;
+        else if (names.size) folded.value = new Set();
+        else unusable.value = told;
+      })
+      .finally(() => {
+        if (!outdated) drawingNow.value = false;
+      });
+    return () => (outdated = true);
+  });
+
+  // What happens, drawn as it comes: nothing of the page is rendered for it.
+  useSignalEffect(() => {
+    const { picture, marks } = drawn.value ?? {};
+    if (!picture || !marks) return;
+    return effect(() => {
+      const known = steps.shown.value;
+      const earlier = untracked(() => steps.past.until(known?.at ?? 0).slice(-LOOK_BACK - 1, -1).reverse());
+      marks.show(known, earlier.map(({ value }) => value).filter(({ boot }) => boot === known?.value.boot));
+      untracked(() => marks.tick(known ? (shownNow.value - known.at) / 1000 : 0));
+      if (!following.peek() || element.peek()) return;
+      const active = known?.value.view.configuration.at(-1);
+      const name = active && picture.standsFor(active);
+      const box = name && picture.box(name);
+      if (box && isFirst.current) camera.current!.centre(box);
+      else if (box) camera.current!.follow(box);
+      isFirst.current &&= !box;
+    });
+  });
+  useSignalEffect(() => {
+    const at = steps.shown.peek()?.at;
+    if (at !== undefined) drawn.value?.marks.tick((shownNow.value - at) / 1000);
+  });
+
+  // What was chosen is unfolded, marked and brought into the middle.
+  useSignalEffect(() => {
+    const { picture, marks } = drawn.value ?? {};
+    const name = element.value;
+    const state = props.chart.transitions[name]?.state ?? name;
+    untracked(() => reveal(state));
+    if (!picture || !marks) return;
+    marks.select(name);
+    const box = state ? picture.box(picture.standsFor(state) ?? "") : undefined;
+    if (box && name && !isSeen.has(name)) camera.current!.centre(box);
+    isSeen.clear();
+  });
+  useSignalEffect(() => drawn.value?.marks.point(cursor.value || undefined));
+
+  const fold = (name: string): void => {
+    anchor.current = name;
+    toggle(name);
+  };
+
+  const click = (event: MouseEvent): void => {
+    const found = (event.target as Element).closest<SVGElement>("[data-fold], [data-transition], [data-state]");
+    const { fold: folds, transition, state } = found?.dataset ?? {};
+    if (folds) fold(folds);
+    else if (transition) choose(nextOf(transition.split(" "), element.peek()));
+    else if (state) {
+      isSeen.add(state);
+      choose(state);
+    }
+  };
+
+  const key = (event: KeyboardEvent): void => {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target !== stage.current) return;
+    const look = camera.current!;
+    const names = [...(drawn.peek()?.picture.states.keys() ?? [])];
+    const moves: Record<string, () => unknown> = {
+      "+": () => look.zoom(ZOOM),
+      "-": () => look.zoom(1 / ZOOM),
+      "0": () => look.fit(0),
+      Enter: () => cursor.value && choose(cursor.value),
+      " ": () => cursor.value && inner(props.chart).has(cursor.value) && fold(cursor.value),
+      Escape: () => choose(""),
+      ArrowLeft: () => (event.shiftKey ? look.pan(STEP_PX, 0) : go(beside(names, cursor.value, -1))),
+      ArrowRight: () => (event.shiftKey ? look.pan(-STEP_PX, 0) : go(beside(names, cursor.value, 1))),
+      ArrowUp: () => (event.shiftKey ? look.pan(0, STEP_PX) : go(around(cursor.value) || cursor.value)),
+      ArrowDown: () => (event.shiftKey ? look.pan(0, -STEP_PX) : go(names.find((name) => around(name) === cursor.value))),
+    };
+    const move = moves[event.key];
+    if (!move) return;
+    event.preventDefault();
+    move();
+  };
+  const go = (name: string | undefined): void => {
+    if (!name) return;
+    cursor.value = name;
+    const box = drawn.peek()?.picture.box(name);
+    if (box) camera.current!.follow(box);
+  };
+
+  if (unusable.value) return <Outline chart={props.chart} problem={unusable.value} />;
+  return (
+    <>
+      {problem.value && (
+        <p class="note warn" role="alert">
+          {problem.value}
+        </p>
+      )}
+      <div class="stage-frame">
+        <div
+          class={`stage ${view.value?.held.length ? "held" : ""} ${moment.value === null ? "" : "past"}`}
+          ref={stage}
+          tabIndex={0}
+          role="application"
+          aria-label={t.drawing}
+          aria-describedby="chart-keys"
+          onClick={click}
+          onKeyDown={key}
+        >
+          <div class="paper" ref={paper} />
+        </div>
+        <Veil />
+        <div class="row stage-tools" role="toolbar" aria-label={t.tools}>
+          <button aria-label={t.closer} onClick={() => camera.current!.zoom(ZOOM)}>+</button>
+          <button aria-label={t.farther} onClick={() => camera.current!.zoom(1 / ZOOM)}>−</button>
+          <button onClick={() => camera.current!.fit(0)}>{t.fit}</button>
+          <button aria-pressed={following.value} onClick={() => (following.value = !following.value)}>
+            {t.follow}
+          </button>
+        </div>
+      </div>
+      <p id="chart-keys" class="soft keys">{t.keys}</p>
+      <p class="hidden" role="status">
+        {drawingNow.value ? t.drawingNow : cursor.value}
+      </p>
+    </>
+  );
+}
+
+/** States that were chosen by a click on them: they are in view already. */
+const isSeen = new Set<string>();
+
+/** Of several transitions that share an arrow the one after that which is chosen. */
+function nextOf(ids: readonly string[], now: string): string {
+  return ids[(ids.indexOf(now) + 1) % ids.length] ?? "";
+}
+
+/** The next state within the same one, in the order of the file; the first one where there is no cursor yet. */
+function beside(names: readonly string[], now: string, by: number): string | undefined {
+  if (!now) return names[0];
+  const row = names.filter((name) => around(name) === around(now));
+  return row[(row.indexOf(now) + by + row.length) % row.length];
+}
+
+/** A hold stops everything: it lies over the drawing, and says why. */
+function Veil() {
+  const t = texts.value.chart;
+  const now = view.value;
+  if (!now?.held.length) return null;
+  return (
+    <div class="veil" role="status">
+      <p>
+        <span aria-hidden="true">⏸ </span>
+        {t.held} {now.held.map((name) => now.holds[name] || name).join(", ")}
+      </p>
+    </div>
+  );
+}

@@ -1,0 +1,94 @@
+"""What the transitions of a state would do now, and why some cannot be taken: plain data, for displays.
+
+The answers are the machine's own: what it would consider and take, were the event to come now.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from lupin_engine.chart.model import Chart, State, Transition
+from lupin_engine.chart.semantics import ENGINE_EVENTS
+from lupin_engine.errors import UsageError, meant, shortened
+from lupin_engine.machine.machine import Machine
+
+#: Letters of a value that are told.
+_LONGEST = 120
+
+
+def explanation(machine: Machine, element: str, now: float) -> dict[str, Any]:
+    """Return what a state, by its full name, or a transition, by its id, would do at time `now`.
+
+    Of a state all transitions are told that it listens to: its own, then those of the states around it. One
+    is `possible` when it would be taken if its event came now; else `reason` says what speaks against it.
+
+    Raises:
+        UsageError: the chart has neither a state nor a transition of that name.
+    """
+    memory = machine.memory
+    return {
+        "element": element,
+        "sequence": memory.sequence,
+        "active": element in memory.configuration,
+        "rules": [_told(machine, rule, now) for rule in _rules(machine.chart, element)],
+    }
+
+
+def _rules(chart: Chart, element: str) -> list[Transition]:
+    state = chart.states.get(element)
+    if state is not None:
+        return [rule for name in chart.lineage[element] for rule in _of(chart.states[name])]
+    every = {rule.id: rule for other in chart.states.values() for rule in _of(other)}
+    if element not in every:
+        hint = meant(element, [*filter(None, chart.states), *every])
+        raise UsageError(f"no state or transition {shortened(element)!r}" + (f"; {hint}" if hint else ""))
+    return [every[element]]
+
+
+def _of(state: State) -> Iterator[Transition]:
+    yield from state.transitions
+    yield from state.resume_at
+
+
+def _told(machine: Machine, rule: Transition, now: float) -> dict[str, Any]:
+    reason = _reason(machine, rule, now)
+    return {
+        "id": rule.id,
+        "state": rule.source,
+        "event": rule.event,
+        "possible": not reason,
+        "reason": reason,
+    }
+
+
+def _reason(machine: Machine, rule: Transition, now: float) -> str:
+    """Return why a transition would not be taken if its event came now; '' if it would be."""
+    chart = machine.chart
+    source = chart.states[rule.source]
+    considered = machine.consider(rule, now)
+    if rule in source.resume_at:
+        return considered.reason(_shown)
+    if rule.source not in machine.memory.configuration:
+        return f"{source.local_name} is not active"
+    told = considered.reason(_shown)
+    if told or rule.event.endswith("*"):
+        return told
+    if rule.event.partition(".")[0] in ENGINE_EVENTS:
+        # The end of an operation and a clock are the state's own: of its rules the first one is taken.
+        before = source.transitions[: source.transitions.index(rule)]
+        ready = (other for other in before if other.event == rule.event)
+        first = next((other.id for other in ready if not machine.consider(other, now).reason()), "")
+        return f"{first} is taken instead" if first else ""
+    found = machine.explain_event(rule.event, now)
+    if rule.id in found.taken:
+        return ""
+    if found.level is False:
+        return f"{rule.event} is false"
+    if found.refusal is not None:
+        return found.refusal.text
+    return f"{found.taken[0]} is taken instead" if found.taken else f"{rule.event} would not be taken"
+
+
+def _shown(value: object) -> str:
+    return shortened(str(value).lower() if isinstance(value, bool) else str(value), _LONGEST)
