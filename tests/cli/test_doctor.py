@@ -11,7 +11,10 @@ import pytest
 
 from lupin_engine.cli.main import main
 from lupin_engine.plugin.discovery import EntryPoint
+from lupin_engine.ros.adapter import environment
+from lupin_engine.ros.adapter.dds.profile import VARIABLES
 from lupin_engine.ros.launch import health
+from lupin_engine.ros.launch.environment import open_to
 from lupin_engine.ros.launch.health import RIHS, Finding
 from lupin_greenhouse.profile import HASHES
 
@@ -76,7 +79,13 @@ def test_a_ros_that_was_not_sourced_is_told_so(
             "ROS_AUTOMATIC_DISCOVERY_RANGE",
             "use one of SUBNET, LOCALHOST",
         ),
-        ("FASTRTPS_DEFAULT_PROFILES_FILE", "/absent.xml", "discovery profile", "there is no such file"),
+        ("FASTRTPS_DEFAULT_PROFILES_FILE", "/absent.xml", "DDS profile", "there is no such file"),
+        (
+            "ROS_STATIC_PEERS",
+            "robot.local",
+            "ROS_STATIC_PEERS",
+            "nodes stay on this machine: set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET to reach them",
+        ),
     ],
 )
 def test_the_network_settings_are_judged(
@@ -87,6 +96,59 @@ def test_the_network_settings_are_judged(
     found = {finding.topic: finding for finding in health.look_at_network()}[topic]
     assert found.state == "problem"
     assert found.advice.startswith(advice)
+
+
+@pytest.mark.parametrize(
+    ("shell", "told"),
+    [
+        ({}, ("this machine only", "ok", "")),
+        (
+            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
+            (
+                "others, too",
+                "note",
+                "every computer of the network is let in, and may command the robot: "
+                "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
+            ),
+        ),
+        (
+            {"FASTDDS_DEFAULT_PROFILES_FILE": "/etc/dds.xml"},
+            (
+                "others, too",
+                "note",
+                "your DDS profile /etc/dds.xml is used instead of the engine's: it alone says who is let in",
+            ),
+        ),
+    ],
+)
+def test_it_says_to_whom_the_robot_is_open(
+    monkeypatch: pytest.MonkeyPatch, shell: dict[str, str], told: tuple[str, str, str]
+) -> None:
+    """And whether anything that runs already listens to other computers."""
+    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", *VARIABLES):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in shell.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(health, "exposed", lambda domain: 2)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    found = {finding.topic: finding for finding in health.look_at_network()}
+    assert (found["open to"].found, found["open to"].state, found["open to"].advice) == told
+    listening = found["listening to others"]
+    assert listening.found == "2 participants of domain 7 on this machine"
+    assert listening.advice == "other computers can find and command these"
+
+
+def test_another_middleware_is_not_closed_by_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there can be one: with an apt ROS 2."""
+    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", *VARIABLES):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
+    assert open_to() == ""
+    monkeypatch.setattr(environment, "rclpy_source", lambda: "apt")
+    assert open_to() == (
+        "the engine closes Fast DDS only, and this is rmw_cyclonedds_cpp: "
+        "docs/security.md says how to close it"
+    )
 
 
 def test_another_definition_of_a_message_is_a_problem(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,6 +6,7 @@ import click
 
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.ros.adapter.process import end_with_supervisor
+from lupin_engine.ros.launch.environment import close_the_doors
 from lupin_engine.ros.launch.nodes import find_node, nodes_of
 from lupin_engine.ros.launch.requirements import prepare_ros
 
@@ -26,6 +27,7 @@ def node(name: str | None, arguments: tuple[str, ...]) -> int:
         _list(catalog)
         return 0
     found = find_node(name, catalog)
+    close_the_doors()
     prepare_ros()
     end_with_supervisor()
     return found.run(list(arguments))  # rclpy.init takes no tuple

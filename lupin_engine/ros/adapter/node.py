@@ -13,7 +13,8 @@ Each work-around lives in this package, for this reason:
 * `ExternalShutdownException` ends a spin quietly: the context may be shut down from elsewhere;
 * the end of the spin closes executor, node and context: a leaking server steals the requests of the next;
 * a limit on that (`process`): Fast DDS deadlocks in about 1 of 700 ends when several nodes leave at once;
-* discovery profile (`process`): finding a peer takes up to 2.4 s and noticing its death 20 s without;
+* a profile of our own (`dds`): finding a peer takes up to 2.4 s and noticing its death 20 s without, and
+  everybody on the network is answered;
 * no second wake-up after each callback (`executor`): rclpy's costs a third of an idle node's processor time;
 * posting wakes the executor: nothing else makes it look for work of other threads;
 * timers run on the monotonic clock (on ROS time with `use_sim_time`): a stepped wall clock moves no deadline;
@@ -56,6 +57,7 @@ from lupin_engine.ros.adapter.actions import (
     ServedGoal,
 )
 from lupin_engine.ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
+from lupin_engine.ros.adapter.dds.profile import use_profile
 from lupin_engine.ros.adapter.executor import Executor, Serving, StaleAfter
 from lupin_engine.ros.adapter.logs import guarded, ros_log
 from lupin_engine.ros.adapter.parameters import Declared, DeclaredParameters
@@ -65,7 +67,7 @@ from lupin_engine.ros.adapter.peers import (
     rival_servers,
     service_channels,
 )
-from lupin_engine.ros.adapter.process import ends_the_process_after, signals_call, use_discovery_profile
+from lupin_engine.ros.adapter.process import ends_the_process_after, signals_call
 from lupin_engine.ros.adapter.qos import Qos
 from lupin_engine.ros.adapter.vitals import REPORT_S, CountedPublisher, Vitals
 
@@ -129,7 +131,7 @@ class RosNode:
         arguments: Sequence[str] = (),
         parameters: Declared | Callable[[Mapping[str, Any]], Declared] = MappingProxyType({}),
     ) -> None:
-        use_discovery_profile()
+        use_profile()
         self._context = Context()
         self.node = self._make_node(name, arguments)
         self.name: str = self.node.get_name()

@@ -1,4 +1,4 @@
-"""What a node does to its process: signals, its end, the profile that the middleware reads.
+"""What a node does to its process: signals and its end.
 
 A node that was started by `lupin run`, or by a test, does not outlive it. The supervisor holds the writing
 end of the child's standard input and never writes. However the supervisor ends, `kill -9` included, the
@@ -16,7 +16,6 @@ import signal
 import socket
 import threading
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 #: Set for the processes that a supervisor starts.
 SUPERVISED = "LUPIN_SUPERVISED"
@@ -26,13 +25,6 @@ GRACE_S = 5.0
 
 #: The file descriptor, because `sys.stderr` may be anything by then.
 _STDERR = 2
-
-
-def use_discovery_profile() -> None:
-    """Name our discovery profile to the middleware, unless the user has named one."""
-    if not any(os.environ.get(f"{prefix}_DEFAULT_PROFILES_FILE") for prefix in ("FASTRTPS", "FASTDDS")):
-        profile = Path(__file__).with_name("discovery.xml")
-        os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(profile)
 
 
 @contextlib.contextmanager

@@ -25,6 +25,7 @@ from lupin_engine.ros.launch.description import (
     command,
     describe_launch,
 )
+from lupin_engine.ros.launch.environment import open_to
 from lupin_engine.ros.launch.interrupts import Interrupts
 from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR
@@ -138,6 +139,9 @@ class Bringup:
             RunFailed: a process died, or something is still missing after its time.
             Interrupted: the user lost patience.
         """
+        doors = open_to()
+        if doors:
+            self._observer.note(doors, Severity.WARN)
         self._observer.note("looking for nodes that run already")
         self.description = self._describe(list(plugins), catalog, self._look_around())
         if self.description.joined:

@@ -20,6 +20,8 @@ TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 
 #: Ports of domain 0 begin here; each domain has as many; participant n listens for others at offset 10 + 2n.
 PORT_BASE, PORTS_PER_DOMAIN, FIRST_OFFSET = 7400, 250, 10
+#: This machine's address for itself, as these tables write it.
+LOOPBACK = {"0100007F", "00000000000000000000000001000000"}
 
 #: The network is looked at until nothing new has appeared for this long; other machines get this long to
 #: appear; and no look takes longer than this. In seconds.
@@ -61,16 +63,32 @@ def _all_known(strangers: int, looked: float) -> bool:
 
 def participants(domain: int, tables: Iterable[Path] = TABLES) -> int | None:
     """Return how many participants of `domain` this machine has; None when that cannot be seen."""
-    base = PORT_BASE + PORTS_PER_DOMAIN * domain
-    offsets = {port - base for table in tables for port in _bound_ports(table)}
-    found = sum(1 for o in offsets if FIRST_OFFSET <= o < PORTS_PER_DOMAIN and (o - FIRST_OFFSET) % 2 == 0)
-    return found or None
+    return len(_listening(domain, tables)) or None
 
 
-def _bound_ports(table: Path) -> Iterator[int]:
+def exposed(domain: int, tables: Iterable[Path] = TABLES) -> int:
+    """Return how many participants of `domain` on this machine listen to other computers too."""
+    addresses = _listening(domain, tables).values()
+    return sum(1 for bound in addresses if not bound <= LOOPBACK)
+
+
+def _listening(domain: int, tables: Iterable[Path]) -> dict[int, set[str]]:
+    """Return the addresses at which each participant of `domain` is found, as the kernel writes them."""
+    first = PORT_BASE + PORTS_PER_DOMAIN * domain + FIRST_OFFSET
+    found: dict[int, set[str]] = {}
+    for table in tables:
+        for address, port in _bound_ports(table):
+            number, rest = divmod(port - first, 2)
+            if not rest and 0 <= port - first < PORTS_PER_DOMAIN - FIRST_OFFSET:
+                found.setdefault(number, set()).add(address)
+    return found
+
+
+def _bound_ports(table: Path) -> Iterator[tuple[str, int]]:
     try:
         lines = table.read_text().splitlines()[1:]
     except OSError:
         return
     for line in lines:
-        yield int(line.split()[1].rpartition(":")[2], 16)
+        address, _, port = line.split()[1].rpartition(":")
+        yield address, int(port, 16)

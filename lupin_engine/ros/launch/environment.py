@@ -8,13 +8,15 @@ from pathlib import Path
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.files import ros_domain
 from lupin_engine.ros.adapter import environment
+from lupin_engine.ros.adapter.dds.profile import CLOSED, RANGE, close_the_range, is_closed, users_profile
 
 DOMAIN = "ROS_DOMAIN_ID"
-RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+PEERS = "ROS_STATIC_PEERS"
+RMW = "RMW_IMPLEMENTATION"
 #: Ports of higher domains collide with those that Linux hands out to anybody.
 HIGHEST_DOMAIN = 101
 #: What a discovery range may be, where nodes are to find each other.
-RANGES = ("SUBNET", "LOCALHOST", "SYSTEM_DEFAULT")
+RANGES = ("SUBNET", CLOSED, "SYSTEM_DEFAULT")
 
 
 def close_the_doors(domain: int | None = None) -> None:
@@ -23,11 +25,10 @@ def close_the_doors(domain: int | None = None) -> None:
     Raises:
         UsageError: the shell has set variables of ROS with which nodes would not find each other.
     """
-    if not os.environ.get(RANGE):  # also to ROS an empty one is none
-        os.environ[RANGE] = "LOCALHOST"
+    close_the_range()
     if domain is not None:
         os.environ[DOMAIN] = str(domain)
-    advice = {DOMAIN: domain_advice(), RANGE: range_advice()}
+    advice = {DOMAIN: domain_advice(), RANGE: range_advice(), PEERS: peers_advice()}
     problems = [f"{name} is {os.environ[name]!r}: {text}" for name, text in advice.items() if text]
     if problems:
         raise UsageError("\n".join(problems))
@@ -48,6 +49,27 @@ def range_advice() -> str:
     return "" if not text or text in RANGES else f"use one of {', '.join(RANGES)}, or unset it"
 
 
+def peers_advice() -> str:
+    """Say what to do about peers on other computers that the shell names; '' where nothing is wrong."""
+    if not os.environ.get(PEERS) or not is_local_only():
+        return ""
+    return f"nodes stay on this machine: set {RANGE}=SUBNET to reach them, or unset it"
+
+
+def open_to() -> str:
+    """Say who else can reach and command what is started here; '' for nobody outside this machine."""
+    theirs = users_profile()
+    if theirs:
+        return f"your DDS profile {theirs} is used instead of the engine's: it alone says who is let in"
+    if not is_closed():
+        asked = f"{RANGE}={os.environ[RANGE]}"
+        return f"every computer of the network is let in, and may command the robot: {asked}"
+    other = os.environ.get(RMW, "")
+    if environment.rclpy_source() == "apt" and other not in ("", "rmw_fastrtps_cpp"):
+        return f"the engine closes Fast DDS only, and this is {other}: docs/security.md says how to close it"
+    return ""
+
+
 def current_domain() -> int:
     """Return the ROS domain of this process."""
     return ros_domain()
@@ -55,7 +77,7 @@ def current_domain() -> int:
 
 def is_local_only() -> bool:
     """Say whether nobody outside this machine can be discovered."""
-    return os.environ.get(RANGE) == "LOCALHOST"
+    return is_closed() and not users_profile()
 
 
 def for_children(folder: Path) -> dict[str, str]:

@@ -25,8 +25,18 @@ from lupin_engine.plugin.discovery import entry_points
 from lupin_engine.plugin.files import ros_domain
 from lupin_engine.plugin.registry import load_catalog, load_profiles, verified_plugin
 from lupin_engine.ros.adapter import environment
+from lupin_engine.ros.adapter.dds.profile import CLOSED, RANGE, users_profile
 from lupin_engine.ros.bindings.type_hashes import local_hash
-from lupin_engine.ros.launch.environment import DOMAIN, RANGE, current_domain, domain_advice, range_advice
+from lupin_engine.ros.launch.dds_discovery import exposed
+from lupin_engine.ros.launch.environment import (
+    DOMAIN,
+    PEERS,
+    current_domain,
+    domain_advice,
+    open_to,
+    peers_advice,
+    range_advice,
+)
 from lupin_engine.ros.launch.requirements import INSTALL_ROS, SOURCE_ROS
 from lupin_engine.ros.launch.shared_memory import stale_segments
 from lupin_engine.ros.names import COMMAND_HASH, COMMAND_TYPE
@@ -40,8 +50,6 @@ RIHS = "RIHS01_"
 
 #: Extras of the distribution that a command needs, each with that command.
 _EXTRAS = {"hmi": "`--hmi`", "record": "`lupin record`"}
-
-_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
 @dataclass(frozen=True)
@@ -148,20 +156,27 @@ def look_at_network() -> Iterator[Finding]:
     doors, advice = os.environ.get(RANGE, ""), range_advice()
     if advice:
         yield Finding(RANGE, doors, "problem", advice)
-    elif doors in ("", "LOCALHOST"):
-        yield Finding(RANGE, doors or "not set: `lupin run` takes LOCALHOST")
     else:
-        yield Finding(RANGE, doors, "note", "other machines can command the robot")
+        yield Finding(RANGE, doors or f"not set: {CLOSED} is taken")
+    if peers_advice():
+        yield Finding(PEERS, os.environ[PEERS], "problem", peers_advice())
     yield _profile()
+    doors = open_to()
+    closed = Finding("open to", "this machine only")
+    yield Finding("open to", "others, too", "note", doors) if doors else closed
+    heard = exposed(current_domain())
+    if heard:
+        found = f"{heard} participant{'s' * (heard > 1)} of domain {current_domain()} on this machine"
+        yield Finding("listening to others", found, "note", "other computers can find and command these")
 
 
 def _profile() -> Finding:
-    given = next((os.environ[name] for name in _PROFILES if os.environ.get(name)), "")
+    given = users_profile()
     if not given:
-        return Finding("discovery profile", "the engine's own: peers within 1 s, deaths within 3 s")
+        return Finding("DDS profile", "the engine's own: peers within 1 s, deaths within 3 s")
     if Path(given).is_file():
-        return Finding("discovery profile", given, "note", "yours is used instead of the engine's")
-    return Finding("discovery profile", given, "problem", "there is no such file: unset the variable")
+        return Finding("DDS profile", given, "note", "yours is used instead of the engine's")
+    return Finding("DDS profile", given, "problem", "there is no such file: unset the variable")
 
 
 def look_at_left_overs() -> Iterator[Finding]:

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 from nav2_msgs.action import NavigateToPose
@@ -26,6 +27,7 @@ from std_srvs.srv import Trigger
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import DURATION, INTEGER, POSE, TEXT, list_of
+from lupin_engine.ros.adapter.dds.profile import OPEN, RANGE, THIS_MACHINE, use_profile
 from lupin_engine.ros.adapter.executor import StaleAfter
 from lupin_engine.ros.adapter.node import ActionCaller, CallFailure, Qos, RosNode, ServedGoal, peer_mismatches
 from lupin_engine.ros.adapter.peers import rival_servers
@@ -726,9 +728,21 @@ def test_a_second_server_of_an_action_is_named(make_node: MakeNode) -> None:
 
 def test_the_users_discovery_profile_wins(make_node: MakeNode, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE", raising=False)
-    make_node("first")
-    assert os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"].endswith("discovery.xml")
+    monkeypatch.delenv(RANGE)
+    use_profile()
+    assert os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(THIS_MACHINE)
+    assert os.environ[RANGE] == "LOCALHOST"
+    monkeypatch.setenv(RANGE, "SUBNET")
+    use_profile()  # ours of before is no user's
+    assert os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(OPEN)
     monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE")
     monkeypatch.setenv("FASTDDS_DEFAULT_PROFILES_FILE", __file__)
     make_node("second")
     assert "FASTRTPS_DEFAULT_PROFILES_FILE" not in os.environ
+
+
+def test_both_profiles_discover_alike() -> None:
+    name = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}builtin"
+    parts = [ElementTree.parse(file).find(f".//{name}") for file in (THIS_MACHINE, OPEN)]
+    one, other = (ElementTree.tostring(part) for part in parts if part is not None)
+    assert one == other

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from lupin_engine.ros.launch import dds_discovery
-from lupin_engine.ros.launch.dds_discovery import LIMIT_S, QUIET_S, settled
+from lupin_engine.ros.launch.dds_discovery import LIMIT_S, QUIET_S, exposed, participants, settled
 
 TICK_S = 0.05
 
@@ -64,3 +66,19 @@ def test_the_first_look_after_a_standstill_is_not_trusted(monkeypatch: pytest.Mo
     """The process was not let work, nor were its threads that hear of others: nothing new says nothing."""
     network = Network({"a": 0.0, "a again": 0.2}, stands=(0.1, 1.0))
     assert seen(network, monkeypatch, there=2) == {"a", "a again"}
+
+
+def test_a_participant_that_listens_to_others_is_told_from_one_that_does_not(tmp_path: Path) -> None:
+    """By the kernel's table: domain 1 has its first participant at port 7660, the next at 7662."""
+    table = tmp_path / "udp"
+    rows = [
+        "0100007F:1DEC",
+        "00000000:1DEE",
+        "0100007F:1DF0",
+        "0501A8C0:1DF0",
+        "00000000:1DED",
+        "00000000:0035",
+    ]
+    table.write_text("head\n" + "".join(f"  {n}: {row} 00000000:0000\n" for n, row in enumerate(rows)))
+    assert (participants(1, [table]), exposed(1, [table])) == (3, 2)
+    assert (participants(2, [table]), exposed(2, [table])) == (None, 0)

@@ -121,6 +121,12 @@ def test_the_network_is_closed_unless_it_was_opened(monkeypatch: pytest.MonkeyPa
             "OFF",
             "ROS_AUTOMATIC_DISCOVERY_RANGE is 'OFF': nodes do not find each other: unset it",
         ),
+        (
+            "ROS_STATIC_PEERS",
+            "robot.local",
+            "ROS_STATIC_PEERS is 'robot.local': nodes stay on this machine: "
+            "set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET to reach them, or unset it",
+        ),
     ],
 )
 def test_a_network_in_which_nodes_would_not_meet_is_refused(

@@ -1,0 +1,1 @@
+"""The profiles that Fast DDS reads: who is found how soon, and which network interfaces are used."""
