@@ -8,6 +8,7 @@ import { language, mode, open, route, startPage, texts, theme, type Language, ty
 import { startScrubbing } from "./model/scrub";
 import { startPlayback } from "./model/playback";
 import { startSimulation } from "./model/simulation";
+import { startPeople } from "./model/people";
 import { startTopics } from "./model/topics";
 import { MomentBar } from "./parts/moment";
 import { Contained, Pill } from "./parts/panel";
@@ -59,6 +60,16 @@ function Settings() {
   );
 }
 
+function Badge({ count = 0, text = "" }: { count?: number; text?: string }) {
+  if (!count) return null;
+  return (
+    <span class="badge" title={text}>
+      {count}
+      <span class="unseen"> {text}</span>
+    </span>
+  );
+}
+
 function Console() {
   const t = texts.value;
   const views = VIEWS.filter(({ only }) => !only || only === mode.value);
@@ -70,9 +81,9 @@ function Console() {
         {t.shell.skip}
       </a>
       <nav aria-label={t.shell.views}>
-        {views.map(({ id, sign, title }) => (
+        {views.map(({ id, sign, title, waiting }) => (
           <a href={`#${id}`} aria-current={id === shown.id ? "page" : undefined} onClick={() => open(id)}>
-            <span aria-hidden="true">{sign}</span> {title(t)}
+            <span aria-hidden="true">{sign}</span> {title(t)} <Badge {...waiting?.(t)} />
           </a>
         ))}
         <Settings />
@@ -110,5 +121,6 @@ startLog();
 startScrubbing();
 startSimulation();
 startPlayback();
+startPeople();
 link.start();
 render(<Console />, document.getElementById("console")!);

@@ -26,6 +26,12 @@ export const hindrance = computed(() => {
   return "";
 });
 
+/** Why this page may not do what needs a role; "" where it may. */
+export function hindranceFor(least: "operator" | "engineer"): string {
+  const t = texts.value.control.hindrances;
+  return hindrance.value || (least === "engineer" && gateway.value?.role !== "engineer" ? t.engineer : "");
+}
+
 /** Why the mission cannot be commanded now; "" where the engine is the one to ask. */
 export const commandHindrance = computed(() => {
   const t = texts.value.control;

@@ -1,6 +1,7 @@
 // The views, in the order of the navigation.
 import type { ComponentType } from "preact";
 import type { Mode } from "../model/page";
+import { openNotifications } from "../model/people";
 import type { Texts } from "../texts/en";
 import { ArmView } from "./arm";
 import { ChartView } from "./chart";
@@ -20,6 +21,13 @@ export interface ViewEntry {
   readonly View: ComponentType;
   /** It is there only where this is looked at. */
   readonly only?: Mode;
+  /** How many things of it wait for somebody, and in words. */
+  readonly waiting?: (texts: Texts) => { readonly count: number; readonly text: string };
+}
+
+function unacknowledged({ people }: Texts) {
+  const count = openNotifications.value.length;
+  return { count, text: people.badge(count) };
 }
 
 export const VIEWS: readonly ViewEntry[] = [
@@ -30,6 +38,6 @@ export const VIEWS: readonly ViewEntry[] = [
   { id: "twin", sign: "❀", title: (t) => t.twin.title, View: TwinView },
   { id: "arm", sign: "⚙", title: (t) => t.arm.title, View: ArmView },
   { id: "health", sign: "♥", title: (t) => t.health.title, View: HealthView },
-  { id: "people", sign: "☺", title: (t) => t.people.title, View: PeopleView },
+  { id: "people", sign: "☺", title: (t) => t.people.title, View: PeopleView, waiting: unacknowledged },
   { id: "simulation", sign: "⚗", title: (t) => t.simulation.title, View: SimulationView, only: "simulation" },
 ];

@@ -148,6 +148,7 @@ class RosNode:
         self._callers: list[ActionCaller] = []
         self._hosts: list[ActionHost] = []
         self._channels: dict[str, None] = {}
+        self._vitals: Vitals | None = None
         self._failures: deque[float] = deque(maxlen=MAX_FAILURES_PER_SECOND)
         self._told_findings: frozenset[str] = frozenset()
         self._seen_rivals: frozenset[str] = frozenset()
@@ -155,8 +156,8 @@ class RosNode:
             self._declared = DeclaredParameters(self.node, self.log, arguments, parameters)
             self._one_shot(FIRST_PEER_CHECK_S, self._check_peers, self._steady)
             self.steady_timer(PEER_CHECK_PERIOD_S, self._check_peers)
-            self._vitals = Vitals(self.node, time.monotonic())
-            self.steady_timer(REPORT_S, lambda: self._vitals.report(time.monotonic()))
+            vitals = self._vitals = Vitals(self.node, time.monotonic())
+            self.steady_timer(REPORT_S, lambda: vitals.report(time.monotonic()))
         except BaseException:
             self.close()
             raise
@@ -413,7 +414,8 @@ class RosNode:
         for callback in self._stop_callbacks:
             self.guarded(callback)()
         if self._context.ok():
-            self.guarded(self._vitals.end)()
+            if self._vitals is not None:
+                self.guarded(self._vitals.end)()
             self.guarded(self._have_goals_ended)()
             self.guarded(self._deliver)()
 
@@ -483,6 +485,8 @@ class RosNode:
         if self._closed:
             return
         self._closed = True
+        if self._context.ok() and self._vitals is not None:
+            self.guarded(self._vitals.end)()
         for host in self._hosts:
             host.close()
         for caller in self._callers:

@@ -60,6 +60,7 @@ class Vitals:
         self._disk = nearest_folder(user_folder("XDG_STATE_HOME", ".local/state"))
         self._at, self._used, self._machine = started, time.process_time(), machine_ticks()
         self._sent: dict[str, int] = {}
+        self._ended = False
 
     def report(self, now: float) -> None:
         """Tell how the node is, at a time of a clock that never goes back, in seconds."""
@@ -79,8 +80,9 @@ class Vitals:
         self._tell(level, "; ".join(warnings) or "running", values)
 
     def end(self) -> None:
-        """Tell that the node ends as it should: nobody is to look for it."""
-        if self._publisher is not None:
+        """Tell that the node ends as it should: nobody is to look for it. Once is enough."""
+        if self._publisher is not None and not self._ended:
+            self._ended = True
             self._tell(DiagnosticStatus.STALE, ENDED, {})
 
     def _shares(self, now: float) -> dict[str, str]:

@@ -13,12 +13,14 @@ from typing import Any
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from lupin_arm.joints import ARM, JAW, JAW_CLOSED, JAW_CLOSED_DEG, JAW_OPEN, JAW_OPEN_DEG
 from lupin_arm.library import Library, NotInLibrary, StoredPose, StoreFailed, checked_pose, valid_name
 from lupin_arm.node.arm import Arm
 from lupin_arm.node.gates import MissionGate
 from lupin_arm.node.player import Player, if_on
 from lupin_arm.node.recorder import Recorder, RecorderResult
 from lupin_arm.node.serving import STALE_AFTER_S, ArmRequestRefused, refuse
+from lupin_arm.presets import PRESETS
 from lupin_arm.trajectory import clamp_speed, move
 from lupin_engine.errors import nearest, shortened
 from lupin_engine.plugin.files import user_folder
@@ -85,7 +87,7 @@ class LibraryServer:
             response.success = True
         except NotInLibrary:
             found = {"poses": [], "sequences": []}
-        response.json = json.dumps(found | self._notices())
+        response.json = json.dumps(found | _built_in() | self._notices())
         return response
 
     def _notices(self) -> dict[str, list[str]]:
@@ -312,3 +314,13 @@ def _answering_later(
 def _refuse_list(response: GetArmLibrary.Response, reason: str) -> GetArmLibrary.Response:
     response.json = json.dumps({"poses": [], "sequences": [], "notices": [reason]})
     return response
+
+
+def _built_in() -> dict[str, Any]:
+    """Return what no file has, for displays: the presets, and the joints with their limits in degrees."""
+    joints = [
+        {"name": each.name, "state": each.state_name, "low": each.window_deg[0], "high": each.window_deg[1]}
+        for each in ARM
+    ]
+    jaw = {"state": JAW, "low": JAW_OPEN_DEG, "high": JAW_CLOSED_DEG, "state_low": JAW_OPEN}
+    return {"presets": sorted(PRESETS), "joints": joints, "jaw": {**jaw, "state_high": JAW_CLOSED}}

@@ -127,10 +127,12 @@ def test_a_pose_is_saved_listed_moved_to_renamed_and_deleted(
     bench.drivers.jaw = 0.1
     bench.move_by_hand([0.1, 0.2, 0.3, 0.4])
     assert save(bench, " Over_Pot ", from_current=True).message == "saved 'over_pot'"
-    assert listing(bench) == {
-        "poses": [{"name": "over_pot", "note": "", "has_gripper": True}],
-        "sequences": [],
-    }
+    found = listing(bench)
+    assert found["poses"] == [{"name": "over_pot", "note": "", "has_gripper": True}]
+    assert found["sequences"] == []
+    assert found["presets"] == sorted(PRESETS)
+    assert found["joints"][2] == {"name": "elbow", "state": "elbow_joint", "low": -90, "high": 90}
+    assert found["jaw"]["state"] == "gripper_joint"
     bench.move_by_hand([0.0, 0.0, 0.0, 0.0])
     answer = bench.call(SetArmPreset, f"{LIBRARY}/goto_pose", name="over_pot")
     assert answer.success, answer.message

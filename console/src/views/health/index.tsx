@@ -1,6 +1,238 @@
+// How nodes, machines and the battery are, and what the log warns of.
+import { signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { shownNow } from "../../model/clock";
+import { battery, diagnostics, ENDED, NODE_SILENT_S, nodesNow, nodesOnNetwork, WARNED, type NodeHealth } from "../../model/health";
 import { texts } from "../../model/page";
-import { Panel } from "../../parts/panel";
+import { moment, type Known } from "../../model/past";
+import { rosout } from "../../model/rosout";
+import { link } from "../../wire/link";
+import { ago, clockTime, dateTime, number, span } from "../../parts/format";
+import { Panel, Pill } from "../../parts/panel";
+import { Sparkline } from "../../parts/sparkline";
+import "./health.css";
+
+/** Milliseconds between two looks at which nodes are on the network. */
+const LOOK_EVERY_MS = 5000;
+/** Lines of the log that are shown. */
+const MOST_LINES = 200;
+/** Less charge than this is a warning. */
+const LOW_CHARGE = 0.2;
+
+const onNetwork = signal<readonly string[]>([]);
+const severity = signal<"warn" | "error">("warn");
+
+function isSilent(node: NodeHealth, now: number): boolean {
+  return node.level !== ENDED && now - node.at > (moment.value === null ? NODE_SILENT_S : NODE_SILENT_S + 5) * 1000;
+}
+
+function valueOf(node: NodeHealth, name: string): number | undefined {
+  const text = node.values[name];
+  return text === undefined ? undefined : Number(text);
+}
+
+function State({ node, now }: { node: NodeHealth; now: number }) {
+  const t = texts.value.health;
+  if (node.level === ENDED) return <Pill>{t.endedAt(clockTime(node.at))}</Pill>;
+  if (isSilent(node, now)) return <Pill tone="bad">{t.silentSince(clockTime(node.at))}</Pill>;
+  if (node.level >= WARNED) return <Pill tone="warn">{node.message}</Pill>;
+  return <Pill tone="good">{t.running}</Pill>;
+}
+
+function Rates({ node }: { node: NodeHealth }) {
+  const t = texts.value.health;
+  const told = node.rates.filter(([, rate]) => rate > 0).length;
+  if (!node.rates.length) return <>–</>;
+  return (
+    <details>
+      <summary>{t.topics(told, node.rates.length)}</summary>
+      <ul class="rates">
+        {node.rates.map(([topic, rate]) => (
+          <li key={topic} class={rate ? "" : "soft"}>
+            <code>{topic}</code> {number(rate)} Hz
+          </li>
+        ))}
+      </ul>
+    </details>
+  );
+}
+
+function NodeRow({ node, now }: { node: NodeHealth; now: number }) {
+  const gone = node.level === ENDED || isSilent(node, now);
+  return (
+    <tr class={gone ? "gone" : ""}>
+      <th scope="row">{node.name}</th>
+      <td>
+        <State node={node} now={now} />
+      </td>
+      <td>{ago((now - node.at) / 1000)}</td>
+      <td>{span(valueOf(node, "up (s)") ?? 0)}</td>
+      <td>{number(valueOf(node, "processor (%)"))} %</td>
+      <td>{number(valueOf(node, "memory (MB)"), 0)} MB</td>
+      <td>
+        <Rates node={node} />
+      </td>
+    </tr>
+  );
+}
+
+function Nodes({ nodes, now }: { nodes: readonly NodeHealth[]; now: number }) {
+  const t = texts.value.health;
+  const told = new Set(nodes.map(({ name }) => name));
+  const others = moment.value === null ? onNetwork.value.filter((name) => !told.has(name)) : [];
+  return (
+    <Panel title={t.nodes}>
+      {nodes.length === 0 && <p class="soft">{t.nothing}</p>}
+      <div class="scroll">
+        <table>
+          <thead>
+            <tr>
+              {[t.node, t.state, t.heard, t.up, t.processor, t.memory, t.published].map((text) => (
+                <th key={text} scope="col">
+                  {text}
+                </th>
+              ))}
+            </tr>
+          </thead>
+          <tbody>
+            {nodes.map((node) => (
+              <NodeRow key={node.name} node={node} now={now} />
+            ))}
+            {others.map((name) => (
+              <tr key={name}>
+                <th scope="row">{name}</th>
+                <td colSpan={6} class="soft">
+                  {t.foreign}
+                </td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+    </Panel>
+  );
+}
+
+function Gauge(props: { label: string; share: number; text: string; bad: boolean }) {
+  return (
+    <div class="gauge">
+      <span>{props.label}</span>
+      <meter min={0} max={1} value={Math.max(0, Math.min(1, props.share))} aria-label={`${props.label}: ${props.text}`} />
+      <span class={props.bad ? "bad" : ""}>{`${props.bad ? "▲ " : ""}${props.text}`}</span>
+    </div>
+  );
+}
+
+function Machine({ name, node, silent }: { name: string; node: NodeHealth; silent: boolean }) {
+  const t = texts.value.health;
+  const value = (of: string): number => valueOf(node, of) ?? 0;
+  const [memory, memoryFree] = [value("machine memory (MB)"), value("machine memory free (MB)")];
+  const [disk, diskFree] = [value("disk (GB)"), value("disk free (GB)")];
+  const busy = value("machine processor (%)") / 100;
+  return (
+    <div class={silent ? "machine stale" : "machine"}>
+      <h3>{name}</h3>
+      {silent && <Pill tone="warn">{t.silentSince(clockTime(node.at))}</Pill>}
+      <Gauge label={t.processor} share={busy} text={`${number(busy * 100, 0)} %`} bad={busy > 0.95} />
+      <Gauge
+        label={t.memory}
+        share={memory ? 1 - memoryFree / memory : 0}
+        text={t.free(`${number(memoryFree / 1000)} GB`, `${number(memory / 1000)} GB`)}
+        bad={memoryFree < 0.05 * memory}
+      />
+      <Gauge label={t.disk} share={disk ? 1 - diskFree / disk : 0} text={t.free(`${number(diskFree)} GB`, `${number(disk, 0)} GB`)} bad={diskFree < 1} />
+    </div>
+  );
+}
+
+function Machines({ nodes, now }: { nodes: readonly NodeHealth[]; now: number }) {
+  const t = texts.value.health;
+  const newest = new Map<string, NodeHealth>();
+  for (const node of nodes) if (node.level !== ENDED && node.at > (newest.get(node.machine)?.at ?? 0)) newest.set(node.machine, node);
+  return (
+    <Panel title={t.machines}>
+      {[...newest].map(([name, node]) => (
+        <Machine key={name} name={name} node={node} silent={isSilent(node, now)} />
+      ))}
+    </Panel>
+  );
+}
+
+function BatteryPanel({ now }: { now: number }) {
+  const t = texts.value.health;
+  const known = battery.shown.value;
+  const heard = moment.value === null ? battery.heardAt.value : known?.at;
+  const past = battery.past
+    .until(moment.value)
+    .flatMap(({ at, value }): Known<number>[] => (value.charge === undefined ? [] : [{ at, value: value.charge }]));
+  const silent = heard !== undefined && now - heard > 5000;
+  const charge = known?.value.charge;
+  return (
+    <Panel title={t.battery}>
+      {known === undefined || heard === undefined ? (
+        <p class="soft">{t.noBattery}</p>
+      ) : (
+        <div class={silent ? "stale" : ""}>
+          {charge !== undefined && <Gauge label={t.charge} share={charge} text={`${number(charge * 100, 0)} %`} bad={charge < LOW_CHARGE} />}
+          <p>
+            {known.value.voltage !== undefined && `${number(known.value.voltage)} V `}
+            <Sparkline values={past} label={t.chargeHistory(past.length)} />
+          </p>
+        </div>
+      )}
+      {silent && <Pill tone="warn">{t.silentSince(clockTime(heard))}</Pill>}
+    </Panel>
+  );
+}
+
+function Log() {
+  const t = texts.value.health;
+  const lines = rosout.past
+    .until(moment.value)
+    .filter(({ value }) => severity.value === "warn" || value.severity === "error")
+    .slice(-MOST_LINES)
+    .toReversed();
+  const tools = (
+    <select aria-label={t.show} value={severity.value} onChange={(event) => (severity.value = event.currentTarget.value as "warn" | "error")}>
+      <option value="warn">{t.warnings}</option>
+      <option value="error">{t.errors}</option>
+    </select>
+  );
+  return (
+    <Panel title={t.log} tools={tools}>
+      {lines.length === 0 && <p class="soft">{t.noLines}</p>}
+      <ol class="loglines">
+        {lines.map(({ at, value }, index) => (
+          <li key={`${at} ${index}`}>
+            <Pill tone={value.severity === "error" ? "bad" : "warn"}>{value.severity === "error" ? t.error : t.warning}</Pill>{" "}
+            <time title={dateTime(at)}>{clockTime(at)}</time> <b>{value.node}</b> <span>{value.text}</span>
+          </li>
+        ))}
+      </ol>
+    </Panel>
+  );
+}
 
 export function HealthView() {
-  return <Panel title={texts.value.health.title}>…</Panel>;
+  useEffect(() => {
+    const look = (): void => {
+      if (link.state.peek() === "open") nodesOnNetwork().then((found) => (onNetwork.value = found), () => undefined);
+    };
+    look();
+    const timer = setInterval(look, LOOK_EVERY_MS);
+    return () => clearInterval(timer);
+  }, []);
+  const known = moment.value === null ? nodesNow.value : (diagnostics.shown.value?.value ?? new Map<string, NodeHealth>());
+  const nodes = [...known.values()].sort((one, other) => one.name.localeCompare(other.name));
+  const now = shownNow.value;
+  return (
+    <div class="health">
+      <Nodes nodes={nodes} now={now} />
+      <div class="pair">
+        <Machines nodes={nodes} now={now} />
+        <BatteryPanel now={now} />
+      </div>
+      <Log />
+    </div>
+  );
 }

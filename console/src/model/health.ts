@@ -1,0 +1,99 @@
+// How nodes and machines are, as every node tells it of itself on /diagnostics, and the battery.
+import { signal } from "@preact/signals";
+import { MSG_TYPES, type BatteryState } from "../ros";
+import { link } from "../wire/link";
+import { topic } from "./topics";
+
+interface DiagnosticArray {
+  readonly status: readonly {
+    readonly level: number;
+    readonly name: string;
+    readonly message: string;
+    readonly hardware_id: string;
+    readonly values: readonly { readonly key: string; readonly value: string }[];
+  }[];
+}
+
+export interface NodeHealth {
+  readonly name: string;
+  readonly machine: string;
+  readonly level: number;
+  readonly message: string;
+  /** When it told this, in the robot's milliseconds. */
+  readonly at: number;
+  /** What it told, by name and unit: `memory (MB)`. */
+  readonly values: Readonly<Record<string, string>>;
+  /** Messages a second, by topic. */
+  readonly rates: readonly (readonly [topic: string, rate: number])[];
+}
+
+export type Nodes = ReadonlyMap<string, NodeHealth>;
+
+/** The level of a node that has ended as it should, and of one that wants something. */
+export const ENDED = 3;
+export const WARNED = 1;
+/** Seconds of silence after which a node, which tells something once a second, is not heard any more. */
+export const NODE_SILENT_S = 3;
+/** Milliseconds between two states that are shown, and that are kept. */
+const SHOWN_EVERY_MS = 1000;
+const KEPT_EVERY_MS = 5000;
+const RATE = / \(Hz\)$/;
+
+const nodes = new Map<string, NodeHealth>();
+let keptAt = 0;
+let shownAt = 0;
+/** All nodes as they are now. */
+export const nodesNow = signal<Nodes>(new Map());
+
+function take({ status }: DiagnosticArray, at: number): Nodes | undefined {
+  for (const { level, name, message, hardware_id: machine, values } of status) {
+    const told = values.filter(({ key }) => !key.startsWith("/"));
+    const rates = values.filter(({ key }) => key.startsWith("/") && RATE.test(key));
+    nodes.set(name, {
+      name,
+      machine,
+      level,
+      message,
+      at,
+      values: Object.fromEntries(told.map(({ key, value }) => [key, value])),
+      rates: rates.map(({ key, value }) => [key.replace(RATE, ""), Number(value)] as const),
+    });
+  }
+  if (Math.abs(at - shownAt) >= SHOWN_EVERY_MS || !nodesNow.peek().has(status[0]?.name ?? "")) {
+    shownAt = at;
+    nodesNow.value = new Map(nodes);
+  }
+  if (Math.abs(at - keptAt) < KEPT_EVERY_MS) return undefined;
+  keptAt = at;
+  return new Map(nodes);
+}
+
+/** All nodes at a moment of the past. */
+export const diagnostics = topic<DiagnosticArray, Nodes>("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", {
+  keep: 360,
+  always: true,
+  read: take,
+});
+
+export interface Battery {
+  /** From 0 to 1; undefined where it is not told. */
+  readonly charge: number | undefined;
+  readonly voltage: number | undefined;
+}
+
+export const battery = topic<BatteryState, Battery>("/io/power/power_watcher", MSG_TYPES.BatteryState, {
+  keep: 2000,
+  throttle: 1000,
+  always: true,
+  read: ({ percentage, voltage }) => ({
+    // Some drivers tell percent.
+    charge: percentage === null ? undefined : percentage > 1 ? percentage / 100 : percentage,
+    voltage: voltage ?? undefined,
+  }),
+  same: (one, other) => one.charge === other.charge && one.voltage === other.voltage,
+});
+
+/** Names of all nodes on the network, also of those that tell nothing of themselves. */
+export async function nodesOnNetwork(): Promise<readonly string[]> {
+  return (await link.call<{ nodes: readonly string[] }>("/rosapi/nodes")).nodes;
+}

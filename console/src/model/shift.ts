@@ -1,0 +1,155 @@
+// What happened in a span of time, counted from the past that this page has.
+import { MissionState, Observation } from "../ros";
+import { stops } from "./log";
+import { observations, state, steps, type StepRecord } from "./mission";
+import { notifications, pressed, type Notification, type Pressed } from "./people";
+import type { Known } from "./past";
+
+export interface MissionRun {
+  readonly id: string;
+  readonly type: string;
+  readonly began: number;
+  /** Undefined: it is under way. */
+  readonly ended: number | undefined;
+  /** The lifecycle state in which it was seen last. */
+  readonly lifecycle: string;
+  readonly total: number;
+  readonly completed: number;
+  readonly failed: number;
+  readonly unreachable: number;
+  readonly skipped: number;
+}
+
+export interface Anomaly {
+  readonly at: number;
+  readonly tag: string;
+  readonly text: string;
+}
+
+export interface Code {
+  readonly at: number;
+  readonly severity: number;
+  readonly code: string;
+  readonly text: string;
+  readonly target: string;
+}
+
+export interface StopSpan {
+  readonly began: number;
+  /** Undefined: it is still engaged. */
+  readonly ended: number | undefined;
+  readonly by: string;
+}
+
+export interface Shift {
+  readonly from: number;
+  readonly to: number;
+  /** From when on this page knows what happened; later than `from` where its past is shorter. */
+  readonly knownFrom: number | undefined;
+  readonly missions: readonly MissionRun[];
+  readonly anomalies: readonly Anomaly[];
+  readonly interventions: readonly { readonly at: number; readonly by: string; readonly what: string; readonly accepted: boolean; readonly answer: string }[];
+  readonly stops: readonly StopSpan[];
+  readonly faults: readonly Code[];
+  readonly notifications: readonly Notification[];
+}
+
+function runs(from: number, to: number): MissionRun[] {
+  const found = new Map<string, MissionRun>();
+  for (const { at, value } of state.past.between(from, to)) {
+    if (!value.mission_id) continue;
+    const before = found.get(value.mission_id);
+    const over = ["READY", "DONE", "FAULT"].includes(value.lifecycle_state);
+    found.set(value.mission_id, {
+      id: value.mission_id,
+      type: value.mission_type || before?.type || "",
+      began: before?.began ?? (value.started_at.sec ? Math.max(from, value.started_at.sec * 1000) : at),
+      // After its end the state of the last mission stands until the next begins.
+      ended: over ? (before?.ended ?? at) : undefined,
+      lifecycle: value.lifecycle_state,
+      total: value.targets_total,
+      completed: value.targets_completed,
+      failed: value.targets_failed,
+      unreachable: value.targets_unreachable,
+      skipped: value.targets_skipped,
+    });
+  }
+  return [...found.values()];
+}
+
+function anomalies(from: number, to: number): Anomaly[] {
+  return observations.past.between(from, to).flatMap(({ at, value }): Anomaly[] => {
+    if (value.kind === Observation.KIND_ANOMALY) return [{ at, tag: value.tag_reading.tag_id, text: value.anomaly.description }];
+    const { tag_id, species, anomaly } = value.flower;
+    return value.kind === Observation.KIND_FLOWER && anomaly ? [{ at, tag: tag_id, text: species }] : [];
+  });
+}
+
+function faults(from: number, to: number): Code[] {
+  return steps.past.between(from, to).flatMap(({ at, value }) =>
+    (value.step.codes ?? [])
+      .filter(({ severity }) => severity >= MissionState.SEVERITY_WARN)
+      .map(({ severity, code, label, detail, target }) => ({
+        at,
+        severity,
+        code,
+        text: [label, detail].filter(Boolean).join(": "),
+        target,
+      })),
+  );
+}
+
+/** What people asked of the mission, from its steps; and all else that they commanded, where this page may know. */
+function interventions(from: number, to: number): Shift["interventions"] {
+  const asked = steps.past.between(from, to).flatMap(({ at, value }) => (value.command ? [ofStep(at, value)] : []));
+  const other = pressed.value.filter(isOther).map((line) => ({
+    at: Date.parse(line.wall),
+    by: line.page || line.who,
+    what: `${line.name} ${line.sent === "{}" ? "" : line.sent}`.trim(),
+    accepted: line.accepted !== false,
+    answer: line.answer ?? "",
+  }));
+  return [...asked, ...other.filter(({ at }) => at >= from && at <= to)].sort((one, another) => one.at - another.at);
+}
+
+function ofStep(at: number, { step, command }: StepRecord) {
+  const accepted = step.accepted !== false;
+  return { at, by: command?.by ?? "", what: step.event, accepted, answer: step.refusal?.text ?? "" };
+}
+
+/** Commands that leave no step with a name of who gave them; driving by hand is not listed. */
+function isOther({ name, what }: Pressed): boolean {
+  return what !== "publish" && name !== "/mission_orchestrator/command" && !name.startsWith("/lupin/hmi/");
+}
+
+function stopSpans(from: number, to: number): StopSpan[] {
+  const spans: StopSpan[] = [];
+  let engaged: Known<string> | undefined;
+  const close = (ended: number | undefined): void => {
+    if (engaged && (ended ?? to) >= from) spans.push({ began: engaged.at, ended, by: engaged.value });
+    engaged = undefined;
+  };
+  for (const { at, value } of stops.past.until(to)) {
+    const by = value.stops.map(({ name }) => name).join(", ");
+    if (value.stopped && !engaged) engaged = { at, value: by };
+    else if (!value.stopped && engaged) close(at);
+  }
+  close(undefined);
+  return spans;
+}
+
+/** Count what happened between two times, in the robot's milliseconds. */
+export function shift(from: number, to: number): Shift {
+  const firsts = [state.past.until(to)[0]?.at, steps.past.until(to)[0]?.at].filter((at) => at !== undefined);
+  return {
+    from,
+    to,
+    knownFrom: firsts.length ? Math.min(...firsts) : undefined,
+    missions: runs(from, to),
+    anomalies: anomalies(from, to),
+    interventions: interventions(from, to),
+    stops: stopSpans(from, to),
+    faults: faults(from, to),
+    notifications: notifications.value.filter(({ first, last }) => last * 1000 >= from && first * 1000 <= to),
+  };
+}
