@@ -104,7 +104,7 @@ class Reads:
             if not isinstance(condition, Expression):
                 continue
             if isinstance(condition.evaluate, Compiled):
-                found.update(_reads_of(condition.evaluate.code))
+                found.update(reads_of(condition.evaluate.code))
             else:
                 self.certain = False
         names = {name for root, name in found if root in ("input", "known")}
@@ -120,7 +120,7 @@ class Reads:
 
 
 @lru_cache(4096)
-def _reads_of(code: str) -> tuple[tuple[str, str], ...]:
+def reads_of(code: str) -> tuple[tuple[str, str], ...]:
     """Return the roots of the environment that checked code reads, with what of the root ('' if not said)."""
     tree = ast.parse(code, mode="eval")
     roots = {
