@@ -58,6 +58,8 @@ OPERATOR_VERBS: Mapping[str, str] = MappingProxyType(
         "start": "Start a mission of the orchestrator that runs.",
         "state": "Show where the orchestrator stands, and what can be asked of it.",
         "answer": "Show what a mission asks the operator, and answer it.",
+        "missions": "List the missions that were run, and how they ended.",
+        "why": "Say why a target, a state or a moment came about, from the journal.",
     }
 )
 

@@ -114,6 +114,11 @@ domain = click.option(
     type=click.IntRange(min=0, max=HIGHEST_DOMAIN),
     help="ROS domain; default: ROS_DOMAIN_ID, else 0.",
 )
+journal = click.option(
+    "--journal",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder of the journal; default: that of the ROS domain, in the user's state folder.",
+)
 log_dir = click.option(
     "--log-dir", type=click.Path(file_okay=False, path_type=Path), help="Folder for the nodes' logs."
 )

@@ -214,6 +214,10 @@ class Inquiry:
         ]
         return "; ".join(filter(None, parts))
 
+    def is_state(self, name: str) -> bool:
+        """Say whether a state is called so."""
+        return name in self._names()
+
     # -- how steps hang together ----------------------------------------------------------------------
 
     def _chain(self, index: int) -> list[int]:

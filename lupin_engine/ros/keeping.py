@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any
 
 from lupin_engine import __version__
 from lupin_engine.machine.event import HELD_BACK, TOLD, Event
@@ -13,11 +11,10 @@ from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.step import Refusal, Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import RECORDED_CODE, UNRECORDED_CODE, Parameter
-from lupin_engine.plugin.files import ros_domain, user_folder
 from lupin_engine.plugin.profile import START, Fields, Profile, Publish
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, TEXT
 from lupin_engine.ros.adapter.node import RosNode
-from lupin_engine.runtime.journal.journal import Journal, Keep
+from lupin_engine.runtime.journal.journal import Journal, Keep, journal_folder
 from lupin_engine.runtime.journal.records import JournalHead
 
 #: The node's parameters about its journal.
@@ -35,14 +32,6 @@ JOURNAL_PARAMETERS: Mapping[str, Parameter] = {
 RETRY_S = 5.0
 
 
-def journal_folder(given: Mapping[str, Any]) -> Path:
-    """Return the folder of the journal of this process's ROS domain; `given` are the node's parameters."""
-    path = str(given.get("journal_path") or "")
-    if path:
-        return Path(path)
-    return user_folder("XDG_STATE_HOME", ".local/state") / "journal" / f"domain-{ros_domain()}"
-
-
 class Keeping:
     """The journal of one orchestrator; `work` has its loop drained."""
 
@@ -56,7 +45,7 @@ class Keeping:
         self._tell = tell
         given = ros.parameters()
         self.required = bool(given["journal_required"])
-        self.folder = journal_folder(given)
+        self.folder = journal_folder(str(given["journal_path"] or ""))
         keep = Keep(int(given["journal_missions"]), float(given["journal_days"]))
         self.journal = Journal(self.folder, keep, self._post, self._changed)
         self._loaded: LoadedMissions | None = None

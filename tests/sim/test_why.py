@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import pytest
@@ -44,11 +45,11 @@ def lived(*rules: Rule, happenings: Sequence[Happening] = ()) -> list[LivedStep]
 
 
 def told(answer: Explanation) -> list[str]:
-    """Write an answer down: the sentence, then each step with its reasons."""
+    """Write it down: the sentence, then each step with its reasons, without the numbers of lines."""
     lines = [answer.text]
     for cause in answer.causes:
         lines.append(f"{cause.line.time:.1f} s {cause.line.event}" + (f" by {cause.by}" if cause.by else ""))
-        lines += [f"  {reason}" for reason in cause.reasons]
+        lines += [re.sub(r":\d+", "", f"  {reason}", count=1) for reason in cause.reasons]
     return lines
 
 
@@ -57,17 +58,17 @@ def test_a_target_that_was_not_reached_tells_its_tries_and_what_decided() -> Non
     assert told(inquiry.target("2")) == [
         "tag 2 is UNREACHABLE (nav_status_6: no path)",
         "3.7 s time is up in INSPECTING.SCANNING.DWELLING",
-        "  visit_targets.yaml:92",
-        "  visit_targets.yaml:107: itinerary.remaining > 0 and unreachable < itinerary.total"
+        "  visit_targets.yaml",
+        "  visit_targets.yaml: itinerary.remaining > 0 and unreachable < itinerary.total"
         " (itinerary.remaining was 2, context.unreachable was 0, itinerary.total was 3)",
-        "  visit_targets.yaml:37: not param.arm_patrol_enabled (param.arm_patrol_enabled was false)",
+        "  visit_targets.yaml: not param.arm_patrol_enabled (param.arm_patrol_enabled was false)",
         "5.7 s nav.go_to failed: nav_status_6 no path",
         "6.7 s next try",
         "8.7 s nav.go_to failed: nav_status_6 no path",
-        "  visit_targets.yaml:49",
-        "  visit_targets.yaml:107: itinerary.remaining > 0 and unreachable < itinerary.total"
+        "  visit_targets.yaml",
+        "  visit_targets.yaml: itinerary.remaining > 0 and unreachable < itinerary.total"
         " (itinerary.remaining was 1, context.unreachable was 1, itinerary.total was 3)",
-        "  visit_targets.yaml:37: not param.arm_patrol_enabled (param.arm_patrol_enabled was false)",
+        "  visit_targets.yaml: not param.arm_patrol_enabled (param.arm_patrol_enabled was false)",
     ]
 
 
@@ -83,14 +84,14 @@ def test_a_state_leads_back_to_what_brought_it_about() -> None:
     assert told(inquiry.state("SCANNING")) == [
         "SCANNING was come to at 9.9 s",
         "9.9 s nav.go_to done",
-        "  visit_targets.yaml:47",
+        "  visit_targets.yaml",
         "6.9 s time is up in INSPECTING.SCANNING.DWELLING",
-        "  visit_targets.yaml:92",
-        "  visit_targets.yaml:107: itinerary.remaining > 0 and unreachable < itinerary.total"
+        "  visit_targets.yaml",
+        "  visit_targets.yaml: itinerary.remaining > 0 and unreachable < itinerary.total"
         " (itinerary.remaining was 1, context.unreachable was 0, itinerary.total was 3)",
-        "  visit_targets.yaml:37: not param.arm_patrol_enabled (param.arm_patrol_enabled was false)",
+        "  visit_targets.yaml: not param.arm_patrol_enabled (param.arm_patrol_enabled was false)",
         "6.9 s bridge.read_tag done",
-        "  visit_targets.yaml:83",
+        "  visit_targets.yaml",
     ]
 
 
@@ -107,10 +108,10 @@ def test_a_moment_tells_where_it_was_and_what_it_waited_for() -> None:
     assert told(held.moment(BEGAN + 60.0)) == [
         "in INSPECTING.NAVIGATING.DRIVING for 56.3 s; held by pause",
         "3.7 s time is up in INSPECTING.SCANNING.DWELLING",
-        "  visit_targets.yaml:92",
-        "  visit_targets.yaml:107: itinerary.remaining > 0 and unreachable < itinerary.total"
+        "  visit_targets.yaml",
+        "  visit_targets.yaml: itinerary.remaining > 0 and unreachable < itinerary.total"
         " (itinerary.remaining was 2, context.unreachable was 0, itinerary.total was 3)",
-        "  visit_targets.yaml:37: not param.arm_patrol_enabled (param.arm_patrol_enabled was false)",
+        "  visit_targets.yaml: not param.arm_patrol_enabled (param.arm_patrol_enabled was false)",
     ]
 
 

@@ -6,13 +6,16 @@ import shutil
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.text import Text
 
+from lupin_engine.cli.options import PNG
 from lupin_engine.cli.terminal.colours import styled
 from lupin_engine.cli.terminal.view import counts_text, results_table
+from lupin_engine.errors import UsageError
 from lupin_engine.machine.memory import Visit
 from lupin_engine.plugin.contract import EXECUTION_CODE
 from lupin_engine.plugin.profile import Profile, TargetResult
@@ -32,6 +35,23 @@ WIDTH = 120
 def make_console() -> Console:
     """Return the console: as wide as the terminal, or a readable width for files."""
     return Console(highlight=False, width=shutil.get_terminal_size((WIDTH, 24)).columns)
+
+
+def draw(lanes: Timeline, file: Path) -> None:
+    """Write a timeline as a picture.
+
+    Raises:
+        UsageError: the file cannot be written.
+    """
+    from lupin_engine.diagram.png import png
+    from lupin_engine.replay.timeline_svg import svg
+
+    text = svg(lanes)
+    content = png(text) if file.suffix == PNG else text.encode()
+    try:
+        file.write_bytes(content)
+    except OSError as problem:
+        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from problem
 
 
 def tell_story(run: Run, console: Console, wait: Callable[[float], None]) -> None:

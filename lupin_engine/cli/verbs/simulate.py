@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from lupin_engine.chart.model import Chart
     from lupin_engine.machine.scope import World
     from lupin_engine.missions.load import LoadedMissions
-    from lupin_engine.replay.timeline import Timeline
     from lupin_engine.sim.simulation import Run, Script
 
 
@@ -118,7 +117,7 @@ def simulate(
     wall = time.perf_counter() - began
     lanes = timeline(run)
     if picture not in (None, TERMINAL):
-        _draw(lanes, Path(picture or ""))
+        outcome.draw(lanes, Path(picture or ""))
     if as_json:
         click.echo(json.dumps(outcome.record(run, lanes, subject.script.seed), default=str))
         return outcome.verdict(run)
@@ -286,16 +285,3 @@ def _serve(subject: SimulationTask, speed: float, port: int) -> int:
 def _pacing(speed: float) -> Callable[[float], None]:
     """Return a function that waits for so many seconds of virtual time."""
     return (lambda seconds: time.sleep(seconds / speed)) if speed else (lambda seconds: None)
-
-
-def _draw(lanes: Timeline, file: Path) -> None:
-    """Write the timeline as a picture."""
-    from lupin_engine.diagram.png import png
-    from lupin_engine.replay.timeline_svg import svg
-
-    text = svg(lanes)
-    content = png(text) if file.suffix == PNG else text.encode()
-    try:
-        file.write_bytes(content)
-    except OSError as problem:
-        raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from problem

@@ -17,6 +17,7 @@ from typing import Any
 
 from lupin_engine.machine.event import Event, flaw
 from lupin_engine.machine.machine import Machine
+from lupin_engine.plugin.files import ros_domain, user_folder
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.runtime.journal.frames import frame
 from lupin_engine.runtime.journal.records import (
@@ -275,6 +276,14 @@ def _save(folder: Path, files: Mapping[str, bytes]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
     making.rename(folder)
+
+
+def journal_folder(path: str = "", domain: int | None = None) -> Path:
+    """Return the folder of the journal of a ROS domain, by default this process's; or `path`, if given."""
+    if path:
+        return Path(path)
+    here = ros_domain() if domain is None else domain
+    return user_folder("XDG_STATE_HOME", ".local/state") / "journal" / f"domain-{here}"
 
 
 def journal_files(folder: Path) -> list[Path]:

@@ -1,0 +1,177 @@
+"""Runs of a journal: which there are, and each lived through again by the machine that it is about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import LupinError, nearest
+from lupin_engine.machine.machine import Machine
+from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.missions.selection import load_missions
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.replay.why import GuardWitness, LivedStep
+from lupin_engine.runtime.history import History
+from lupin_engine.runtime.journal.journal import CHARTS, journal_files
+from lupin_engine.runtime.journal.records import END, RESUMED, JournalError, JournalFile, read_journal
+from lupin_engine.runtime.journal.replay import replay
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.sim.simulation import Run
+
+
+@dataclass(frozen=True)
+class JournaledRun:
+    """A mission in a journal, or what was between two (`mission_id` is empty): its files in their order."""
+
+    files: tuple[JournalFile, ...]
+
+    @property
+    def mission_id(self) -> str:
+        """The mission's id; '' for the time between missions."""
+        return self.files[0].head.mission_id
+
+    @property
+    def mission(self) -> str:
+        """What was run."""
+        return self.files[0].head.mission
+
+    @property
+    def began(self) -> float:
+        """When it began, in POSIX time."""
+        head = self.files[0].head
+        return head.time + head.ahead_ns * 1e-9
+
+    @property
+    def last(self) -> float:
+        """When the last record was made, in POSIX time."""
+        return self.files[-1].records[-1].wall
+
+    @property
+    def end(self) -> Mapping[str, Any] | None:
+        """How it ended: the published state, the code, the counts; None while it has not."""
+        ends = (record.data[0] for file in self.files for record in file.records if record.kind == END)
+        return next(ends, None)
+
+    @property
+    def restarts(self) -> int:
+        """How often another process went on with it."""
+        return sum(record.kind == RESUMED for file in self.files for record in file.records)
+
+    @property
+    def problems(self) -> list[str]:
+        """What is wrong with its files."""
+        return [file.problem for file in self.files if file.problem]
+
+
+def runs_of(folder: Path) -> list[JournaledRun]:
+    """Return what is in a journal, the oldest first; a file that cannot be read is left out.
+
+    Raises:
+        JournalError: there is no journal.
+    """
+    files: list[JournalFile] = []
+    paths = journal_files(folder)
+    if not paths:
+        raise JournalError(f"there is no journal in {folder}; the orchestrator writes it while it runs")
+    for path in paths:
+        try:
+            files.append(read_journal(path))
+        except JournalError:
+            continue
+    found: list[list[JournalFile]] = []
+    for file in files:
+        same = file.head.mission_id and found and found[-1][0].head.mission_id == file.head.mission_id
+        if same:
+            found[-1].append(file)
+        else:
+            found.append([file])
+    return [JournaledRun(tuple(files)) for files in found]
+
+
+def run_called(runs: Sequence[JournaledRun], mission_id: str) -> JournaledRun:
+    """Return the mission with an id, or the only one whose id ends so; '' is the newest mission.
+
+    Raises:
+        JournalError: there is none, or there are several.
+    """
+    missions = [run for run in runs if run.mission_id]
+    if not missions:
+        raise JournalError("no mission is in this journal")
+    if not mission_id:
+        return missions[-1]
+    found = [run for run in missions if run.mission_id == mission_id]
+    found = found or [run for run in missions if run.mission_id.endswith(mission_id)]
+    if len(found) > 1:
+        names = ", ".join(run.mission_id for run in found)
+        raise JournalError(f"{len(found)} missions end in {mission_id!r}; say which: {names}")
+    if not found:
+        known = nearest(mission_id, [run.mission_id for run in missions])
+        raise JournalError(f"no mission {mission_id!r} in this journal; {known}")
+    return found[0]
+
+
+def chart_of(run: JournaledRun, catalog: Catalog) -> LoadedMissions:
+    """Load the files that a run was made of, which the journal keeps.
+
+    Raises:
+        JournalError: they are not there, or what is installed does not understand them any more.
+    """
+    head = run.files[0].head
+    folder = run.files[0].path.parent / CHARTS / head.chart
+    try:
+        return load_missions([str(folder / name) for name in head.files], catalog)
+    except LupinError as problem:
+        raise JournalError(
+            f"the chart of {head.mission_id or 'this run'} cannot be loaded: {problem}"
+        ) from None
+
+
+def live_again(run: JournaledRun, chart: Chart) -> tuple[list[LivedStep], Machine]:
+    """Run what was recorded through the machine; times are seconds since the beginning.
+
+    Raises:
+        JournalError: it comes to something else than what was recorded.
+    """
+    witness = GuardWitness()
+    watched, lived, machine = witness.prepare(chart), list[LivedStep](), None
+    shift, wall = None, run.began
+    for file in run.files:
+        world = make_world(watched, file.head.parameters)
+        for each in replay(file, world):
+            record, machine = each.record, each.machine
+            if shift is None or record.kind == RESUMED:
+                shift = wall - run.began - record.time + (max(0.0, record.wall - wall))
+            wall = max(wall, record.wall)
+            if each.step is not None:
+                step = replace(each.step, time=max(0.0, record.time + shift))
+                held = tuple(machine.memory.held)
+                by = str(record.origin.get("by", ""))
+                lived.append(LivedStep(step, record.wall, by, held, witness.of(each.step)))
+    assert machine is not None, "a file that was read has a head"
+    return lived, machine
+
+
+def as_run(chart: Chart, lived: Iterable[LivedStep], machine: Machine) -> Run:
+    """Return what was lived through as a run that can be told and drawn."""
+    history = History()
+    for each in lived:
+        history.take(each.step, each.held)
+    seconds = history.steps[-1].time if history.steps else 0.0
+    visits = tuple(machine.memory.outcomes)
+    return Run(chart, history, visits, machine.view, seconds, cut_off=False, unfired=())
+
+
+def covering(runs: Sequence[JournaledRun], wall: float) -> JournaledRun:
+    """Return the run that a moment in POSIX time lies in.
+
+    Raises:
+        JournalError: the journal does not go back so far.
+    """
+    begun: Iterator[JournaledRun] = (run for run in reversed(runs) if run.began <= wall)
+    found = next(begun, None)
+    if found is None:
+        raise JournalError("this journal does not go back so far")
+    return found
