@@ -230,7 +230,7 @@ def _tried(subject: PluginUnderTest, live: bool) -> Iterator[RuleVerdict]:
 
 def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
     plugin = subject.plugin
-    if not plugin.nodes:
+    if not plugin.nodes.keys() - plugin.guards.keys():
         raise UsageError(
             f"plugin {plugin.name!r} brings no node to try its driver with; "
             "derive a test from lupin_engine.harness.cases.DriverContract, with servers of yours"
