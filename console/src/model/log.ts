@@ -34,24 +34,34 @@ export function startLog(): void {
 }
 
 interface Reader<T> {
+  /** How much it has told. */
+  readonly told: number;
   read(known: Known<T>): void;
 }
 
 /** A reader that has read all of a past, as far as it has been loaded; it goes on where it stopped, if it can. */
 function readOn<T, R extends Reader<T>>(past: Past<T>, made: (words: Words) => R): ReadonlySignal<{ readonly reader: R }> {
-  let told: { reader: R; edition: number; words: Words; next: number } | undefined;
+  let state: { reader: R; edition: number; words: Words; next: number } | undefined;
+  let shown: { reader: R; told: number } | undefined;
   return computed(() => {
     const words = texts.value.log;
-    if (isLoading.value && told) return { reader: told.reader };
+    if (isLoading.value && shown) return shown;
     const { list, edition } = past.standing();
-    if (told?.edition !== edition || told.words !== words) told = { reader: made(words), edition, words, next: 0 };
-    while (told.next < list.length) told.reader.read(list[told.next++]!);
-    return { reader: told.reader };
+    if (state?.edition !== edition || state.words !== words) state = { reader: made(words), edition, words, next: 0 };
+    while (state.next < list.length) state.reader.read(list[state.next++]!);
+    // Who shows it is not troubled by what tells nothing.
+    const { reader } = state;
+    if (shown?.reader !== reader || shown.told !== reader.told) shown = { reader, told: reader.told };
+    return shown;
   });
 }
 
 class ObservationStory implements Reader<Observation> {
   readonly entries: Entry[] = [];
+
+  get told(): number {
+    return this.entries.length;
+  }
 
   constructor(private readonly words: Words) {}
 
@@ -71,6 +81,10 @@ class ObservationStory implements Reader<Observation> {
 class StopStory implements Reader<Stops> {
   readonly entries: Entry[] = [];
   readonly spans: Span[] = [];
+
+  get told(): number {
+    return this.entries.length;
+  }
 
   constructor(private readonly words: Words) {}
 

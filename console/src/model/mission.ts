@@ -7,6 +7,8 @@ import { alike, json, topic } from "./topics";
 const ORCHESTRATOR = "/mission_orchestrator";
 /** Seconds without a word after which the orchestrator is silent; the history has a sign of life every 2 s. */
 const SILENT_S = 5;
+/** Milliseconds that what follows from a step may take until it is told, on a busy machine. */
+const LAG_MS = 150;
 
 /** An operation under way. Without a `deadline` it has none, or a hold has stopped its clock. */
 export interface Attempt {
@@ -200,10 +202,11 @@ export const state = topic<MissionState, Omit<MissionState, "header">>("/mission
   read: ({ header: _, ...rest }) => rest,
   same: alike,
   steady: SILENT_S,
+  lag: LAG_MS,
 });
 
 export const steps = topic<Text, StepRecord>(`${ORCHESTRATOR}/steps`, MSG_TYPES.StdMsgsString, {
-  keep: 20_000,
+  keep: 50_000,
   always: true,
   read: json,
   when: (message) => {
@@ -217,7 +220,7 @@ export const steps = topic<Text, StepRecord>(`${ORCHESTRATOR}/steps`, MSG_TYPES.
 export const possible = topic<Text, { sequence: number; requests: readonly Possible[] }>(
   `${ORCHESTRATOR}/possible`,
   MSG_TYPES.StdMsgsString,
-  { keep: 5000, always: true, read: json, same: alike },
+  { keep: 5000, always: true, read: json, same: alike, lag: LAG_MS },
 );
 
 /** What an orchestrator of an earlier version did not tell; recordings are kept for long. */

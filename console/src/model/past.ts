@@ -137,7 +137,7 @@ export class Past<T> {
 /** The moment that is shown; `null` is now. All views follow it. */
 export const moment = signal<number | null>(null);
 
-/** What was known at the moment that is shown. */
-export function shown<T>(past: Past<T>): ReadonlySignal<Known<T> | undefined> {
-  return computed(() => past.at(moment.value));
+/** What was known at the moment that is shown; `lag`: so many milliseconds after something it was told. */
+export function shown<T>(past: Past<T>, lag = 0): ReadonlySignal<Known<T> | undefined> {
+  return computed(() => past.at(moment.value === null ? null : moment.value + lag));
 }

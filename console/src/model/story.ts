@@ -108,8 +108,16 @@ export class StepStory {
   readonly gaps: Span[] = [];
   private readonly running = new Map<string, Running>();
   private last: Known<StepRecord> | undefined;
+  private ends = 0;
 
   constructor(private readonly words: Words) {}
+
+  /** How much has been told: more after each step that tells something. */
+  get told(): number {
+    let told = this.entries.length + this.ends;
+    for (const spans of this.rows.values()) told += spans.length;
+    return told;
+  }
 
   read(known: Known<StepRecord>): void {
     const { at, value } = known;
@@ -120,7 +128,7 @@ export class StepStory {
     this.follow(LIFECYCLE, at, value.view.lifecycle);
     this.follow(PHASE, at, value.view.phase);
     this.follow(TARGET, at, value.view.target);
-    this.followOperations(at, value);
+    this.followOperations(at, value, before?.view);
     this.last = known;
   }
 
@@ -136,12 +144,14 @@ export class StepStory {
 
   private tellStep(at: number, { step, view, command }: StepRecord): void {
     const { words } = this;
+    const isNews = step.event === "value" && typeof step.data?.["value"] !== "object";
+    const isTold = step.entered ?? step.exited ?? step.taken ?? step.commands ?? step.notes ?? step.why ?? step.codes ?? step.accepted;
+    if (isTold === undefined && !isNews) return;
     const codes = step.codes ?? [];
     const details = new Set(codes.map(({ detail }) => detail));
     const notes = [...(step.notes ?? []).filter((note) => !details.has(note)), ...(step.refusal ? [] : (step.why ?? []))];
     const moved = innermost(step.entered ?? []);
     const commands = (step.commands ?? []).map((each) => commandText(each, words));
-    const isNews = step.event === "value" && typeof step.data?.["value"] !== "object";
     const changed = moved.length || commands.length || step.taken?.length || step.exited?.length;
     if (changed || notes.length || step.accepted !== undefined || isNews) {
       const mission = view.mission;
@@ -180,7 +190,8 @@ export class StepStory {
     const { words } = this;
     const { event, data = {} } = step;
     if (step.accepted !== undefined) {
-      const name = event.replace(/^operator\./, "");
+      const mission = event === "mission.start" ? ` ${String(data["mission_type"] ?? "")}` : "";
+      const name = event.replace(/^(operator|mission)\./, "") + mission;
       const who = by ? ` (${by})` : "";
       return step.accepted ? words.accepted(name) + who : words.refused(name, step.refusal?.text ?? "") + who;
     }
@@ -201,6 +212,7 @@ export class StepStory {
   }
 
   private tellHolds(at: number, before: View | undefined, { held, holds, asking }: View): void {
+    if (held === before?.held && asking === before.asking) return;
     const { words } = this;
     const earlier = before?.held ?? [];
     for (const name of held)
@@ -214,7 +226,7 @@ export class StepStory {
         const text = before?.holds[name] ?? name;
         this.entries.push({ at, kind: "hold", severity: 0, text: words.released(text) });
         const open = this.rows.get(HOLDS)!.findLast((span) => span.to === undefined && span.text === text);
-        if (open) open.to = at;
+        if (open) this.close(open, at);
       }
     for (const { state, question } of asking)
       if (!before?.asking.some((other) => other.state === state))
@@ -228,16 +240,23 @@ export class StepStory {
     return span;
   }
 
+  private close(span: Span, at: number): void {
+    span.to = at;
+    this.ends++;
+  }
+
   /** Let a row show a word, from a moment on. */
   private follow(row: string, at: number, text: string): void {
     const last = this.rows.get(row)!.at(-1);
     const isOpen = last && last.to === undefined;
     if (isOpen && last.text === text) return;
-    if (isOpen) last.to = at;
+    if (isOpen) this.close(last, at);
     if (text) this.open(row, { from: at, to: undefined, text, severity: text === "FAULT" ? 2 : 0 });
   }
 
-  private followOperations(at: number, { step, view }: StepRecord): void {
+  private followOperations(at: number, { step, view }: StepRecord, before: View | undefined): void {
+    // What values have in common is one object.
+    if (!step.commands && view.attempts === before?.attempts && view.cancelling === before.cancelling) return;
     const ended = String(step.data?.["attempt"] ?? "");
     if (["attempt.done", "attempt.failed", "attempt.cancelled"].includes(step.event)) this.end(ended, at, step.event === "attempt.failed" ? 2 : 0);
     for (const command of step.commands ?? [])
@@ -258,7 +277,7 @@ export class StepStory {
   private end(attempt: string, at: number, severity: Severity): void {
     const running = this.running.get(attempt);
     if (!running) return;
-    running.span.to = at;
+    this.close(running.span, at);
     running.span.severity = severity;
     this.running.delete(attempt);
   }

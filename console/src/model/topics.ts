@@ -21,6 +21,8 @@ interface How<Message, T> {
   readonly same?: (one: T, other: T) => boolean;
   /** What is forgotten first. */
   readonly minor?: (value: T) => boolean;
+  /** Milliseconds after which it is there what it says of a step: at the moment of the step it is shown already. */
+  readonly lag?: number;
   /** Seconds within which it speaks again, as long as its node lives. */
   readonly steady?: number;
 }
@@ -102,7 +104,7 @@ export function topic<Message, T = Message>(name: string, type: string, how: How
       if (--readers === 0) end();
     };
   };
-  const made: Topic<T> = { name, past, shown: shown(past), heardAt, silences, take, takeAll, follow };
+  const made: Topic<T> = { name, past, shown: shown(past, how.lag), heardAt, silences, take, takeAll, follow };
   topics.set(name, made as Topic<unknown>);
   if (how.always) always.push(made as Topic<unknown>);
   return made;
