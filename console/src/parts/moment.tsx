@@ -76,7 +76,7 @@ export function MomentBar() {
         />
       </span>
       <span class="moment-time">
-        {at !== null && <strong class="moment-past">⏪ {t.past}</strong>}
+        {at !== null && <strong class="moment-past">{t.past}</strong>}
         <time dateTime={new Date(shownNow.value).toISOString()}>{time}</time>
         {isLoading.value && <span class="soft"> {t.loading}</span>}
       </span>

@@ -36,13 +36,14 @@ interface Colours {
   readonly back: string;
   readonly tones: readonly { readonly fill: string; readonly text: string }[];
   readonly other: string;
+  readonly otherText: string;
 }
 
 function coloursOf(canvas: HTMLCanvasElement): Colours {
   const style = getComputedStyle(canvas);
   const of = (name: string): string => style.getPropertyValue(`--${name}`).trim();
   const tones = ["info", "warn", "bad"].map((name) => ({ fill: of(`${name}-back`), text: of(name) }));
-  return { text: of("text"), line: of("line"), soft: of("soft"), accent: of("accent"), back: of("back"), tones, other: of("good-back") };
+  return { text: of("text"), line: of("line"), soft: of("soft"), accent: of("accent"), back: of("back"), tones, other: of("good-back"), otherText: of("good") };
 }
 
 /** The index of the first span that ends after a time. */
@@ -137,10 +138,9 @@ class Painter {
     const tone = colours.tones[severity]!;
     context.fillStyle = severity === 0 && index % 2 ? colours.other : tone.fill;
     context.fillRect(left, top + 2, width, ROW_PX - 4);
-    if (severity > 0) {
-      context.fillStyle = tone.text;
-      context.fillRect(left, top + ROW_PX - 4, width, 2);
-    }
+    const bar = severity > 0 ? 4 : 2;
+    context.fillStyle = severity === 0 && index % 2 ? colours.otherText : tone.text;
+    context.fillRect(left, top + ROW_PX - 2 - bar, width, bar);
     if (width < TEXT_PX) return;
     context.save();
     context.beginPath();

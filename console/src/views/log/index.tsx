@@ -50,10 +50,15 @@ function Jump() {
   );
 }
 
+/** There is room for all filters at once. */
+const isWide = matchMedia("(min-width: 44rem)").matches;
+
 function Filters() {
   const t = texts.value.log;
   return (
-    <div class="row log-filters">
+    <details class="log-filters" open={isWide}>
+      <summary>{t.filter}</summary>
+      <div class="row">
       <label>
         {t.text} <input type="search" value={wantedText.value} onInput={({ currentTarget }) => (wantedText.value = currentTarget.value)} />
       </label>
@@ -95,7 +100,8 @@ function Filters() {
           </button>
         ))}
       </span>
-    </div>
+      </div>
+    </details>
   );
 }
 

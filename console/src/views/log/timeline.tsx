@@ -1,5 +1,5 @@
 // The timeline: what lasted how long, in rows, and when something was reported.
-import { computed, signal, useSignal, useSignalEffect } from "@preact/signals";
+import { computed, signal, untracked, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { robotNow, shownNow } from "../../model/clock";
 import { begin, entries, gaps, stepStory, stopStory } from "../../model/log";
@@ -11,8 +11,8 @@ import { clockTime, dateTime, span as spanText } from "../../parts/format";
 import { Panel } from "../../parts/panel";
 import { AXIS_PX, drawTimeline, ROW_PX, type TimelineRow } from "./draw";
 
-/** What is seen: so many milliseconds, up to a time. `null`: all that is known; up to now. */
-const seen = signal<{ readonly length: number | null; readonly end: number | null }>({ length: null, end: null });
+/** What is seen: at most so many milliseconds, up to a time; `null` is now. */
+const seen = signal<{ readonly length: number; readonly end: number | null }>({ length: 600_000, end: null });
 const SHORTEST_MS = 1000;
 const ZOOM = 1.6;
 
@@ -20,7 +20,7 @@ const ZOOM = 1.6;
 function seenFromTo(): { from: number; to: number } {
   const now = robotNow();
   const first = Math.min(begin.value ?? now - 60_000, now - 10_000);
-  const length = seen.value.length ?? (now - first) * 1.02;
+  const length = Math.min(seen.value.length, (now - first) * 1.02);
   const to = seen.value.end ?? now + length * 0.02;
   return { from: to - length, to };
 }
@@ -29,9 +29,8 @@ function seenFromTo(): { from: number; to: number } {
 function zoom(factor: number, about?: number): void {
   const { from, to } = seenFromTo();
   const now = robotNow();
-  const all = (now - (begin.value ?? now - 60_000)) * 1.5 + 10_000;
   const fixed = about ?? moment.value ?? (seen.value.end === null ? now : (from + to) / 2);
-  const length = Math.min(all, Math.max(SHORTEST_MS, (to - from) * factor));
+  const length = Math.max(SHORTEST_MS, (to - from) * factor);
   const end = fixed + (to - fixed) * (length / (to - from));
   seen.value = { length, end: end >= now ? null : end };
 }
@@ -41,6 +40,15 @@ function pan(ms: number): void {
   const first = (begin.value ?? from) - (to - from) / 2;
   const end = Math.max(first + (to - from) / 2, to + ms);
   seen.value = { length: to - from, end: end >= robotNow() + (to - from) * 0.02 ? null : end };
+}
+
+/** Move so that the moment is in sight, in the middle if it was not; back to now with the moment. */
+function follow(at: number | null): void {
+  const { length, end } = seen.peek();
+  const { from, to } = untracked(seenFromTo);
+  if (at === null) seen.value = { length, end: null };
+  else if (at < from || at > to) seen.value = { length, end: at + (to - from) / 2 };
+  else if (end === null) seen.value = { length, end: to };
 }
 
 const rows = computed<readonly TimelineRow[]>(() => {
@@ -90,6 +98,7 @@ function Canvas() {
     return () => watch.disconnect();
   }, []);
 
+  useSignalEffect(() => follow(moment.value));
   const frame = useRef(0);
   useSignalEffect(() => {
     void [size.value, theme.value, seen.value];
@@ -144,11 +153,8 @@ function Canvas() {
     hint.value = { x: event.clientX - box.left, y, text: [clockTime(at), text].filter(Boolean).join(" · ") };
   };
   const key = (event: KeyboardEvent): void => {
-    if (scrubByKey(event)) {
-      const at = moment.peek();
-      const { from, to } = seenFromTo();
-      if (at !== null && (at < from || at > to)) seen.value = { length: to - from, end: at + (to - from) / 2 };
-    } else if (event.key === "+" || event.key === "=") zoom(1 / ZOOM);
+    if (scrubByKey(event)) return;
+    if (event.key === "+" || event.key === "=") zoom(1 / ZOOM);
     else if (event.key === "-") zoom(ZOOM);
   };
 
@@ -230,7 +236,7 @@ export function Timeline() {
       <button aria-label={t.zoomOut} title={t.zoomOut} onClick={() => zoom(ZOOM)}>
         −
       </button>
-      <button onClick={() => (seen.value = { length: null, end: null })}>{t.whole}</button>
+      <button onClick={() => (seen.value = { length: Infinity, end: null })}>{t.whole}</button>
     </span>
   );
   return (
