@@ -2,7 +2,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { shownNow } from "../../model/clock";
 import { steps, type ChartRecord, type Place, type StepRecord } from "../../model/mission";
-import { texts } from "../../model/page";
+import { mode, texts } from "../../model/page";
 import { moment, type Known } from "../../model/past";
 import { ago, clockTime } from "../../parts/format";
 import { Pill } from "../../parts/panel";
@@ -101,7 +101,7 @@ function Met(props: { element: string; isState: boolean }) {
 function Why(props: { chart: ChartRecord; element: string }) {
   const t = texts.value.chart;
   const { told, problem } = useExplanation(props.chart, props.element);
-  if (moment.value !== null) return <p class="soft">{t.onlyNow}</p>;
+  if (moment.value !== null || mode.value === "recording") return <p class="soft">{t.onlyNow}</p>;
   if (problem) return <p class="note warn">{problem}</p>;
   if (!told || told.element !== props.element) return <p class="soft">{t.asking}</p>;
   if (!told.rules.length) return <p class="soft">{t.noRules}</p>;
@@ -180,13 +180,13 @@ function Lines(props: { chart: ChartRecord; place: Place }) {
   const text = props.chart.files[file];
   if (text === undefined) return <p class="soft">{t.noFile(file)}</p>;
   return (
-    <details class="lines" open>
+    <details class="yaml" open>
       <summary>
         {file}:{line}
       </summary>
       <pre tabIndex={0} aria-label={`${file}:${line}`}>
         {block(text.split("\n"), line).map(([number, content]) => (
-          <code class="line">
+          <code class="yaml-line">
             <span class="soft">{String(number).padStart(4)} </span>
             {content}
             {"\n"}
@@ -197,10 +197,14 @@ function Lines(props: { chart: ChartRecord; place: Place }) {
   );
 }
 
+/** What a transition begins with that is written below its event. */
+const PART = /^(target|guard|do|refuse|code|during|releases|detail|internal)\b/;
+
 /** The lines of what begins in a line, by their indentation, each with its number; comments right above as well. */
 export function block(lines: readonly string[], line: number): [number, string][] {
   const indent = (text: string): number => text.length - text.trimStart().length;
-  const first = Math.min(Math.max(line, 1), lines.length) - 1;
+  let first = Math.min(Math.max(line, 1), lines.length) - 1;
+  if (first > 0 && PART.test(lines[first]!.trim()) && indent(lines[first - 1]!) < indent(lines[first]!)) first--;
   const depth = indent(lines[first] ?? "");
   let begin = first;
   while (begin > 0 && lines[begin - 1]!.trimStart().startsWith("#")) begin--;

@@ -173,7 +173,7 @@ export class Marks {
 
   /** Draw what folds a state in place; on a folded one what unfolds it. */
   private handle(name: string, isFolded: boolean): void {
-    const place = this.picture.handle(name);
+    const place = this.picture.handle(name, isFolded);
     if (!place) return;
     const group = make("g", { class: "fold", transform: `translate(${place[0]} ${place[1]})` });
     group.dataset["fold"] = name;

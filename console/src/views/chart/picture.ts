@@ -68,12 +68,14 @@ export class Picture {
     return { x: x!, y: y!, width: width!, height: height! };
   }
 
-  /** Where what folds a state is drawn: in the corner of its box; a region has none, so behind its name. */
-  handle(name: string): readonly [number, number] | undefined {
+  /** Where what folds a state is drawn: in the corner of its box; a region has none, so behind its name.
+   *  What unfolds it lies on the lower edge, because a folded box has just room for its name. */
+  handle(name: string, isFolded: boolean): readonly [number, number] | undefined {
     const parts = this.states.get(name)?.firstElementChild;
     const rect = parts?.querySelector(":scope > rect");
     const text = parts?.querySelector(":scope > text");
     const number = (from: Element, key: string): number => Number(from.getAttribute(key));
+    if (rect && isFolded) return [number(rect, "x") + number(rect, "width") - 14, number(rect, "y") + number(rect, "height")];
     if (rect) return [number(rect, "x") + number(rect, "width") - 14, number(rect, "y") + 17];
     if (text) return [number(text, "x") + number(text, "textLength") + 16, number(text, "y") - 4];
     return undefined;

@@ -23,7 +23,8 @@ export function Stage(props: { chart: ChartRecord; chosen: string }) {
   const stage = useRef<HTMLDivElement>(null);
   const paper = useRef<HTMLDivElement>(null);
   const camera = useRef<Camera>();
-  const drawn = useSignal<{ picture: Picture; marks: Marks } | undefined>(undefined);
+  const drawn = useSignal<{ picture: Picture; marks: Marks; names: ReadonlySet<string> } | undefined>(undefined);
+  const reverted = useRef(false);
   const anchor = useRef<string>();
   const cursor = useSignal("");
   const problem = useSignal("");
@@ -49,14 +50,19 @@ export function Stage(props: { chart: ChartRecord; chosen: string }) {
         if (outdated) return;
         const picture = Picture.read(svg);
         camera.current!.show(picture, anchor.current);
-        drawn.value = { picture, marks: new Marks(picture, inner(whole), names) };
-        problem.value = "";
+        drawn.value = { picture, names, marks: new Marks(picture, inner(whole), names) };
+        if (!reverted.current) problem.value = "";
+        reverted.current = false;
       })
       .catch((wrong: unknown) => {
         const told = wrong instanceof Error ? wrong.message : String(wrong);
         if (outdated) return;
-        if (drawn.peek()) problem.value = told;
-        else if (names.size) folded.value = new Set();
+        const last = drawn.peek();
+        if (last) {
+          problem.value = told;
+          reverted.current = true;
+          folded.value = last.names;
+        } else if (names.size) folded.value = new Set();
         else unusable.value = told;
       })
       .finally(() => {
@@ -208,7 +214,7 @@ function Veil() {
   return (
     <div class="veil" role="status">
       <p>
-        <span aria-hidden="true">⏸ </span>
+        <span aria-hidden="true">❚❚ </span>
         {t.held} {now.held.map((name) => now.holds[name] || name).join(", ")}
       </p>
     </div>
