@@ -119,7 +119,7 @@ export const en = {
     otherChart: (steps: string, chart: string) => `What happens is of another chart (${steps}) than this one (${chart}).`,
     depth: "Depth",
     all: "all",
-    levels: (count: number) => `${count}`,
+    byHand: "by hand",
     activeNow: "Active:",
     active: "active",
     tries: (operation: string, count: number) => `${operation}: try ${count}`,

@@ -121,7 +121,7 @@ export const nl: Texts = {
     otherChart: (steps, chart) => `Wat er gebeurt hoort bij een ander diagram (${steps}) dan dit (${chart}).`,
     depth: "Diepte",
     all: "alles",
-    levels: (count) => `${count}`,
+    byHand: "met de hand",
     activeNow: "Actief:",
     active: "actief",
     tries: (operation, count) => `${operation}: poging ${count}`,

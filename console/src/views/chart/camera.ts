@@ -17,6 +17,10 @@ export class Camera {
   private frame = 0;
   private timer = 0;
   private picture: Picture | undefined;
+  /** Where the drawing's scene begins, from which boxes are told, and how large the stage is. */
+  private scene: readonly [number, number] = [0, 0];
+  private width = 0;
+  private height = 0;
   private readonly pointers = new Map<number, PointerEvent>();
   private dragged = false;
 
@@ -27,6 +31,8 @@ export class Camera {
     for (const end of ["pointerup", "pointercancel", "lostpointercapture"] as const)
       stage.addEventListener(end, this.up);
     stage.addEventListener("wheel", this.wheel, { passive: false });
+    this.measure();
+    new ResizeObserver(() => this.measure()).observe(stage);
     // What ends a drag is no click on what lies there.
     stage.addEventListener("click", (event) => this.dragged && event.stopPropagation(), { capture: true });
   }
@@ -37,6 +43,8 @@ export class Camera {
     const first = this.picture === undefined;
     this.picture = picture;
     this.paper.replaceChildren(picture.svg);
+    const matrix = (picture.over.parentElement as unknown as SVGGElement).transform?.baseVal.consolidate()?.matrix;
+    this.scene = matrix ? [matrix.e, matrix.f] : [0, 0];
     this.settle();
     const after = anchor === undefined ? undefined : picture.box(anchor);
     if (first) this.fit();
@@ -50,34 +58,31 @@ export class Camera {
   /** See all of it, or as much as can be read, from its beginning. */
   fit(least = 0.35): void {
     if (!this.picture) return;
-    const { clientWidth, clientHeight } = this.stage;
-    const whole = Math.min(clientWidth / this.picture.width, clientHeight / this.picture.height, 1.2);
+    const whole = Math.min(this.width / this.picture.width, this.height / this.picture.height, 1.2);
     this.scale = Math.max(whole, least);
-    this.x = within(0, clientWidth - this.picture.width * this.scale);
-    this.y = within(0, clientHeight - this.picture.height * this.scale);
+    this.x = within(0, this.width - this.picture.width * this.scale);
+    this.y = within(0, this.height - this.picture.height * this.scale);
     this.settle();
   }
 
   /** Look at a box: in the middle, and large enough to be read. */
   centre(box: Box): void {
-    const { clientWidth, clientHeight } = this.stage;
-    const fits = Math.min(clientWidth / (box.width + 80), clientHeight / (box.height + 80));
+    const fits = Math.min(this.width / (box.width + 80), this.height / (box.height + 80));
     this.scale = Math.min(Math.max(this.scale, Math.min(0.8, fits)), Math.max(fits, LEAST), MOST);
-    const [left, top] = this.offset();
-    this.x = clientWidth / 2 - (left + box.x + box.width / 2) * this.scale;
-    this.y = clientHeight / 2 - (top + box.y + box.height / 2) * this.scale;
-    this.x = within(this.x, clientWidth - (this.picture?.width ?? 0) * this.scale);
-    this.y = within(this.y, clientHeight - (this.picture?.height ?? 0) * this.scale);
+    const [left, top] = this.scene;
+    this.x = this.width / 2 - (left + box.x + box.width / 2) * this.scale;
+    this.y = this.height / 2 - (top + box.y + box.height / 2) * this.scale;
+    this.x = within(this.x, this.width - (this.picture?.width ?? 0) * this.scale);
+    this.y = within(this.y, this.height - (this.picture?.height ?? 0) * this.scale);
     this.settle();
   }
 
   /** Move as little as needed so that a box is seen. */
   follow(box: Box): void {
-    const { clientWidth, clientHeight } = this.stage;
-    const [left, top] = this.offset();
+    const [left, top] = this.scene;
     const x = this.x + (left + box.x) * this.scale;
     const y = this.y + (top + box.y) * this.scale;
-    const inside = x >= 0 && y >= 0 && x + box.width * this.scale <= clientWidth && y + box.height * this.scale <= clientHeight;
+    const inside = x >= 0 && y >= 0 && x + box.width * this.scale <= this.width && y + box.height * this.scale <= this.height;
     if (!inside) this.centre(box);
   }
 
@@ -88,7 +93,7 @@ export class Camera {
   }
 
   /** Change the scale around a point of the stage, in its pixels; without one around its middle. */
-  zoom(factor: number, x = this.stage.clientWidth / 2, y = this.stage.clientHeight / 2): void {
+  zoom(factor: number, x = this.width / 2, y = this.height / 2): void {
     const scale = Math.min(Math.max(this.scale * factor, LEAST), MOST);
     this.x = x - ((x - this.x) * scale) / this.scale;
     this.y = y - ((y - this.y) * scale) / this.scale;
@@ -98,11 +103,9 @@ export class Camera {
     this.later();
   }
 
-  /** Where the drawing's scene begins: its boxes are told from there. */
-  private offset(): [number, number] {
-    const scene = this.picture?.over.parentElement as SVGGElement | null | undefined;
-    const matrix = scene?.transform?.baseVal.consolidate()?.matrix;
-    return matrix ? [matrix.e, matrix.f] : [0, 0];
+  private measure(): void {
+    this.width = this.stage.clientWidth;
+    this.height = this.stage.clientHeight;
   }
 
   private readonly down = (event: PointerEvent): void => {
@@ -150,6 +153,10 @@ export class Camera {
   /** Lay the drawing out at the scale that it is seen at. */
   private settle(): void {
     if (!this.picture) return;
+    if (this.sharp === this.scale && this.picture.svg.hasAttribute("width")) {
+      this.later();
+      return;
+    }
     this.sharp = this.scale;
     this.picture.svg.setAttribute("width", String(this.picture.width * this.sharp));
     this.picture.svg.setAttribute("height", String(this.picture.height * this.sharp));

@@ -161,8 +161,7 @@ function useExplanation(chart: ChartRecord, element: string): { told?: Explanati
     const look = (): void => {
       if (moment.value === null && steps.shown.value?.at !== askedFor) timer ||= window.setTimeout(ask, ASK_EVERY_MS);
     };
-    void ask();
-    const stops = [steps.shown.subscribe(look), moment.subscribe(look), link.state.subscribe((now) => void (now === "open" && look()))];
+    const stops = [steps.shown.subscribe(look), moment.subscribe(look), link.state.subscribe((now) => now === "open" && void ask())];
     return () => {
       ended = true;
       clearTimeout(timer);

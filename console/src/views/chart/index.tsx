@@ -1,7 +1,8 @@
 // The chart that runs, live: where it is, what was just taken, what runs down, and on request why.
-import { useSignal } from "@preact/signals";
+import { computed, useSignal } from "@preact/signals";
 import { chart, steps, view, type ChartRecord } from "../../model/mission";
 import { route, texts } from "../../model/page";
+import { moment } from "../../model/past";
 import { Panel, Pill } from "../../parts/panel";
 import "./chart.css";
 import { Detail } from "./detail";
@@ -37,6 +38,9 @@ export function ChartView() {
   return <Chart key={`${record.hash} ${record.boot}`} record={record} />;
 }
 
+/** Of which chart the steps are that happen; it changes seldom, they often. */
+const happening = computed(() => steps.shown.value?.value.chart);
+
 /** The chart that was shown before, by which a new one is noticed. */
 let before = "";
 
@@ -45,8 +49,7 @@ function Chart(props: { record: ChartRecord }) {
   const { record } = props;
   const renewed = useSignal(startWith(record));
   const element = chosen();
-  const stepsOf = steps.shown.value?.value.chart ?? record.hash;
-  const levels = deepest(record);
+  const stepsOf = happening.value ?? record.hash;
   return (
     <>
       <Panel title={t.title} class="chart" tools={<Search chart={record} />}>
@@ -57,16 +60,7 @@ function Chart(props: { record: ChartRecord }) {
         )}
         {stepsOf !== record.hash && <p class="note warn" role="status">{t.otherChart(stepsOf.slice(0, 8), record.hash.slice(0, 8))}</p>}
         <div class="row">
-          <label>
-            {t.depth}{" "}
-            <select onChange={({ currentTarget }) => (folded.value = foldedAt(record, Number(currentTarget.value)))}>
-              {Array.from({ length: levels }, (_, place) => place + 1).map((depth) => (
-                <option value={depth} selected={depth === usualDepth(record)}>
-                  {depth === levels ? t.all : t.levels(depth)}
-                </option>
-              ))}
-            </select>
-          </label>
+          <Depth chart={record} />
           <Active />
         </div>
         {record.svg ? <Stage chart={record} chosen={element} /> : <Outline chart={record} />}
@@ -82,10 +76,35 @@ function Chart(props: { record: ChartRecord }) {
 
 /** Begin with a chart; says whether another one was shown before. */
 function startWith(record: ChartRecord): boolean {
-  const isOther = before !== "" && before !== record.hash;
+  const isOther = before !== "" && before !== record.hash && moment.peek() === null;
   if (before !== record.hash) folded.value = foldedAt(record, usualDepth(record));
   before = record.hash;
   return isOther;
+}
+
+function Depth(props: { chart: ChartRecord }) {
+  const t = texts.value.chart;
+  const last = deepest(props.chart);
+  const depths = Array.from({ length: last }, (_, place) => place + 1);
+  const names = folded.value;
+  const isShown = (depth: number): boolean => {
+    const wanted = foldedAt(props.chart, depth);
+    return wanted.size === names.size && [...wanted].every((name) => names.has(name));
+  };
+  return (
+    <label>
+      {t.depth}{" "}
+      <select
+        value={depths.find(isShown) ?? ""}
+        onChange={({ currentTarget }) => currentTarget.value && (folded.value = foldedAt(props.chart, Number(currentTarget.value)))}
+      >
+        <option value="">{t.byHand}</option>
+        {depths.map((depth) => (
+          <option value={depth}>{depth === last ? t.all : depth}</option>
+        ))}
+      </select>
+    </label>
+  );
 }
 
 function Tools(props: { chart: ChartRecord; element: string }) {
@@ -108,7 +127,7 @@ function Active() {
   const parents = new Set(names.map(around));
   const innermost = names.filter((name) => !parents.has(name));
   return (
-    <div class="row" role="status" aria-label={t.activeNow}>
+    <div class="row" role="group" aria-label={t.activeNow}>
       <span class="soft">{t.activeNow}</span>
       {innermost.map((name) => (
         <button class="small" title={name} onClick={() => choose(name)}>

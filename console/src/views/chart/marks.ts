@@ -5,9 +5,11 @@ import { span } from "../../parts/format";
 import { around } from "./names";
 import { make, type Picture } from "./picture";
 
-/** Radius of a ring, and milliseconds that the trace of a transition takes to fade. */
+/** Radius of a ring, seconds that the trace of a transition takes to fade, and how wide it is at first and at last. */
 const RADIUS = 10;
-const TRACE_MS = 6000;
+const TRACE_S = 6;
+const WIDE = 7;
+const NARROW = 2.4;
 
 /** Time that runs down in a state: `left` seconds at the moment of the step, of `whole`; it may stand still. */
 export interface Clock {
@@ -61,14 +63,15 @@ function longest(state: string, event: string | undefined, now: number, before: 
 
 export class Marks {
   private rings: Ring[] = [];
-  private traced: Element[] = [];
+  /** What was taken lately, and when. It fades with the seconds: an animation would paint every frame anew. */
+  private readonly traced = new Map<Element, number>();
   private tracedStep = "";
+  private shownAt = 0;
   private lit = new Set<string>();
   private innermost = new Set<string>();
   private selected: Element[] = [];
   private cursor: Element | undefined;
   private readonly layer = make("g");
-  private readonly still = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
   constructor(private readonly picture: Picture, inner: ReadonlySet<string>, folded: ReadonlySet<string>) {
     for (const name of inner) this.handle(name, folded.has(name));
@@ -81,7 +84,7 @@ export class Marks {
     const active = (record?.view.configuration ?? []).filter(Boolean);
     const parents = new Set(active.map(around));
     this.light(active, active.filter((name) => !parents.has(name)));
-    if (record) this.trace(record);
+    if (known) this.trace(known);
     this.layer.replaceChildren();
     this.rings = [];
     if (!record) return;
@@ -90,8 +93,16 @@ export class Marks {
     this.retries(record.view);
   }
 
-  /** Turn the rings on; `passed` seconds since the step. */
+  /** Turn the rings on, and let the traces fade; `passed` seconds since the step. */
   tick(passed: number): void {
+    for (const [element, at] of this.traced) {
+      const age = passed + (this.shownAt - at) / 1000;
+      const isLast = at === this.shownAt || element.classList.contains("last");
+      if (age < TRACE_S || isLast) {
+        const width = NARROW + (WIDE - NARROW) * Math.max(0, 1 - age / TRACE_S);
+        (element as SVGElement).style.setProperty("--trace-width", `${width.toFixed(1)}px`);
+      } else this.untrace(element);
+    }
     for (const { clock, arc, text } of this.rings) {
       const left = Math.max(0, clock.left - (clock.stopped ? 0 : passed));
       arc.setAttribute("stroke-dashoffset", String(1 - Math.min(1, left / Math.max(clock.whole, 0.001))));
@@ -127,18 +138,23 @@ export class Marks {
     this.innermost = inside;
   }
 
-  private trace(record: StepRecord): void {
-    const step = `${record.boot} ${record.step.sequence}`;
-    if (step === this.tracedStep || !record.step.taken?.length) return;
-    this.tracedStep = step;
-    for (const each of this.traced) each.classList.remove("last");
-    this.traced = record.step.taken.flatMap((id) => this.picture.transitions.get(id) ?? []);
-    for (const each of this.traced) {
-      each.classList.add("last");
-      if (this.still) continue;
-      for (const line of each.querySelectorAll<SVGElement>(":scope > path[fill=none]:not(.reach)"))
-        line.animate([{ offset: 0, strokeWidth: "7px", stroke: "var(--chart-trace)" }], { duration: TRACE_MS, easing: "ease-out" });
+  private trace({ at, value: { boot, step } }: Known<StepRecord>): void {
+    // Back in the past nothing of what is later has happened.
+    for (const [element, taken] of this.traced) if (taken > at) this.untrace(element);
+    this.shownAt = at;
+    const name = `${boot} ${step.sequence}`;
+    if (name === this.tracedStep || !step.taken?.length) return;
+    this.tracedStep = name;
+    for (const element of this.traced.keys()) element.classList.remove("last");
+    for (const element of step.taken.flatMap((id) => this.picture.transitions.get(id) ?? [])) {
+      element.classList.add("traced", "last");
+      this.traced.set(element, at);
     }
+  }
+
+  private untrace(element: Element): void {
+    element.classList.remove("traced", "last");
+    this.traced.delete(element);
   }
 
   private ring(clock: Clock, taken: Map<string, number>): void {

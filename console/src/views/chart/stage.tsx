@@ -1,7 +1,7 @@
 // The drawing and what lies over it: one can move around in it, fold states, and choose one or an arrow.
-import { effect, untracked, useSignal, useSignalEffect } from "@preact/signals";
+import { computed, effect, untracked, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { shownNow } from "../../model/clock";
+import { robotNow, shownNow } from "../../model/clock";
 import { steps, view, type ChartRecord } from "../../model/mission";
 import { texts } from "../../model/page";
 import { moment } from "../../model/past";
@@ -79,7 +79,7 @@ export function Stage(props: { chart: ChartRecord; chosen: string }) {
       const known = steps.shown.value;
       const earlier = untracked(() => steps.past.until(known?.at ?? 0).slice(-LOOK_BACK - 1, -1).reverse());
       marks.show(known, earlier.map(({ value }) => value).filter(({ boot }) => boot === known?.value.boot));
-      untracked(() => marks.tick(known ? (shownNow.value - known.at) / 1000 : 0));
+      marks.tick(known ? passedSince(known.at) : 0);
       if (!following.peek() || element.peek()) return;
       const active = known?.value.view.configuration.at(-1);
       const name = active && picture.standsFor(active);
@@ -91,7 +91,8 @@ export function Stage(props: { chart: ChartRecord; chosen: string }) {
   });
   useSignalEffect(() => {
     const at = steps.shown.peek()?.at;
-    if (at !== undefined) drawn.value?.marks.tick((shownNow.value - at) / 1000);
+    void shownNow.value;
+    if (at !== undefined) drawn.value?.marks.tick(passedSince(at));
   });
 
   // What was chosen is unfolded, marked and brought into the middle.
@@ -162,7 +163,7 @@ export function Stage(props: { chart: ChartRecord; chosen: string }) {
       )}
       <div class="stage-frame">
         <div
-          class={`stage ${view.value?.held.length ? "held" : ""} ${moment.value === null ? "" : "past"}`}
+          class={`stage ${moment.value === null ? "" : "past"}`}
           ref={stage}
           tabIndex={0}
           role="application"
@@ -191,6 +192,11 @@ export function Stage(props: { chart: ChartRecord; chosen: string }) {
   );
 }
 
+/** Seconds from a step to the moment that is shown. */
+function passedSince(at: number): number {
+  return Math.max(0, ((moment.peek() ?? robotNow()) - at) / 1000);
+}
+
 /** States that were chosen by a click on them: they are in view already. */
 const isSeen = new Set<string>();
 
@@ -206,16 +212,18 @@ function beside(names: readonly string[], now: string, by: number): string | und
   return row[(row.indexOf(now) + by + row.length) % row.length];
 }
 
+/** Why everything stands still; '' while it does not. */
+const heldFor = computed(() => view.value?.held.map((name) => view.value?.holds[name] || name).join(", ") ?? "");
+
 /** A hold stops everything: it lies over the drawing, and says why. */
 function Veil() {
   const t = texts.value.chart;
-  const now = view.value;
-  if (!now?.held.length) return null;
+  if (!heldFor.value) return null;
   return (
     <div class="veil" role="status">
       <p>
         <span aria-hidden="true">❚❚ </span>
-        {t.held} {now.held.map((name) => now.holds[name] || name).join(", ")}
+        {t.held} {heldFor.value}
       </p>
     </div>
   );
