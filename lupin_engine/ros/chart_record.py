@@ -6,7 +6,7 @@ from typing import Any
 
 from lupin_engine.diagram.descriptions import ElementTexts
 from lupin_engine.diagram.folding import folded_svg
-from lupin_engine.errors import Place, reason
+from lupin_engine.errors import LupinError, Place, reason, shortened
 from lupin_engine.missions.load import LoadedMissions
 
 
@@ -50,3 +50,13 @@ def chart_record(loaded: LoadedMissions) -> dict[str, Any]:
         },
         "files": {names[name]: raw.decode(errors="replace") for name, raw in loaded.sources.items()},
     }
+
+
+def check_chart(asked: str, loaded: LoadedMissions) -> None:
+    """Check that a chart that is asked about, by its hash, is the one that runs; '' is whichever runs.
+
+    Raises:
+        LupinError: it is another one.
+    """
+    if asked not in ("", loaded.hash):
+        raise LupinError(f"another chart runs: {loaded.hash}, not {shortened(asked)!r}; read ~/chart again")

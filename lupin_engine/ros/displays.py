@@ -12,12 +12,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from lupin_engine.errors import LupinError, shortened
+from lupin_engine.errors import LupinError
 from lupin_engine.machine.machine import Machine
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.ros import messages
 from lupin_engine.ros.adapter.node import RosNode
 from lupin_engine.ros.bindings.definitions import interface_class
+from lupin_engine.ros.chart_record import check_chart
 from lupin_engine.ros.names import DRAW_SERVICE, DRAW_TYPE, EXPLAIN_SERVICE, EXPLAIN_TYPE
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.explanation import explanation
@@ -51,7 +52,7 @@ class Displays:
         loaded, machine = self._running()
         response.chart = loaded.hash
         try:
-            _check(request.chart, loaded)
+            check_chart(request.chart, loaded)
             told = explanation(machine, request.element, self._clock.now())
         except LupinError as problem:
             return _refuse(response, str(problem))
@@ -61,7 +62,7 @@ class Displays:
         loaded, _ = self._running()
         response.chart = loaded.hash
         try:
-            _check(request.chart, loaded)
+            check_chart(request.chart, loaded)
             if self._waiting >= MOST_WAITING:
                 raise LupinError(f"{MOST_WAITING} drawings are asked for already; wait for a moment")
         except LupinError as problem:
@@ -91,12 +92,6 @@ class Displays:
     def _drawn(self, response: Any, answer: Callable[[Any], None], svg: str, problem: str) -> None:
         self._waiting -= 1
         answer(messages.write(response, {"success": bool(svg), "message": problem, "svg": svg}))
-
-
-def _check(chart: str, loaded: LoadedMissions) -> None:
-    """Refuse what is asked about another chart."""
-    if chart not in ("", loaded.hash):
-        raise LupinError(f"another chart runs: {loaded.hash}, not {shortened(chart)!r}; read ~/chart again")
 
 
 def _refuse(response: Any, reason: str) -> Any:

@@ -59,8 +59,13 @@ class Sample:
         serialized: bytes,
         stamp_ns: int,
         decode: Callable[[bytes], Mapping[str, Any]],
+        at: float | None = None,
     ) -> None:
-        """`stamp_ns` is when it was published, in ns of the publisher's wall clock."""
+        """`stamp_ns` is when it was published, in ns of the publisher's wall clock.
+
+        `at` tells pages when it was, in ms since 1970, where their clock does not go with real time.
+        """
+        self._at = "" if at is None else f'"at":{at:.3f},'
         self.topic = topic
         self.serialized = serialized
         self.stamp_ns = stamp_ns
@@ -92,7 +97,7 @@ class Sample:
         if compression == "cbor":
             return self._cbor(self._decoded)
         topic = as_json(self.topic).decode()
-        return f'{{"op":"publish","topic":{topic},"msg":{as_json(self._decoded).decode()}}}'
+        return f'{{"op":"publish","topic":{topic},{self._at}"msg":{as_json(self._decoded).decode()}}}'
 
     def _cbor(self, message: Any) -> bytes:
         return as_cbor({"op": "publish", "topic": self.topic, "msg": message})

@@ -145,7 +145,8 @@ def read_state(data: Fields) -> Progress:
 def observation_fields(published: Publish, value: Callable[[str], Any], stamp: Fields) -> Fields:
     """Return the observation of one closed visit, or of a reading on the way.
 
-    The target's id and the time are carried whatever the outcome, because consumers key on the one and show
+    All fields are there, also those of other kinds: a page of a simulation gets them as they are. The
+    target's id and the time are carried whatever the outcome, because consumers key on the one and show
     the other; a reading and a place only with OK. Where nobody knows the place, `orientation.w` is 0, which
     means "never observed".
     """
@@ -162,6 +163,8 @@ def observation_fields(published: Publish, value: Callable[[str], Any], stamp: F
             "sim_time_of_day_seconds": 0.0,
             "readings": [],
         },
+        "flower": _NO_FLOWER,
+        "anomaly": _NO_ANOMALY,
         "tag_pose_in_map": _whole_pose({}, {}),
     }
     if published.status != "OK":
@@ -174,9 +177,26 @@ def observation_fields(published: Publish, value: Callable[[str], Any], stamp: F
 
 
 def _whole_pose(position: Fields, orientation: Fields) -> Fields:
-    """Return a pose with all its numbers: who is no message knows no defaults."""
+    """Return a pose with all its numbers; an orientation that is not given is 0."""
     none = dict.fromkeys("xyz", 0.0)
     return {"position": {**none, **position}, "orientation": {**none, "w": 0.0, **orientation}}
+
+
+#: What observations of a tag carry of other kinds.
+_UNSEEN: Fields = {
+    "header": {"stamp": time_fields(0.0), "frame_id": ""},
+    "pose": _whole_pose({}, {"w": 1.0}),
+}
+_NO_ANOMALY: Fields = {"pose": _UNSEEN, "description": "", "severity": 0}
+_NO_FLOWER: Fields = {
+    "tag_id": "",
+    "pose": _UNSEEN,
+    "species": "",
+    "confidence": 0.0,
+    "anomaly": False,
+    "flowers": [],
+    "box_footprint": {"points": []},
+}
 
 
 def reading_fields(tag_id: str, reading: Mapping[str, Any]) -> Fields:

@@ -99,7 +99,11 @@ export function topic<Message, T = Message>(name: string, type: string, how: How
     });
   };
   const follow = (): (() => void) => {
-    if (readers++ === 0) end = link.subscribe(name, type, (message) => atRobotTime((at) => take(message, at)), how.throttle);
+    const heard = (message: unknown, at?: number): void => {
+      if (at === undefined) atRobotTime((now) => take(message, now));
+      else take(message, at);
+    };
+    if (readers++ === 0) end = link.subscribe(name, type, heard, how.throttle);
     return () => {
       if (--readers === 0) end();
     };

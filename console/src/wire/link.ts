@@ -11,7 +11,7 @@ interface Subscription {
   readonly topic: string;
   readonly type: string;
   readonly throttle: number;
-  readonly heard: (message: unknown) => void;
+  readonly heard: (message: unknown, at?: number) => void;
 }
 
 interface Waiting {
@@ -25,6 +25,8 @@ interface Frame {
   id?: string;
   topic?: string;
   msg?: unknown;
+  /** When the message was, in milliseconds since 1970, where the clock is not a real one. */
+  at?: number;
   values?: unknown;
   result?: boolean;
   level?: string;
@@ -69,9 +71,9 @@ export class Link {
   }
 
   /** Hear a topic; returns what ends that. `throttle`: at least so many milliseconds lie between two messages. */
-  subscribe<T>(topic: string, type: string, heard: (message: T) => void, throttle = 0): () => void {
+  subscribe<T>(topic: string, type: string, heard: (message: T, at?: number) => void, throttle = 0): () => void {
     const id = `s${++this.count}`;
-    const subscription: Subscription = { topic, type, throttle, heard: heard as (message: unknown) => void };
+    const subscription: Subscription = { topic, type, throttle, heard: heard as Subscription["heard"] };
     this.subscriptions.set(id, subscription);
     this.sendSubscription(id, subscription);
     return () => {
@@ -133,7 +135,7 @@ export class Link {
   private receive(frame: Frame): void {
     if (frame.op === "publish") {
       for (const subscription of [...this.subscriptions.values()])
-        if (subscription.topic === frame.topic) subscription.heard(frame.msg);
+        if (subscription.topic === frame.topic) subscription.heard(frame.msg, frame.at);
     } else if (frame.op === "service_response" && frame.id !== undefined) {
       const waiting = this.waiting.get(frame.id);
       if (!waiting) return;

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
 
+from lupin_engine.diagram.folding import folded_svg
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import NOTHING, Event
 from lupin_engine.machine.scope import World
@@ -17,8 +18,10 @@ from lupin_engine.plugin.pages import PageMessage
 from lupin_engine.plugin.profile import START, Fields, Publish
 from lupin_engine.plugin.wire import time_fields
 from lupin_engine.ros import commands, messages, names
+from lupin_engine.ros.chart_record import check_chart
 from lupin_engine.ros.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_engine.ros.told import StepMoment, StepNews, ToldPossible, ToldState, step_told
+from lupin_engine.runtime.explanation import explanation
 from lupin_engine.runtime.offer import missions_record
 from lupin_engine.sim.simulation import Script, Simulation
 
@@ -63,14 +66,14 @@ class VirtualOrchestrator:
     @property
     def at(self) -> float:
         """The time in milliseconds since 1970: it goes on as virtual time does, also when a clock is set."""
-        return self._began_ms + self.simulation.now * 1000.0
+        return max(self._told_at, self._began_ms + self.simulation.now * 1000.0)
 
     def _moment(self) -> float:
         """Return the time for something that is told; of what happens at once, each has its own.
 
         So whoever puts it in order does so as it happened. A millisecond has room for a thousand.
         """
-        self._told_at = max(self.at, self._told_at + 0.001)
+        self._told_at = max(self._told_at + 0.001, self.at)
         return self._told_at
 
     def begin(self, picture: Mapping[str, Any]) -> None:
@@ -97,6 +100,37 @@ class VirtualOrchestrator:
             return commands.refused(event)
         self._origin = event, asked.origin
         return commands.answered(asked, self.simulation.request(event))
+
+    def draw(self, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Draw the chart as a display asks for it by the fields of `lupin_engine_msgs/srv/Draw`."""
+        folded = arguments.get("folded", [])
+        if not isinstance(folded, list):
+            raise LupinError(f"{names.DRAW_SERVICE}: folded must be a list of states")
+
+        def svg() -> dict[str, str]:
+            return {"svg": folded_svg(self._loaded.chart, frozenset(map(str, folded)))}
+
+        return self._shown(arguments, "svg", svg)
+
+    def explain(self, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Explain a state or transition by the fields of `lupin_engine_msgs/srv/Explain`."""
+
+        def told() -> dict[str, str]:
+            machine, now = self.simulation.machine, self.simulation.now
+            found = explanation(machine, str(arguments.get("element", "")), now)
+            return {"explanation": json.dumps(found, default=str)}
+
+        return self._shown(arguments, "explanation", told)
+
+    def _shown(
+        self, arguments: Mapping[str, Any], field: str, show: Callable[[], dict[str, str]]
+    ) -> Mapping[str, Any]:
+        response = {"success": False, "message": "", "chart": self._loaded.hash, field: ""}
+        try:
+            check_chart(str(arguments.get("chart", "")), self._loaded)
+            return {**response, "success": True, **show()}
+        except LupinError as problem:
+            return {**response, "message": str(problem)}
 
     # -- what is told -----------------------------------------------------------------------------------
 

@@ -144,6 +144,10 @@ class SimulatedPages:
             answer = self._orchestrator.command(arguments, now)
             self._tell_news()
             return answer
+        if service == names.DRAW_SERVICE:
+            return self._orchestrator.draw(arguments)
+        if service == names.EXPLAIN_SERVICE:
+            return self._orchestrator.explain(arguments)
         raise LupinError(f"{service}: a simulation does not have this service")
 
     def work(self, now: float) -> float | None:

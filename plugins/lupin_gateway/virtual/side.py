@@ -163,4 +163,4 @@ class SourceHistory:
 
 def _sample(message: PageMessage, count: int) -> Sample:
     name, stamp_ns = str(count).encode(), round(message.at * 1e6)
-    return Sample(message.topic, name, stamp_ns, lambda _: message.fields)
+    return Sample(message.topic, name, stamp_ns, lambda _: message.fields, message.at)

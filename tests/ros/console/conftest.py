@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,26 +11,14 @@ import pytest
 pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed here")
 pytest.importorskip("playwright", reason="playwright is not installed here")
 
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from playwright.sync_api import BrowserContext, Page
 
 from lupin_engine.harness.domains import claimed_domain
+from tests.browsing import DESK, FLAGS, PATIENCE_MS, PHONE, browser, context, opened
 from tests.ros.gateway.conftest import free_port
 from tests.ros.launch.processes import Lupin
 
-#: Milliseconds that the page may take for anything on a busy machine.
-PATIENCE_MS = 60_000
-#: Chromium without a screen, and without asking the world for anything.
-FLAGS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
-DESK = {"width": 1440, "height": 900}
-PHONE = {"width": 390, "height": 844}
+__all__ = ["DESK", "FLAGS", "PATIENCE_MS", "PHONE", "browser", "context"]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -40,27 +27,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if Path(__file__).parent in item.path.parents:
             item.add_marker(pytest.mark.browser)
             item.add_marker(pytest.mark.timeout(300))
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Browser]:
-    """Chromium, as Debian has it."""
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if chromium is None:
-        pytest.skip("no Chromium is installed here: apt install chromium")
-    with sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=chromium, args=list(FLAGS))
-        yield found
-        found.close()
-
-
-@pytest.fixture
-def context(browser: Browser) -> Iterator[BrowserContext]:
-    """A fresh profile, in English, on a desk."""
-    found = browser.new_context(viewport=DESK, locale="en-GB", timezone_id="Europe/Amsterdam")
-    found.set_default_timeout(PATIENCE_MS)
-    yield found
-    found.close()
 
 
 @dataclass
@@ -100,11 +66,4 @@ def robot(serve: Callable[..., Served]) -> Served:
 @pytest.fixture
 def console(context: BrowserContext, robot: Served) -> Iterator[Page]:
     """The console of `robot`, connected; what the page logs as an error fails the test."""
-    page = context.new_page()
-    wrong: list[str] = []
-    page.on("pageerror", lambda problem: wrong.append(str(problem)))
-    page.on("console", lambda told: wrong.append(told.text) if told.type == "error" else None)
-    page.goto(robot.url)
-    page.locator(".bar .pill.good").wait_for()
-    yield page
-    assert not wrong, "\n".join(wrong)
+    yield from opened(context, robot.url)

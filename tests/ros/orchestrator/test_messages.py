@@ -88,6 +88,26 @@ def test_an_ok_observation_carries_its_reading_and_pose() -> None:
     )
 
 
+def paths(fields: object, where: str = "") -> set[str]:
+    """Return all names of plain data, those inside of others as well."""
+    if not isinstance(fields, dict):
+        return set()
+    found = {f"{where}{name}" for name in fields}
+    return found.union(*(paths(value, f"{where}{name}.") for name, value in fields.items()))
+
+
+def test_pages_of_a_simulation_get_every_field_as_on_the_wire() -> None:
+    """They see what the profile makes, and no message that has defaults."""
+    told = greenhouse.observation_fields(published("SKIPPED"), {}.get, NOW)
+    empty = messages.read(Observation())
+    assert paths(told) == paths(empty)
+    assert {name: told[name] for name in ("flower", "anomaly")} == {
+        name: empty[name] for name in ("flower", "anomaly")
+    }
+    now = messages.situation(VIEW, CODES, {}, {}.get, None, NOW)
+    assert paths(greenhouse.state_fields(now)) == paths(messages.read(MissionState()))
+
+
 def test_a_failed_observation_carries_its_tag_and_reason_but_no_reading_and_no_pose() -> None:
     failed = published("UNREACHABLE", code="nav_status_6", detail="aborted")
     message = observation(failed, pose=HERE)

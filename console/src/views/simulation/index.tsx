@@ -33,7 +33,7 @@ export function SimulationView() {
           </p>
         )}
       </Panel>
-      <Panel title={t.inputs}>
+      <Panel title={t.inputs} class="simulated-inputs">
         <table>
           <thead>
             <tr>

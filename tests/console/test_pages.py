@@ -1,0 +1,204 @@
+"""The console in a browser, on a simulation that is operated by the page alone, and on a recording."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from datetime import datetime, timezone
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("starlette", reason="the extra hmi is not installed here")
+pytest.importorskip("playwright", reason="playwright is not installed here")
+pytest.importorskip("mcap_ros2", reason="the extra record is not installed here")
+
+from mcap_ros2.writer import Writer
+from playwright.sync_api import BrowserContext, Locator, Page, expect
+
+from tests.browsing import PHONE, opened
+from tests.console.pages import STEPS, ServedPages, SimulationPage
+
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(300)]
+
+#: What stands out of the page on the right, the navigation aside, which can be scrolled.
+WIDER = """[...document.querySelectorAll("body *:not(nav *)")]
+    .filter((each) => each.getBoundingClientRect().right > innerWidth + 1)
+    .map((each) => `${each.tagName} ${each.className}`)"""
+#: Topics of the orchestrator that are a std_msgs/String.
+TEXTS = ("steps", "possible", "missions", "chart")
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Iterator[ServedPages]:
+    """A mission that an operator starts."""
+    with ServedPages("simulate", "inspection") as found:
+        yield found
+
+
+@pytest.fixture
+def page(context: BrowserContext, simulation: ServedPages) -> Iterator[Page]:
+    """The console on a simulation that has just begun."""
+    for found in opened(context, f"{simulation.url}#simulation"):
+        found.get_by_role("button", name="Begin again").click()
+        expect(found.locator(".virtual-time")).to_have_text("0 s")
+        yield found
+
+
+def bar(page: Page) -> Locator:
+    return page.locator(".virtual")
+
+
+def state(page: Page) -> Locator:
+    return page.locator(".bar .where b")
+
+
+def run_to_the_end(page: Page) -> None:
+    """Start a mission by the page's own button, and run it as fast as it goes."""
+    page.get_by_role("link", name="Mission").click()
+    page.get_by_role("button", name="Start inspection").click()
+    expect(state(page)).to_have_text("PREPARE")
+    bar(page).get_by_label("Speed").select_option("max")
+    bar(page).get_by_role("button", name="Run", exact=True).click()
+    expect(state(page)).to_have_text("DONE")
+
+
+def test_a_mission_is_operated_from_start_to_end_and_marked_as_simulated(page: Page) -> None:
+    expect(page.locator(".virtual-word")).to_have_text("SIMULATION")
+    expect(state(page)).to_have_text("READY")
+    run_to_the_end(page)
+    expect(bar(page).get_by_role("status")).to_have_text("nothing will happen by itself")
+    page.get_by_role("link", name="Log").click()
+    expect(page.get_by_role("region", name="Timeline")).to_contain_text("nav.go_to")
+    page.get_by_role("link", name="Chart").click()
+    expect(page.locator("svg [data-state='DONE']").first).to_be_visible()
+
+
+def test_a_fault_is_injected_step_by_step(page: Page) -> None:
+    page.get_by_role("link", name="Mission").click()
+    page.get_by_role("button", name="Start inspection").click()
+    page.get_by_role("link", name="Simulation").click()
+    operation = page.get_by_role("group", name="nav.localize")
+    expect(operation).to_be_visible()
+    bar(page).get_by_role("button", name="Step").click()
+    operation = page.get_by_role("group", name="nav.go_to")
+    operation.get_by_label("Fail with").select_option("nav_status_6")
+    operation.get_by_role("button", name="Fail now").click()
+    page.get_by_role("link", name="Log").click()
+    expect(page.get_by_role("region", name="Log")).to_contain_text("nav_status_6")
+
+
+def test_silence_and_what_the_robot_senses(page: Page) -> None:
+    page.get_by_role("link", name="Mission").click()
+    page.get_by_role("button", name="Start inspection").click()
+    page.get_by_role("link", name="Simulation").click()
+    page.get_by_role("group", name="nav.localize").get_by_role("button", name="Fall silent").click()
+    page.get_by_role("button", name="nav.localize answers again").click()
+    expect(page.get_by_role("button", name="answers again")).to_have_count(0)
+    page.get_by_role("button", name="estop true").click()
+    row = page.get_by_role("row", name=re.compile("^estop"))
+    expect(row.locator("code")).to_have_text("true")
+    battery = page.get_by_role("row", name=re.compile("^battery"))
+    battery.get_by_role("textbox").fill("much")
+    battery.get_by_role("button", name="Set").click()
+    wrong = page.get_by_role("region", name="Faults").get_by_role("alert")
+    expect(wrong).to_have_text("battery: expected number, got 'much'")
+    battery.get_by_role("textbox").fill("12 %")
+    battery.get_by_role("button", name="Set").click()
+    expect(battery.locator("code")).to_contain_text("0.12")
+    expect(wrong).to_have_count(0)
+
+
+def test_the_stop_of_the_page_stops_the_simulated_robot(page: Page) -> None:
+    page.locator("#stop").click()
+    row = page.get_by_role("row", name=re.compile("^estop"))
+    expect(row.locator("code")).to_have_text("true")
+    page.get_by_role("button", name="Release my stop").click()
+    expect(row.locator("code")).to_have_text("false")
+
+
+def test_it_begins_again_also_while_the_past_is_looked_at(page: Page) -> None:
+    run_to_the_end(page)
+    page.locator(".moment input").press("Home")
+    expect(state(page)).not_to_have_text("DONE")
+    bar(page).get_by_role("button", name="Begin again").click()
+    expect(state(page)).to_have_text("READY")
+    expect(page.locator(".virtual-time")).to_have_text("0 s")
+    page.get_by_role("link", name="Log").click()
+    expect(page.get_by_role("region", name="Timeline")).not_to_contain_text("nav.go_to")
+
+
+def test_a_phone_has_the_controls_of_time_and_the_faults(
+    context: BrowserContext, simulation: ServedPages
+) -> None:
+    for page in opened(context, f"{simulation.url}#simulation"):
+        page.set_viewport_size(PHONE)
+        expect(bar(page).get_by_role("button", name="Step")).to_be_in_viewport()
+        assert page.evaluate(WIDER) == []
+
+
+# -- a recording ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a simulation told its pages, as a recording of the same topics."""
+    file = tmp_path_factory.mktemp("recording") / "inspection.mcap"
+    with ServedPages("simulate", "inspection", "--tags", "1,5") as served, file.open("wb") as stream:
+        page = SimulationPage(served.port)
+        page.do("speed", "max")
+        page.do("until", "DONE")
+        page.reaches(lambda now: now["note"], "the end")
+        writer = Writer(stream)
+        schema = writer.register_msgdef("std_msgs/msg/String", "string data")
+        for line in served.history():
+            if line["topic"].rpartition("/")[2] in TEXTS:
+                at = round(line["at"] * 1e6)
+                writer.write_message(line["topic"], schema, line["msg"], at, at)
+        writer.finish()
+        page.close()
+    return file
+
+
+def iso(wall_ns: int) -> str:
+    """Return a time as pages write it for machines."""
+    moment = datetime.fromtimestamp(wall_ns // 1_000_000_000, timezone.utc)
+    return f"{moment:%Y-%m-%dT%H:%M:%S}.{wall_ns // 1_000_000 % 1000:03}Z"
+
+
+def test_a_recording_is_played_and_its_states_are_those_of_its_steps(
+    context: BrowserContext, recording: Path
+) -> None:
+    with ServedPages("replay", str(recording)) as served:
+        records = [json.loads(line["msg"]["data"]) for line in served.history() if line["topic"] == STEPS]
+        for page in opened(context, f"{served.url}#log"):
+            expect(page.locator(".virtual-word")).to_have_text("RECORDING")
+            expect(page.locator("#stop")).to_be_disabled()
+            expect(page.locator("#stop-state")).to_have_text("A recording: there is no robot here")
+            # Step by step back through the past: the page shows what the file says.
+            lifecycle = page.locator(".control-where")
+            expect(lifecycle).to_contain_text("DONE")
+            for record in reversed(records[-12:]):
+                page.get_by_role("button", name="Step before").click()
+                expect(page.locator(".moment time")).to_have_attribute("datetime", iso(record["wall_ns"]))
+                now = " ".join(filter(None, (record["view"]["lifecycle"], record["view"]["phase"])))
+                expect(lifecycle).to_contain_text(now)
+            bar(page).get_by_label("Speed").select_option("64")
+            bar(page).get_by_role("button", name="Play").click()
+            expect(bar(page).get_by_role("button", name="Pause")).to_be_visible()
+            expect(bar(page).get_by_role("button", name="Play")).to_be_visible()
+            expect(lifecycle).to_contain_text("DONE")
+            expect(page.get_by_role("button", name="Abort")).to_be_disabled()
+
+
+def test_a_recording_by_others_says_what_it_lacks(context: BrowserContext, tmp_path: Path) -> None:
+    file = tmp_path / "foreign.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream)
+        schema = writer.register_msgdef("std_msgs/msg/String", "string data")
+        writer.write_message("/chatter", schema, {"data": "hello"}, 10**18, 10**18)
+        writer.finish()
+    with ServedPages("replay", str(file)) as served:
+        for page in opened(context, served.url):
+            expect(page.locator(".virtual-problems")).to_contain_text(f"nobody told {STEPS}")
