@@ -5,7 +5,7 @@ import { link, type LinkState } from "../wire/link";
 import { robotNow } from "./clock";
 import { isLoading } from "./history";
 import { observations, state, steps } from "./mission";
-import { texts } from "./page";
+import { mode, texts } from "./page";
 import { Past, type Known } from "./past";
 import { StepStory, type Entry, type Span, type Words } from "./story";
 import { json, topic } from "./topics";
@@ -48,12 +48,21 @@ function readOn<T, R extends Reader<T>>(past: Past<T>, made: (words: Words) => R
     if (isLoading.value && shown) return shown;
     const { list, edition } = past.standing();
     if (state?.edition !== edition || state.words !== words) state = { reader: made(words), edition, words, next: 0 };
-    while (state.next < list.length) state.reader.read(list[state.next++]!);
+    while (state.next < list.length) readOne(state.reader, list[state.next++]!);
     // Who shows it is not troubled by what tells nothing.
     const { reader } = state;
     if (shown?.reader !== reader || shown.told !== reader.told) shown = { reader, told: reader.told };
     return shown;
   });
+}
+
+/** What cannot be told, because it is not as it should be, keeps nothing else from being told. */
+function readOne<T>(reader: Reader<T>, known: Known<T>): void {
+  try {
+    reader.read(known);
+  } catch (problem) {
+    console.warn("left out of the log:", known, problem);
+  }
 }
 
 class ObservationStory implements Reader<Observation> {
@@ -67,13 +76,14 @@ class ObservationStory implements Reader<Observation> {
 
   read({ at, value }: Known<Observation>): void {
     const { words } = this;
-    const { kind, status } = value;
-    const target = value.tag_reading.tag_id || value.flower.tag_id;
-    const values = value.tag_reading.readings.map(({ name, value: number }) => `${name} ${number?.toPrecision(4) ?? "–"}`);
-    const flower = [value.flower.species, value.flower.anomaly ? words.anomaly : ""].filter(Boolean);
-    const about = kind === Observation.KIND_FLOWER ? flower : kind === Observation.KIND_ANOMALY ? [value.anomaly.description] : values;
+    // Whoever tells it may leave out what its kind does not have.
+    const { kind = Observation.KIND_TAG_READING, status = Observation.STATUS_OK, tag_reading, flower, anomaly }: Partial<Observation> = value;
+    const target = tag_reading?.tag_id || flower?.tag_id || "";
+    const values = tag_reading?.readings?.map(({ name, value: number }) => `${name} ${number?.toPrecision(4) ?? "–"}`) ?? [];
+    const seen = [flower?.species, flower?.anomaly ? words.anomaly : ""];
+    const about = kind === Observation.KIND_FLOWER ? seen : kind === Observation.KIND_ANOMALY ? [anomaly?.description] : values;
     const text = [words.statuses[status] ?? String(status), value.status_detail, ...about].filter(Boolean).join(", ");
-    const isOdd = status !== Observation.STATUS_OK || kind === Observation.KIND_ANOMALY || value.flower.anomaly;
+    const isOdd = status !== Observation.STATUS_OK || kind === Observation.KIND_ANOMALY || flower?.anomaly;
     this.entries.push({ at, kind: "target", severity: isOdd ? 1 : 0, text: `${words.kinds[kind] ?? kind}: ${text}`, target });
   }
 }
@@ -113,7 +123,9 @@ export const gaps = computed<readonly Span[]>(() => {
     if (value === "lost") lost.push({ from: at, to: undefined, text: words.linkLost, severity: 2 });
     else if (last) last.to ??= at;
   }
-  const silent = state.silences.until(null).map(({ at, value }): Span => ({ from: at, to: value, text: words.silent, severity: 2 }));
+  // In a simulation nothing is told again while nothing happens.
+  const silences = mode.value === "simulation" ? [] : state.silences.until(null);
+  const silent = silences.map(({ at, value }): Span => ({ from: at, to: value, text: words.silent, severity: 2 }));
   const isCovered = (gap: Span): boolean => silent.some(({ from, to }) => from < gap.to! + 1000 && to! > gap.from);
   const anew = stepStory.value.reader.gaps.filter((gap) => !isCovered(gap));
   return [...lost, ...silent, ...anew].sort(byBegin);

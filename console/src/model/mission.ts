@@ -208,10 +208,13 @@ export const state = topic<MissionState, Omit<MissionState, "header">>("/mission
 export const steps = topic<Text, StepRecord>(`${ORCHESTRATOR}/steps`, MSG_TYPES.StdMsgsString, {
   keep: 50_000,
   always: true,
-  read: json,
+  read: (message) => {
+    const record = json<StepRecord>(message);
+    return record?.step && record.view ? record : undefined;
+  },
   when: (message) => {
     const record = json<StepRecord>(message);
-    return record && record.wall_ns / 1e6;
+    return record?.wall_ns ? record.wall_ns / 1e6 : undefined;
   },
   same: (one, other) => one.boot === other.boot && one.step.sequence === other.step.sequence,
   minor: ({ step }) => step.event === "attempt.progress",

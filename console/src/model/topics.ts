@@ -167,9 +167,17 @@ function isPlain(value: unknown): value is Record<string, unknown> {
 }
 
 /** JSON in a std_msgs/String; what is no JSON is nothing. */
-export function json<T>(message: { data: string }): T | undefined {
+export function json<T>({ data }: { data: string }): T | undefined {
+  if (data !== parsed.data) parsed = { data, value: parse(data) };
+  return parsed.value as T | undefined;
+}
+
+/** What was read last: who asks for its time and then for its value reads it once. */
+let parsed: { readonly data: string; readonly value: unknown } = { data: "", value: undefined };
+
+function parse(data: string): unknown {
   try {
-    return JSON.parse(message.data) as T;
+    return JSON.parse(data);
   } catch {
     return undefined;
   }

@@ -78,7 +78,7 @@ export function MomentBar() {
       <span class="moment-time">
         {at !== null && <strong class="moment-past">{t.past}</strong>}
         <time dateTime={new Date(shownNow.value).toISOString()}>{time}</time>
-        {isLoading.value && <span class="soft"> {t.loading}</span>}
+        {isLoading.value && at === null && <span class="soft"> {t.loading}</span>}
       </span>
       <button class={at === null ? "" : "main"} aria-pressed={at === null} title={t.liveHint} aria-keyshortcuts="L" onClick={goLive}>
         ● {t.live}
