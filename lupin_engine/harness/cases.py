@@ -88,7 +88,7 @@ class DriverContract:
     @classmethod
     def node_entries(cls) -> dict[str, str]:
         """Return the nodes to start, with what runs each: `module:function`."""
-        own = _subject(cls.plugin).plugin.nodes
+        own = _subject(cls.plugin).plugin.serving
         known = {
             name: entry for plugin in load_catalog().plugins.values() for name, entry in plugin.nodes.items()
         }

@@ -22,6 +22,7 @@ from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.step import Considered, Macrostep, Refusal, moment_of
 from lupin_engine.machine.structure import Configuration, Structure
 from lupin_engine.machine.timers import seconds
+from lupin_engine.plugin.builtin import DEFAULT_MAX_TARGETS, MAX_TARGETS
 from lupin_engine.plugin.contract import INVARIANT_CODE, classify
 from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.types import Type, convert, fitted
@@ -271,6 +272,9 @@ def read_given(world: World, use: UsedMission, env: Environment) -> dict[str, An
 
 
 def _read_field(world: World, field: Field, given: Any, env: Environment) -> tuple[Any, Refusal | None]:
+    too_many = _too_many(world, field, given)
+    if too_many:
+        return None, too_many
     try:
         value = (
             field.default.evaluate(env)
@@ -286,11 +290,23 @@ def _read_field(world: World, field: Field, given: Any, env: Environment) -> tup
         value = fitted(value, field.type)
     except ValueError as problem:
         return None, Refusal(BAD_REQUEST, f"{field.name} is {problem}")
+    too_many = _too_many(world, field, value)
+    if too_many:
+        return None, too_many
     if field.not_empty is not None and not value:
         return None, Refusal(field.not_empty, world.chart.codes[field.not_empty].label)
     if field.minimum is not None and value < field.minimum:
         return None, Refusal(BAD_REQUEST, f"{field.name} must be at least {field.minimum:g}, got {value!r}")
     return value, None
+
+
+def _too_many(world: World, field: Field, value: Any) -> Refusal | None:
+    """Refuse a list that is too long, before its elements are looked at; a default may be one, too."""
+    most = world.parameters.get(MAX_TARGETS, DEFAULT_MAX_TARGETS)
+    if not isinstance(value, list) or len(value) <= most:
+        return None
+    told = f"{field.name} has {len(value)} elements; at most {most} are taken (parameter {MAX_TARGETS})"
+    return Refusal(BAD_REQUEST, told)
 
 
 def _read(world: World, wanted: Type, given: Any) -> Any:

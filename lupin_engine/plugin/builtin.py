@@ -2,13 +2,14 @@
 
 Operation and live value are about the same list: what the plugins that the loaded missions use wait for
 (servers, topics). `plugins.missing` tells it all the time, `plugins.ready` ends as soon as it is empty.
-Whoever runs the chart answers both, so there is no client. Charts that read the clock have the parameter.
+Whoever runs the chart answers both, so there is no client. Charts that read the clock have the parameter
+of the time zone, and those whose missions are asked for lists the one that limits them.
 """
 
 from __future__ import annotations
 
 from lupin_engine.plugin.contract import LiveValue, Mock, OnHold, Operation, Parameter, Plugin
-from lupin_engine.plugin.types import TEXT, ZONE, list_of
+from lupin_engine.plugin.types import COUNT, TEXT, ZONE, list_of
 
 #: The name of the built-in plugin; charts do not list it among the plugins they need.
 BUILTIN = "plugins"
@@ -16,6 +17,8 @@ BUILTIN = "plugins"
 READY, MISSING = f"{BUILTIN}.ready", f"{BUILTIN}.missing"
 #: The parameter that says in which time zone the clock is read.
 TIME_ZONE = "time_zone"
+#: The parameter that limits the lists of requests, and what it is where nobody says otherwise.
+MAX_TARGETS, DEFAULT_MAX_TARGETS = "max_targets", 1000
 
 PLUGIN = Plugin(
     name=BUILTIN,
@@ -33,5 +36,10 @@ PLUGIN = Plugin(
             list_of(TEXT),
         )
     },
-    parameters={TIME_ZONE: Parameter(ZONE, "UTC", "zone of `at` and of the clock, such as Europe/Amsterdam")},
+    parameters={
+        TIME_ZONE: Parameter(ZONE, "UTC", "zone of `at` and of the clock, such as Europe/Amsterdam"),
+        MAX_TARGETS: Parameter(
+            COUNT, DEFAULT_MAX_TARGETS, "how many elements a list of a mission's request may have", minimum=1
+        ),
+    },
 )

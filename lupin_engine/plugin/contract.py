@@ -271,6 +271,11 @@ class Plugin:
     access: Access = field(default_factory=Access)
     profile: str = ""
 
+    @property
+    def serving(self) -> dict[str, str]:
+        """The nodes that its driver may talk to: those that guard something real are none."""
+        return {name: entry for name, entry in self.nodes.items() if name not in self.guards}
+
 
 class Outlet(Protocol):
     """Where a driver reports what the world did. Every call is quick and may come from the node's thread."""

@@ -269,6 +269,23 @@ def test_what_is_allowed_is_said_once_for_all_wrong_elements() -> None:
     assert _together([told[0], "unknown tag ''; give an id"]) == f"{told[0]}; unknown tag ''; give an id"
 
 
+def test_a_list_that_is_too_long_is_refused_before_it_is_read() -> None:
+    """By the parameter, else by the default; one that is not given may be too long as well."""
+    bench = ready()
+    told = "tags has 1001 elements; at most 1000 are taken (parameter max_targets)"
+    assert start(bench, tags=["9"] * 1001).refusal == Refusal("bad_request", told)
+    assert start(bench, tags=["7"] * 1000).accepted
+    bench = ready()
+    bench.machine.world.parameters["max_targets"] = 2  # type: ignore[index]
+    told = "tags has 3 elements; at most 2 are taken (parameter max_targets)"
+    assert start(bench, tags=["1", "2", "7"]).refusal == Refusal("bad_request", told)
+    many = {"type": list_of(TAG), "default": value([{"id": "7"}] * 1001)}
+    missions = {"Inspection": {"state": "MISSION.Inspection", "request": {"tags": many}}}
+    bench = Bench(chart(STATES, missions=missions, codes=CODES))
+    told = "tags has 1001 elements; at most 1000 are taken (parameter max_targets)"
+    assert start(bench).refusal == Refusal("bad_request", told)
+
+
 def test_of_very_many_wrong_elements_the_first_are_told() -> None:
     """The answer goes over the wire and onto a screen."""
     told = [f"unknown tag '{number}'; the layout has 1" for number in range(1000)]

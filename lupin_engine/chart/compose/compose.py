@@ -63,7 +63,7 @@ from lupin_engine.chart.model import (
 from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.chart.source import Text
 from lupin_engine.errors import Place
-from lupin_engine.plugin.builtin import BUILTIN, TIME_ZONE
+from lupin_engine.plugin.builtin import BUILTIN, MAX_TARGETS, TIME_ZONE
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.registry import Catalog
@@ -290,6 +290,8 @@ class _Composer:
                     self._declared.parameters.pop(name, None)
         if TIME_ZONE in self._usage.parameters:
             found[TIME_ZONE] = self._catalog.parameters[TIME_ZONE]
+        if any(asked.type.kind == "list" for each in self._requests.values() for asked in each.values()):
+            found[MAX_TARGETS] = self._catalog.parameters[MAX_TARGETS]
         found.update(self._declared.parameters)
         return found
 

@@ -230,7 +230,7 @@ def _tried(subject: PluginUnderTest, live: bool) -> Iterator[RuleVerdict]:
 
 def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
     plugin = subject.plugin
-    if not plugin.nodes.keys() - plugin.guards.keys():
+    if not plugin.serving:
         raise UsageError(
             f"plugin {plugin.name!r} brings no node to try its driver with; "
             "derive a test from lupin_engine.harness.cases.DriverContract, with servers of yours"
@@ -242,7 +242,7 @@ def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
     from lupin_engine.harness.live import apply, cases
     from lupin_engine.harness.referee import ContractBroken, Untried
 
-    setting = Setting(plugin, nodes=plugin.nodes)
+    setting = Setting(plugin, nodes=plugin.serving)
     with Lab(setting).open() as lab:
         for rule, operation in cases(plugin):
             try:
