@@ -4,8 +4,8 @@ import { MSG_TYPES, Observation, type OccupancyGrid, type Path, type Pose, type 
 import { shownNow } from "./clock";
 import { observations } from "./mission";
 import { moment } from "./past";
+import { TransformTree } from "../wire/transforms";
 import { topic } from "./topics";
-import { TransformTree } from "./transforms";
 import type { FloorPlace } from "./twin";
 
 export const MAP_FRAME = "map";

@@ -37,6 +37,7 @@ function tagOf({ last_observed, stale_seconds, ...rest }: TwinTagState, at: numb
 export const twin = topic<TwinState, readonly Tag[]>("/twin/state", MSG_TYPES.TwinState, {
   keep: 2000,
   always: true,
+  steady: TWIN_SILENT_S,
   read: ({ tags }, at) => tags.map((tag) => tagOf(tag, at)),
   same: (one, other) => one.length === other.length && one.every((tag, index) => tag === other[index]),
 });

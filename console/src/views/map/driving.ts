@@ -3,8 +3,8 @@ import { computed, signal } from "@preact/signals";
 import { robotNow } from "../../model/clock";
 import { MAP_FRAME, robot } from "../../model/map";
 import { possible, state } from "../../model/mission";
-import { gateway, mode, texts } from "../../model/page";
-import { moment } from "../../model/past";
+import { texts } from "../../model/page";
+import { hindrance, silent } from "../../model/permission";
 import type { FloorPlace } from "../../model/twin";
 import { MSG_TYPES, type PoseStamped } from "../../ros";
 import { link } from "../../wire/link";
@@ -21,10 +21,9 @@ export const driven = signal("");
 /** Why nobody may drive by the map now, in words; "" when it is allowed. A mission drives by itself: none may run. */
 export const driveRefusal = computed<string>(() => {
   const t = texts.value.map.drive;
-  if (mode.value === "recording") return t.recording;
-  if (moment.value !== null) return t.past;
-  if (link.state.value !== "open") return t.away;
-  if (gateway.value?.role === "viewer") return t.viewer;
+  if (hindrance.value) return hindrance.value;
+  if (!robot.shown.value) return t.lost;
+  if (silent.value) return t.unknown;
   if (state.shown.value?.value.estop_engaged) return t.stopped;
   const starts = possible.shown.value?.value.requests.filter(({ request }) => request === "mission.start") ?? [];
   if (starts.length === 0) return t.unknown;
@@ -55,6 +54,6 @@ export function drive(): void {
       orientation: { x: 0, y: 0, z: Math.sin(to.yaw / 2), w: Math.cos(to.yaw / 2) },
     },
   };
-  driven.value = refusal || (link.publish(GOAL, MSG_TYPES.PoseStamped, order) ? t.sent(to.x, to.y) : t.away);
+  driven.value = refusal || (link.publish(GOAL, MSG_TYPES.PoseStamped, order) ? t.sent(to.x, to.y) : t.failed);
   if (!refusal) endChoosing();
 }

@@ -34,11 +34,12 @@ export const selected = signal("");
 export const FRESH_S = 600;
 const STEPS = 20;
 
-/** Since when the twin is silent, in the robot's milliseconds; undefined while it is not, of the past, and before it spoke. */
+/** Since when the twin is silent, in the robot's milliseconds; undefined while it is not, and before it spoke. */
 export const twinSilentSince = computed<number | undefined>(() => {
-  const heard = twin.heardAt.value;
-  if (moment.value !== null || heard === undefined) return undefined;
-  return shownNow.value - heard > TWIN_SILENT_S * 1000 ? heard : undefined;
+  const at = moment.value;
+  const silence = at === null ? undefined : twin.silences.at(at);
+  const heard = at === null ? twin.heardAt.value : silence && at < silence.value ? silence.at : undefined;
+  return heard !== undefined && shownNow.value - heard > TWIN_SILENT_S * 1000 ? heard : undefined;
 });
 
 export interface TagMark {

@@ -1,6 +1,12 @@
 // Where frames are in each other, from /tf and /tf_static: the part of tf2 that a page needs.
 import type { Quaternion, TFMessage, Vector3 } from "../ros";
-import type { FloorPlace } from "./twin";
+
+/** Metres, and a direction in radians from the x axis. */
+interface FloorPose {
+  readonly x: number;
+  readonly y: number;
+  readonly yaw: number;
+}
 
 interface Placed {
   readonly parent: string;
@@ -29,7 +35,7 @@ export class TransformTree {
   }
 
   /** Where a frame is in another; undefined where no way leads there, or a part of it was not told since a time. */
-  find(target: string, frame: string, since: number): FloorPlace | undefined {
+  find(target: string, frame: string, since: number): FloorPose | undefined {
     let [x, y, z] = [0, 0, 0];
     let ahead: Triple = [1, 0, 0];
     let at = frame;
