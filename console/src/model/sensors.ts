@@ -29,8 +29,8 @@ export function sensorName(sensor: string): string {
   return (Object.hasOwn(names, sensor) && names[sensor]) || sensor.replaceAll("_", " ");
 }
 
-/** A value with its unit, `–` where there is none: `21.4 °C`. */
+/** A value with its unit, all of a sensor with as many digits; `–` where there is none: `21.0 °C`. */
 export function measured(sensor: string, value: number | null | undefined): string {
-  const unit = unitOf(sensor);
-  return `${number(value, QUANTITIES.get(sensor)?.digits ?? 2)}${unit && ` ${unit}`}`;
+  const { unit, digits } = QUANTITIES.get(sensor) ?? { unit: "", digits: undefined };
+  return `${number(value, digits ?? 2, digits)}${unit && ` ${unit}`}`;
 }

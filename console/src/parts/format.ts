@@ -38,8 +38,9 @@ export function ago(seconds: number | undefined): string {
   return seconds === undefined ? texts.value.time.never : texts.value.time.ago(span(seconds));
 }
 
-/** A number with at most so many digits after the point, `–` where there is none. */
-export function number(value: number | null | undefined, digits = 1): string {
+/** A number with at most so many digits after the point, and at least `least`; `–` where there is none. */
+export function number(value: number | null | undefined, digits = 1, least = 0): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
-  return new Intl.NumberFormat(language.value, { maximumFractionDigits: digits }).format(value);
+  const how = { maximumFractionDigits: digits, minimumFractionDigits: least };
+  return new Intl.NumberFormat(language.value, how).format(value);
 }
