@@ -18,8 +18,8 @@ interface Point {
 const SIGNS = [5, 8] as const;
 const RING = 4;
 const FRESHEST = 20;
-/** Two places of the robot farther apart are no drive: it was put elsewhere, or the map was. */
-const JUMP_M = 1;
+/** A robot that is this much farther away and was this fast, in m and m/s, did not drive: it, or the map, was put elsewhere. */
+const JUMP = { metres: 1, speed: 5 };
 /** Names of tags are shown from so many pixels of a metre on. */
 const NAMES_FROM = 35;
 
@@ -117,10 +117,11 @@ class Painter {
   private trail(): void {
     const { on, scene } = this;
     on.beginPath();
-    scene.trail.forEach(({ value }, index) => {
+    scene.trail.forEach(({ at, value }, index) => {
       const { x, y } = this.at(value);
-      const before = scene.trail[index - 1]?.value;
-      const jumps = !before || Math.hypot(value.x - before.x, value.y - before.y) > JUMP_M;
+      const last = scene.trail[index - 1];
+      const reach = last && JUMP.metres + (JUMP.speed * (at - last.at)) / 1000;
+      const jumps = !last || Math.hypot(value.x - last.value.x, value.y - last.value.y) > reach!;
       if (jumps) on.moveTo(x, y);
       else on.lineTo(x, y);
     });
