@@ -43,7 +43,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "diagram": "Draw a mission.",
         "graph": "Show the live map: who publishes, subscribes, serves and calls what.",
         "record": "Record every topic into a file for Foxglove, Lichtblick, rosbag2.",
-        "replay": "Show a recording in the console.",
+        "replay": "Run a mission of the journal again; show a recording in the console.",
         "types": "Write all messages and services as TypeScript or JSON Schema.",
         "plugin": "List, show and check plugins, and begin new ones.",
         "node": "Run one node, with ROS arguments; without a name, list the nodes.",

@@ -9,17 +9,21 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError, nearest
+from lupin_engine.machine.event import observed
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.snapshot import restore
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.missions.selection import load_missions
+from lupin_engine.plugin.profile import START
 from lupin_engine.plugin.registry import Catalog
+from lupin_engine.replay.reconstruction import RunRecord
 from lupin_engine.replay.why import GuardWitness, LivedStep
 from lupin_engine.runtime.history import History
 from lupin_engine.runtime.journal.journal import CHARTS, journal_files
 from lupin_engine.runtime.journal.records import END, RESUMED, JournalError, JournalFile, read_journal
 from lupin_engine.runtime.journal.replay import replay
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.sim.simulation import Run
+from lupin_engine.sim.simulation import Run, Script, simulate
 
 
 @dataclass(frozen=True)
@@ -155,13 +159,50 @@ def live_again(run: JournaledRun, chart: Chart) -> tuple[list[LivedStep], Machin
 
 
 def as_run(chart: Chart, lived: Iterable[LivedStep], machine: Machine) -> Run:
-    """Return what was lived through as a run that can be told and drawn."""
+    """Return what was lived through as a run that can be told and drawn.
+
+    Live values that changed nothing are left out: a journal has them all.
+    """
     history = History()
     for each in lived:
-        history.take(each.step, each.held)
+        if each.step.event.name != "value" or each.step.changed or each.step.notes:
+            history.take(each.step, each.held)
     seconds = history.steps[-1].time if history.steps else 0.0
     visits = tuple(machine.memory.outcomes)
     return Run(chart, history, visits, machine.view, seconds, cut_off=False, unfired=())
+
+
+def recording_of(run: JournaledRun, chart: Chart, lived: Sequence[LivedStep]) -> RunRecord:
+    """Return a mission as a record from which a scenario can be made, with a start of the robot before it.
+
+    What was known when the mission began is told right before its start.
+
+    Raises:
+        JournalError: this was no mission.
+    """
+    if not run.mission_id:
+        raise JournalError("this was no mission: nothing was started in it")
+    head = run.files[0].head
+    known = restore(chart, head.snapshot).inputs if head.snapshot else {}
+    given = {
+        name: value
+        for name, value in head.parameters.items()
+        if name in chart.parameters and value != chart.parameters[name].default
+    }
+    before = list(simulate(chart, Script(head.mission), given).steps)
+    start = next(index for index, step in enumerate(before) if step.event.name == START)
+    ready = before[start].time
+    told = [
+        replace(before[start - 1], event=observed(chart.inputs[name].value, one.value, ready), **_NOTHING)
+        for name, one in known.items()
+        if name in chart.inputs and one.reported
+    ]
+    mission = [replace(each.step, time=each.step.time + ready) for each in lived]
+    return RunRecord((*before[:start], *told, *mission), given, head.seed)
+
+
+#: A step by which nothing moved.
+_NOTHING: Mapping[str, Any] = {"taken": (), "exited": (), "entered": (), "commands": (), "trail": ()}
 
 
 def covering(runs: Sequence[JournaledRun], wall: float) -> JournaledRun:

@@ -30,7 +30,7 @@ from lupin_engine.runtime.clock import UTC, calendar_of
 from lupin_engine.runtime.history import AttemptHistory, History
 from lupin_engine.runtime.record import read_step
 from lupin_engine.runtime.setup import check_parameters
-from lupin_engine.sim.scenario import Missions, load_scenario_text
+from lupin_engine.sim.scenario import Missions, Scenario, load_scenario_text
 from lupin_engine.sim.scripted import contains
 from lupin_engine.sim.simulation import NEW_YEAR, Run, is_named, label_of
 
@@ -394,6 +394,25 @@ def scenario_text(recording: RunRecord, promise: str, file: Path, missions: Miss
         ChartError: with all that is wrong with the mission, or with what was recorded of it.
     """
     return _Maker(recording, promise, file, missions).text()
+
+
+def as_scenario(recording: RunRecord, mission: Path, missions: Missions) -> Scenario:
+    """Return what was recorded as a scenario of a mission's file, which expects nothing.
+
+    Raises:
+        ChartError: with all that is wrong with the mission, or with what was recorded of it.
+    """
+    parts = script_of(recording, mission.name, "as it was recorded", missions.chart(mission), _DIGITS[-1])
+    return load_scenario_text(yaml_text({**parts, "expect": {}}), mission.parent / "recorded", missions)
+
+
+def would_differ(recording: RunRecord, mission: Path, missions: Missions) -> str:
+    """Say where another mission first does otherwise in the world that was recorded; '' when nowhere.
+
+    Raises:
+        ChartError: with all that is wrong with it; what was recorded may be about states that it has not.
+    """
+    return difference(recording, as_scenario(recording, mission, missions).run())
 
 
 class _Maker:

@@ -52,7 +52,7 @@ def why(
     journal: Path | None,
     as_json: bool,
 ) -> int:
-    """Say why: `lupin why tag 12`, `lupin why DOCKED`, `lupin why --at 03:12`.
+    """Say why: `lupin why 12` (a target), `lupin why STATE`, `lupin why --at 03:12`.
 
     ABOUT is a target of the mission, or a state, by any name that displays have for it. What is told are the
     events, the transitions with what their conditions read, and what servers said.

@@ -208,11 +208,11 @@ def _subject(
     is_complete = is_scenario(mission) or any(request.values())
     end: float | str | None = None
     with problems.collecting():
-        end = _until(chart, until)
+        end = read_until(chart, until)
     return SimulationTask(loaded, script, make_world(chart, parameters), end, is_complete)
 
 
-def _until(chart: Chart, text: str | None) -> float | str | None:
+def read_until(chart: Chart, text: str | None) -> float | str | None:
     """Read `--until`: a duration, in seconds, or the name of a state."""
     from lupin_engine.plugin.types import DURATION, convert
     from lupin_engine.sim.simulation import is_named

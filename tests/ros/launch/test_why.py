@@ -1,13 +1,15 @@
-"""`lupin missions` and `lupin why`: a real run explained from its journal, when nothing runs any more."""
+"""`lupin missions`, `why` and `replay`: a real run from its journal, when nothing runs any more."""
 
 from __future__ import annotations
 
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -16,15 +18,19 @@ from tests.ros.launch.processes import Lupin
 pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed here")
 pytestmark = pytest.mark.timeout(240)
 
+LUPIN = (sys.executable, "-m", "lupin_engine.cli.main")
 
-def test_a_run_that_is_over_is_listed_and_explained(lupin: Callable[..., Lupin]) -> None:
+
+def test_a_run_that_is_over_is_listed_and_explained(lupin: Callable[..., Lupin], tmp_path: Path) -> None:
     run = lupin("run", "inspection", "--tags", "1,2", "--speed", "10")
     run.process.wait(200)
 
-    def ask(*words: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "lupin_engine.cli.main", *words, "--domain", str(run.domain)]
+    def ask(*words: str, typed: str = "") -> subprocess.CompletedProcess[str]:
+        command = [*LUPIN, *words, "--domain", str(run.domain)]
         environment = {**os.environ, "XDG_STATE_HOME": str(run.state)}
-        return subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+        return subprocess.run(
+            command, input=typed, capture_output=True, text=True, env=environment, check=False
+        )
 
     (mission,) = json.loads(ask("missions", "--json").stdout)
     assert (mission["mission"], mission["end"]["state"], mission["restarts"]) == (
@@ -46,6 +52,31 @@ def test_a_run_that_is_over_is_listed_and_explained(lupin: Callable[..., Lupin])
     causes = json.loads(ask("why", "DONE", "--json").stdout)["causes"]
     assert causes[0]["event"] == "nav.dock done"
     assert causes[0]["because"][0]["file"].endswith("lifecycle.yaml")
+
+    story = ask("replay").stdout
+    assert "nav.dock done" in story
+    assert "DONE: 2 visited of 2 targets" in story
+
+    scenario = tmp_path / "monday.scenario.yaml"
+    assert (
+        ask("replay", mission["mission_id"], "--to-scenario", str(scenario)).stdout == f"wrote {scenario}\n"
+    )
+    assert subprocess.run([*LUPIN, "test", str(scenario)], check=False).returncode == 0
+
+    shipped = Path(__file__).parents[3] / "missions"
+    other = shutil.copytree(shipped, tmp_path / "missions") / "inspection.yaml"
+    assert ask("replay", "--against", str(other)).stdout == f"{other} would have done the same\n"
+    walk = other.parent / "parts" / "visit_targets.yaml"
+    walk.write_text(walk.read_text().replace("itinerary.remaining > 0", "itinerary.remaining > 1"))
+    changed = ask("replay", "--against", str(other))
+    assert changed.returncode == 1
+    assert changed.stdout.startswith(
+        f"{other} would do otherwise: recorded: entered MISSION.InspectionMission."
+    )
+
+    there = ask("replay", "--until", "READING", "--interactive", typed="where\nquit\n").stdout
+    assert "INSPECTING.SCANNING.READING" in there
+    assert "bridge.read_tag (requested)" in there
 
     unknown = ask("why", "DOCKD")
     assert unknown.returncode == 2
