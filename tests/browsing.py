@@ -9,10 +9,11 @@ import pytest
 
 pytest.importorskip("playwright", reason="playwright is not installed here")
 
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 #: Milliseconds that the page may take for anything on a busy machine.
 PATIENCE_MS = 60_000
+expect.set_options(timeout=PATIENCE_MS / 2)
 #: Chromium without a screen, and without asking the world for anything.
 FLAGS = (
     "--no-sandbox",

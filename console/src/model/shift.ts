@@ -102,7 +102,8 @@ function faults(from: number, to: number): Code[] {
 /** What people asked of the mission, from its steps; and all else that they commanded, where this page may know. */
 function interventions(from: number, to: number): Shift["interventions"] {
   const asked = steps.past.between(from, to).flatMap(({ at, value }) => (value.command ? [ofStep(at, value)] : []));
-  const other = pressed.value.filter(isOther).map((line) => ({
+  const ids = steps.past.between(from, to).flatMap(({ value }) => value.command?.command_id || []);
+  const other = pressed.value.filter((line) => isIntervention(line) && !ids.some((id) => line.sent.includes(id))).map((line) => ({
     at: Date.parse(line.wall),
     by: line.page || line.who,
     what: `${line.name} ${line.sent === "{}" ? "" : line.sent}`.trim(),
@@ -114,12 +115,13 @@ function interventions(from: number, to: number): Shift["interventions"] {
 
 function ofStep(at: number, { step, command }: StepRecord) {
   const accepted = step.accepted !== false;
-  return { at, by: command?.by ?? "", what: step.event, accepted, answer: step.refusal?.text ?? "" };
+  const page = command?.command_id && pressed.value.find(({ sent }) => sent.includes(command.command_id!))?.page;
+  return { at, by: page || (command?.by ?? ""), what: step.event, accepted, answer: step.refusal?.text ?? "" };
 }
 
-/** Commands that leave no step with a name of who gave them; driving by hand is not listed. */
-function isOther({ name, what }: Pressed): boolean {
-  return what !== "publish" && name !== "/mission_orchestrator/command" && !name.startsWith("/lupin/hmi/");
+/** Driving by hand is not listed: that is a message many times a second; stops have a table of their own. */
+function isIntervention({ name, what }: Pressed): boolean {
+  return what !== "publish" && !name.startsWith("/lupin/hmi/");
 }
 
 function stopSpans(from: number, to: number): StopSpan[] {

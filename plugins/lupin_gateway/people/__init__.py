@@ -19,7 +19,7 @@ PEOPLE_TOPIC, NOTIFICATIONS_TOPIC = "/lupin/hmi/people", "/lupin/hmi/notificatio
 #: Services: which view a page shows, what was commanded, and that notifications are known.
 HERE, COMMANDS, ACKNOWLEDGE = "/lupin/hmi/here", "/lupin/hmi/commands", "/lupin/hmi/acknowledge"
 #: Commands that are remembered, and letters of what was sent with one.
-MOST_COMMANDS, LONGEST_SENT = 200, 200
+MOST_COMMANDS, LONGEST_SENT = 200, 400
 
 #: Tells a topic, or keeps a text for the next gateway.
 Tell = Callable[[str, str], object]

@@ -5,6 +5,7 @@ import { shownNow } from "../../model/clock";
 import { battery, diagnostics, ENDED, NODE_SILENT_S, nodesNow, nodesOnNetwork, WARNED, type NodeHealth } from "../../model/health";
 import { texts } from "../../model/page";
 import { moment, type Known } from "../../model/past";
+import { notifications } from "../../model/people";
 import { rosout } from "../../model/rosout";
 import { link } from "../../wire/link";
 import { ago, clockTime, dateTime, number, span } from "../../parts/format";
@@ -76,10 +77,26 @@ function NodeRow({ node, now }: { node: NodeHealth; now: number }) {
   );
 }
 
+/** A node that fell silent before this page was opened: the gateway knows since when. */
+function LostRow({ name, since }: { name: string; since: number }) {
+  return (
+    <tr class="gone">
+      <th scope="row">{name}</th>
+      <td>
+        <Pill tone="bad">{texts.value.health.silentSince(clockTime(since * 1000))}</Pill>
+      </td>
+      <td colSpan={5} />
+    </tr>
+  );
+}
+
 function Nodes({ nodes, now }: { nodes: readonly NodeHealth[]; now: number }) {
   const t = texts.value.health;
   const told = new Set(nodes.map(({ name }) => name));
-  const others = moment.value === null ? onNetwork.value.filter((name) => !told.has(name)) : [];
+  const isLive = moment.value === null;
+  const lost = notifications.value.filter(({ kind, about, over }) => isLive && kind === "node" && over === null && !told.has(about));
+  for (const { about } of lost) told.add(about);
+  const others = onNetwork.value.filter((name) => isLive && !told.has(name));
   return (
     <Panel title={t.nodes}>
       {nodes.length === 0 && <p class="soft">{t.nothing}</p>}
@@ -97,6 +114,9 @@ function Nodes({ nodes, now }: { nodes: readonly NodeHealth[]; now: number }) {
           <tbody>
             {nodes.map((node) => (
               <NodeRow key={node.name} node={node} now={now} />
+            ))}
+            {lost.map(({ id, about, first }) => (
+              <LostRow key={id} name={about} since={first} />
             ))}
             {others.map((name) => (
               <tr key={name}>

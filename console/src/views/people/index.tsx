@@ -75,7 +75,7 @@ function Notice({ one, why }: { one: Notification; why: string }) {
     <li class={one.acknowledged === null ? "open" : "known"}>
       <Pill tone={one.severity > 1 ? "bad" : "warn"}>{t.kinds[one.kind as keyof typeof t.kinds] ?? one.kind}</Pill>
       <span class="what">
-        <b>{one.about}</b> {one.text} <Times one={one} />
+        {!one.text.includes(one.about) && <b>{one.about}</b>} {one.text} <Times one={one} />
       </span>
       {one.acknowledged === null ? (
         <button disabled={!!why} title={why} aria-label={t.acknowledgeNamed(one.text)} onClick={() => void know([one.id])}>
