@@ -8,20 +8,34 @@ function locale(): string {
   return LOCALES[language.value];
 }
 
+/** Formats by what they are made of: making one takes far longer than using it. */
+const times = new Map<string, Intl.DateTimeFormat>();
+const numbers = new Map<string, Intl.NumberFormat>();
+
+function kept<T>(all: Map<string, T>, key: string, make: () => T): T {
+  const found = all.get(key) ?? make();
+  all.set(key, found);
+  return found;
+}
+
+function time(at: number, timeStyle: "medium" | "long", dateStyle?: "medium"): string {
+  const make = (): Intl.DateTimeFormat => new Intl.DateTimeFormat(locale(), { dateStyle, timeStyle });
+  return kept(times, `${locale()} ${timeStyle} ${dateStyle}`, make).format(at);
+}
+
 /** A time of day with seconds, local: `03:12:07`. */
 export function clockTime(at: number): string {
-  return new Intl.DateTimeFormat(locale(), { timeStyle: "medium" }).format(at);
+  return time(at, "medium");
 }
 
 /** The same with its zone: `03:12:07 CET`. */
 export function timeWithZone(at: number): string {
-  return new Intl.DateTimeFormat(locale(), { timeStyle: "long" }).format(at);
+  return time(at, "long");
 }
 
 /** A date and time with the zone: `23 Nov 2026, 03:12:07 CET`. */
 export function dateTime(at: number): string {
-  const how = { dateStyle: "medium", timeStyle: "long" } as const;
-  return new Intl.DateTimeFormat(locale(), how).format(at);
+  return time(at, "long", "medium");
 }
 
 /** A span of seconds: `4.2 s`, `1 min 05 s`, `2 h 10 min`. */
@@ -42,5 +56,5 @@ export function ago(seconds: number | undefined): string {
 export function number(value: number | null | undefined, digits = 1, least = 0): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   const how = { maximumFractionDigits: digits, minimumFractionDigits: least };
-  return new Intl.NumberFormat(language.value, how).format(value);
+  return kept(numbers, `${language.value} ${digits} ${least}`, () => new Intl.NumberFormat(language.value, how)).format(value);
 }

@@ -150,7 +150,7 @@ function Machine({ name, node, silent }: { name: string; node: NodeHealth; silen
   const [disk, diskFree] = [value("disk (GB)"), value("disk free (GB)")];
   const busy = value("machine processor (%)") / 100;
   return (
-    <div class={silent ? "machine stale" : "machine"}>
+    <div class={silent ? "machine silent" : "machine"}>
       <h3>{name}</h3>
       {silent && <Pill tone="warn">{t.silentSince(clockTime(node.at))}</Pill>}
       <Gauge label={t.processor} share={busy} text={`${number(busy * 100, 0)} %`} bad={busy > 0.95} />
@@ -192,7 +192,7 @@ function BatteryPanel({ now }: { now: number }) {
       {known === undefined || heard === undefined ? (
         <p class="soft">{t.noBattery}</p>
       ) : (
-        <div class={silent ? "stale" : ""}>
+        <div class={silent ? "silent" : ""}>
           {charge !== undefined && <Gauge label={t.charge} share={charge} text={`${number(charge * 100, 0)} %`} bad={charge < LOW_CHARGE} />}
           <p>
             {known.value.voltage !== undefined && `${number(known.value.voltage)} V `}
@@ -221,7 +221,7 @@ function Log() {
   return (
     <Panel title={t.log} tools={tools}>
       {lines.length === 0 && <p class="soft">{t.noLines}</p>}
-      <ol class="loglines">
+      <ol class="loglines" tabIndex={0} aria-label={t.log}>
         {lines.map(({ at, value }, index) => (
           <li key={`${at} ${index}`}>
             <Pill tone={value.severity === "error" ? "bad" : "warn"}>{value.severity === "error" ? t.error : t.warning}</Pill>{" "}

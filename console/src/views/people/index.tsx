@@ -110,7 +110,7 @@ function Notices() {
         {unknown.length ? t.open(unknown.length) : t.noneOpen}
       </p>
       {problem.value && <p class="note bad">✖ {problem.value}</p>}
-      <ol class="notices">
+      <ol class="notices" tabIndex={0} aria-label={t.notifications}>
         {notifications.value.map((one) => (
           <Notice key={one.id} one={one} why={why} />
         ))}
@@ -151,7 +151,7 @@ function PressedPanel() {
     <Panel title={t.pressed}>
       {why && <p class="note warn">{why}</p>}
       {isAllowed && pressed.value.length === 0 && <p class="soft">{t.nothingPressed}</p>}
-      <div class="scroll">
+      <div class="scroll" role="region" tabIndex={0} aria-label={t.pressed}>
         <table>
           <tbody>
             {pressed.value

@@ -1,11 +1,12 @@
 // The report of a shift: what happened in a span of time, on a page that prints well, and as CSV.
-import { signal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { computed, signal, untracked } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { robotNow, shownNow } from "../../model/clock";
+import { useEffect, useMemo } from "preact/hooks";
+import { shownNow } from "../../model/clock";
+import { isLoading } from "../../model/history";
 import { open, texts } from "../../model/page";
 import { hindrance } from "../../model/permission";
-import { loadPressed } from "../../model/people";
+import { loadPressed, pressed } from "../../model/people";
 import { shift, type Shift } from "../../model/shift";
 import { isoTime, saveCsv } from "../../parts/csv";
 import { clockTime, dateTime, span } from "../../parts/format";
@@ -64,19 +65,19 @@ function Section(props: { title: string; count: number; head: readonly string[];
         {props.title} ({props.count})
       </h3>
       {props.count > 0 && (
-        <div class="scroll">
-        <table>
-          <thead>
-            <tr>
-              {props.head.map((text) => (
-                <th key={text} scope="col">
-                  {text}
-                </th>
-              ))}
-            </tr>
-          </thead>
-          <tbody>{props.children}</tbody>
-        </table>
+        <div class="scroll" role="region" tabIndex={0} aria-label={props.title}>
+          <table>
+            <thead>
+              <tr>
+                {props.head.map((text) => (
+                  <th key={text} scope="col">
+                    {text}
+                  </th>
+                ))}
+              </tr>
+            </thead>
+            <tbody>{props.children}</tbody>
+          </table>
         </div>
       )}
     </section>
@@ -165,29 +166,55 @@ function saved(found: Shift): Line[] {
   return [[t.title, isoTime(found.from), isoTime(found.to)], ...tables];
 }
 
+/** Counting takes some milliseconds, and something happens several times a second: it is done anew this often. */
+const COUNTED_EVERY_MS = 10_000;
+const turn = computed(() => Math.floor(shownNow.value / COUNTED_EVERY_MS));
+/** The end of the last hours: a whole minute. */
+const minute = computed(() => Math.ceil(shownNow.value / 60_000) * 60_000);
+
+function Sums({ found }: { found: Shift }) {
+  const sums = { completed: 0, missed: 0, skipped: 0 };
+  for (const run of found.missions) {
+    sums.completed += run.completed;
+    sums.missed += run.failed + run.unreachable;
+    sums.skipped += run.skipped;
+  }
+  const t = texts.value.people.report;
+  return <p class="sums">{t.sums(found.missions.length, sums.completed, sums.missed, sums.skipped, found.anomalies.length)}</p>;
+}
+
+/** All parts; made anew only when they are counted anew. */
+function Parts({ found }: { found: Shift }) {
+  const language = texts.value;
+  return useMemo(
+    () => (
+      <>
+        {parts(found, timeWithin(found.to)).map(({ title, head, lines }) => (
+          <Section key={title} title={title} count={lines.length} head={head}>
+            {lines.map((line, index) => (
+              <Cells key={index} cells={line} />
+            ))}
+          </Section>
+        ))}
+      </>
+    ),
+    [found, language],
+  );
+}
+
 export function Report() {
   const t = texts.value.people.report;
   const mayKnow = hindrance.value === "";
   useEffect(() => {
     if (mayKnow) void loadPressed().catch(() => undefined);
   }, [mayKnow]);
-  // Counting takes some milliseconds: once a minute is enough.
-  const now = Math.ceil(shownNow.value / 60_000) * 60_000;
+  const now = minute.value;
   const { from, to } = "hours" in chosen.value ? { from: now - chosen.value.hours * HOUR_MS, to: now } : chosen.value;
-  const found = shift(from, to);
-  const sums = found.missions.reduce(
-    (all, run) => ({
-      completed: all.completed + run.completed,
-      missed: all.missed + run.failed + run.unreachable,
-      skipped: all.skipped + run.skipped,
-    }),
-    { completed: 0, missed: 0, skipped: 0 },
-  );
-  const shortTime = timeWithin(to);
+  const found = useMemo(() => untracked(() => shift(from, to)), [from, to, turn.value, isLoading.value, pressed.value]);
   const tools = (
     <div class="row no-print">
       <button onClick={() => open("people")}>{t.back}</button>
-      <button onClick={() => saveCsv(`shift-${isoTime(from).replaceAll(":", "")}.csv`, saved(found))}>{t.csv}</button>
+      <button onClick={() => saveCsv(`shift-${isoTime(from).replaceAll(":", "")}.csv`, saved(shift(from, to)))}>{t.csv}</button>
       <button class="main" onClick={() => print()}>
         {t.print}
       </button>
@@ -197,20 +224,14 @@ export function Report() {
     <Panel title={t.title} class="report" tools={tools}>
       <SpanForm from={from} to={to} />
       <p>
-        {dateTime(from)} – {dateTime(Math.min(to, robotNow()))}
+        {dateTime(from)} – {dateTime(to)}
       </p>
       {(found.knownFrom === undefined || found.knownFrom > from) && (
         <p class="note warn">{found.knownFrom === undefined ? t.nothingKnown : t.knownFrom(dateTime(found.knownFrom))}</p>
       )}
       {!mayKnow && <p class="note warn">{t.withoutCommands}</p>}
-      <p class="sums">{t.sums(found.missions.length, sums.completed, sums.missed, sums.skipped, found.anomalies.length)}</p>
-      {parts(found, shortTime).map(({ title, head, lines }) => (
-        <Section key={title} title={title} count={lines.length} head={head}>
-          {lines.map((line, index) => (
-            <Cells key={index} cells={line} />
-          ))}
-        </Section>
-      ))}
+      <Sums found={found} />
+      <Parts found={found} />
     </Panel>
   );
 }

@@ -71,7 +71,7 @@ function TagRow({ row }: { row: Row }) {
   const old = age === undefined || age > FRESH_S;
   const isPicked = picking.value !== undefined && picked.value.includes(id);
   return (
-    <tr class={`${old ? "old" : ""} ${isPicked ? "picked" : ""}`} aria-selected={picking.value ? isPicked : undefined}>
+    <tr class={`${old ? "old" : ""} ${isPicked ? "picked" : ""}`}>
       <th scope="row">
         <button
           class="tag"
@@ -149,7 +149,7 @@ export function TwinView() {
         {silent && <Pill tone="warn">{twin.heardAt.value ? t.silentSince(clockTime(twin.heardAt.value)) : t.silent}</Pill>}
       </p>
       {all.length > 0 && (
-        <div class={`scroll ${silent ? "stale" : ""}`} onKeyDown={onKeys}>
+        <div class={`scroll ${silent ? "silent" : ""}`} onKeyDown={onKeys}>
           <table>
             <thead>
               <tr>
