@@ -20,8 +20,11 @@ export interface MissionRun {
   readonly skipped: number;
 }
 
+/** Something odd at a tag, seen so many times. */
 export interface Anomaly {
-  readonly at: number;
+  readonly first: number;
+  readonly last: number;
+  readonly times: number;
   readonly tag: string;
   readonly text: string;
 }
@@ -78,11 +81,15 @@ function runs(from: number, to: number): MissionRun[] {
 }
 
 function anomalies(from: number, to: number): Anomaly[] {
-  return observations.past.between(from, to).flatMap(({ at, value }): Anomaly[] => {
-    if (value.kind === Observation.KIND_ANOMALY) return [{ at, tag: value.tag_reading.tag_id, text: value.anomaly.description }];
-    const { tag_id, species, anomaly } = value.flower;
-    return value.kind === Observation.KIND_FLOWER && anomaly ? [{ at, tag: tag_id, text: species }] : [];
-  });
+  const found = new Map<string, Anomaly>();
+  for (const { at, value } of observations.past.between(from, to)) {
+    const { kind, flower, anomaly } = value;
+    if (kind !== Observation.KIND_ANOMALY && !(kind === Observation.KIND_FLOWER && flower.anomaly)) continue;
+    const [tag, text] = kind === Observation.KIND_ANOMALY ? [value.tag_reading.tag_id, anomaly.description] : [flower.tag_id, flower.species];
+    const before = found.get(`${tag} ${text}`);
+    found.set(`${tag} ${text}`, { first: before?.first ?? at, last: at, times: (before?.times ?? 0) + 1, tag, text });
+  }
+  return [...found.values()];
 }
 
 function faults(from: number, to: number): Code[] {

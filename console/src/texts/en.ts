@@ -531,6 +531,7 @@ export const en = {
       anomalies: "Anomalies",
       time: "Time",
       tag: "Tag",
+      seen: "Times seen",
       what: "What",
       interventions: "Interventions",
       who: "Who",

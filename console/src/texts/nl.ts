@@ -528,6 +528,7 @@ export const nl: Texts = {
       anomalies: "Afwijkingen",
       time: "Tijd",
       tag: "Tag",
+      seen: "Keren gezien",
       what: "Wat",
       interventions: "Ingrepen",
       who: "Wie",

@@ -124,8 +124,8 @@ function parts(found: Shift, time: (at: number) => string): readonly Part[] {
     },
     {
       title: t.anomalies,
-      head: [t.time, t.tag, t.what],
-      lines: found.anomalies.map(({ at, tag, text }) => [time(at), tag, text]),
+      head: [t.tag, t.what, t.seen, t.from, t.to],
+      lines: found.anomalies.map(({ first, last, times, tag, text }) => [tag, text, times, time(first), time(last)]),
     },
     {
       title: t.interventions,
