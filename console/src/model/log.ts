@@ -1,5 +1,5 @@
 // The log and the timeline of all that is known, as signals.
-import { computed, effect, type ReadonlySignal } from "@preact/signals";
+import { computed, effect, signal, type ReadonlySignal } from "@preact/signals";
 import { MSG_TYPES, Observation, type StdMsgsString as Text } from "../ros";
 import { link, type LinkState } from "../wire/link";
 import { robotNow } from "./clock";
@@ -33,6 +33,9 @@ export function startLog(): void {
   });
 }
 
+/** Values that are read at once: then the page answers what was pressed. */
+const PORTION = 5000;
+
 interface Reader<T> {
   /** How much it has told. */
   readonly told: number;
@@ -43,12 +46,19 @@ interface Reader<T> {
 function readOn<T, R extends Reader<T>>(past: Past<T>, made: (words: Words) => R): ReadonlySignal<{ readonly reader: R }> {
   let state: { reader: R; edition: number; words: Words; next: number } | undefined;
   let shown: { reader: R; told: number } | undefined;
+  const goOn = signal(0);
   return computed(() => {
     const words = texts.value.log;
     if (isLoading.value && shown) return shown;
     const { list, edition } = past.standing();
     if (state?.edition !== edition || state.words !== words) state = { reader: made(words), edition, words, next: 0 };
-    while (state.next < list.length) readOne(state.reader, list[state.next++]!);
+    const end = Math.min(list.length, state.next + PORTION);
+    while (state.next < end) readOne(state.reader, list[state.next++]!);
+    if (end < list.length) {
+      void goOn.value;
+      setTimeout(() => goOn.value++);
+      if (shown) return shown;
+    }
     // Who shows it is not troubled by what tells nothing.
     const { reader } = state;
     if (shown?.reader !== reader || shown.told !== reader.told) shown = { reader, told: reader.told };

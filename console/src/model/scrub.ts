@@ -1,9 +1,10 @@
 // Going through the past: step by step, from problem to problem, to a time, and back to now.
 import { computed } from "@preact/signals";
 import { robotNow } from "./clock";
-import { begin, neighbour, problems } from "./log";
+import { begin, neighbour, problems, stepStory } from "./log";
 import { steps } from "./mission";
 import { moment } from "./past";
+import { TARGET } from "./story";
 
 /** Show a moment; one that is not over yet is now. */
 export function showMoment(at: number): void {
@@ -38,6 +39,12 @@ function before<T extends { readonly at: number }>(list: readonly T[], at: numbe
 export function goProblem(direction: 1 | -1): void {
   const found = neighbour(problems.peek(), moment.peek() ?? Infinity, direction);
   if (found) moment.value = found.at;
+}
+
+/** Go to when the work on a target began last. */
+export function goTarget(target: string): void {
+  const found = stepStory.peek().reader.rows.get(TARGET)?.findLast(({ text }) => text === target);
+  if (found) moment.value = found.from;
 }
 
 /** Whether there is a warning or error in a direction. */

@@ -298,6 +298,8 @@ export const en = {
     nothing: "Nothing has happened yet.",
     nothingFound: "No line is like this.",
     anyTarget: "every target",
+    goTarget: "Go to it",
+    goTargetHint: "To when the work on this target began last",
     export: "Save",
     columns: { time: "Time", severity: "Severity", kind: "Kind", text: "What happened", moved: "Led to", target: "Target", commands: "Commanded" },
     openState: (state: string) => `Show ${state} in the chart`,

@@ -296,6 +296,8 @@ export const nl: Texts = {
     nothing: "Er is nog niets gebeurd.",
     nothingFound: "Geen regel is zo.",
     anyTarget: "elk doel",
+    goTarget: "Ga erheen",
+    goTargetHint: "Naar toen het werk aan dit doel het laatst begon",
     export: "Bewaar",
     columns: { time: "Tijd", severity: "Ernst", kind: "Soort", text: "Wat er gebeurde", moved: "Leidde tot", target: "Doel", commands: "Opgedragen" },
     openState: (state) => `Toon ${state} in het diagram`,

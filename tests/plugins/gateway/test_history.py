@@ -193,6 +193,9 @@ def test_who_gets_it(tmp_path: Path) -> None:
 
         assert topics("e") == [STEPS]
         assert topics("c") == [STEPS, SECRET]
+        assert asked(served.port, f"?topics={SECRET}", Authorization=f"Bearer {'e' * 40}") == []
+        named = asked(served.port, f"?topics={SECRET},/other", Authorization=f"Bearer {'c' * 40}")
+        assert [line["topic"] for line in named] == [SECRET]
         with pytest.raises(HTTPError, match="401"):
             asked(served.port)
 

@@ -5,7 +5,7 @@ import { isLoading } from "../../model/history";
 import { entries } from "../../model/log";
 import { open, texts } from "../../model/page";
 import { moment } from "../../model/past";
-import { showMoment, timeOfDay } from "../../model/scrub";
+import { goTarget, showMoment, timeOfDay } from "../../model/scrub";
 import { KINDS, type Kind, type Severity } from "../../model/story";
 import { dateTime } from "../../parts/format";
 import { Panel } from "../../parts/panel";
@@ -79,6 +79,9 @@ function Filters() {
           ))}
         </select>
       </label>
+      <button disabled={!wantedTarget.value} title={t.goTargetHint} onClick={() => goTarget(wantedTarget.value)}>
+        {t.goTarget}
+      </button>
       <details class="log-kinds">
         <summary>
           {t.columns.kind}
