@@ -7,8 +7,10 @@ longer than a stop may wait.
 from __future__ import annotations
 
 import json
+import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -27,6 +29,8 @@ from lupin_engine.runtime.explanation import explanation
 MOST_WAITING = 8
 #: A drawing that was asked for longer ago, in seconds, is not made: nobody waits for it any more.
 STALE_AFTER_S = 10.0
+
+_USUAL_INTERVAL = sys.getswitchinterval()
 
 
 class Displays:
@@ -81,7 +85,7 @@ class Displays:
 
         svg = problem = ""
         try:
-            with self._pencil:
+            with self._pencil, _giving_way():
                 svg = folded_svg(loaded.chart, folded)
         except LupinError as wrong:
             problem = str(wrong)
@@ -92,6 +96,16 @@ class Displays:
     def _drawn(self, response: Any, answer: Callable[[Any], None], svg: str, problem: str) -> None:
         self._waiting -= 1
         answer(messages.write(response, {"success": bool(svg), "message": problem, "svg": svg}))
+
+
+@contextmanager
+def _giving_way() -> Iterator[None]:
+    """Let other threads wait for the interpreter a tenth as long as they usually do: 0.5 ms, not 5 ms."""
+    sys.setswitchinterval(_USUAL_INTERVAL / 10)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(_USUAL_INTERVAL)
 
 
 def _refuse(response: Any, reason: str) -> Any:

@@ -1,0 +1,44 @@
+"""The chart of a mission with hundreds of states, and markup in every text."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("playwright", reason="playwright is not installed here")
+
+from playwright.sync_api import BrowserContext, expect
+
+from tests.ros.console.conftest import Served
+from tests.ros.console.large import MARKUP, large_missions
+from tests.ros.console.test_chart import command, lit, state
+
+
+def test_hundreds_of_states_with_markup_run_nothing_and_a_new_chart_is_told(
+    context: BrowserContext, serve: Callable[..., Served], tmp_path: Path
+) -> None:
+    """A large chart is opened folded; when the files change, the page says so and draws anew."""
+    folder = large_missions(tmp_path / "missions", 300)
+    served = serve("up", str(folder / "large.yaml"), str(folder / "inspection.yaml"))
+    page = context.new_page()
+    wrong: list[str] = []
+    page.on("pageerror", lambda problem: wrong.append(str(problem)))
+    page.goto(f"{served.url}#chart/MISSION.LargeMission.GROUP_0.A_0")
+    expect(page.locator(".detail pre")).to_contain_text(MARKUP.replace("'", "''"))
+    assert page.locator(".paper [data-state]").count() < 100
+    expect(state(page, "MISSION.LargeMission.GROUP_0.A_1")).to_have_count(1)
+    page.get_by_label("Depth").select_option("4")
+    expect(state(page, "MISSION.LargeMission.GROUP_29.A_7")).to_have_count(1)
+    expect(page.locator(".bar .where")).to_contain_text("READY")
+    command(page, "start", "LargeMission")
+    lit(page, "MISSION.LargeMission.GROUP_0.A_2", "innermost")
+    assert page.locator("main :is(script, img), .paper b, .detail b").count() == 0
+    assert page.evaluate("typeof pwned") == "undefined"
+    command(page, "abort")
+    expect(page.locator(".bar .where")).to_contain_text("DONE")
+    large_missions(folder, 40, again="again")
+    expect(page.locator(".note.info")).to_contain_text("this is another chart")
+    expect(state(page, "MISSION.LargeMission.GROUP_3.A_1")).to_have_count(1)
+    assert wrong == []
