@@ -1,14 +1,19 @@
 // The software stop: a button of its own, with a connection of its own, which works when the rest of the page does not.
 //
-// One press stops. Releasing is another button, which is there only while this page is stopped. The stop is told at once and
-// then steadily; what this page said last is remembered, so that a page that is loaded anew is still stopped.
-import { addressOf } from "./wire/link";
+// One press stops, when the button goes down. Releasing is another button, which is there only while this page is stopped.
+// The stop is told at once and then steadily; what this page said last is remembered, so that a page that is loaded anew is
+// still stopped. Whether the connection lives is asked all the time: one that is dead is found out, and made anew.
+import { addressOf } from "./wire/address";
 
 const TOPIC = "/lupin/hmi/estop";
 const STOPS = "/lupin/hmi/stops";
 const RESET = "/lupin/hmi/reset_stop";
+const ASKED = "/rosapi/get_time";
+const ALIVE = "alive";
 const TELL_EVERY_MS = 500;
 const TRY_EVERY_MS = 1000;
+/** A connection on which something was asked so long ago, without any answer, is dead. */
+const DEAD_AFTER_MS = 3000;
 const REMEMBERED = "lupin.stopped";
 
 interface Stops {
@@ -20,7 +25,7 @@ const WORDS = {
   en: {
     stop: "STOP",
     release: "Release my stop",
-    here: "Stopped by this page",
+    here: "Stop pressed: not confirmed yet",
     by: (names: string) => `Stopped by ${names}`,
     reset: (name: string) => `Reset ${name}`,
     unreachable: "Not connected: use the button on the robot",
@@ -29,7 +34,7 @@ const WORDS = {
   nl: {
     stop: "STOP",
     release: "Mijn stop opheffen",
-    here: "Gestopt door deze pagina",
+    here: "Stop ingedrukt: nog niet bevestigd",
     by: (names: string) => `Gestopt door ${names}`,
     reset: (name: string) => `${name} opheffen`,
     unreachable: "Niet verbonden: gebruik de knop op de robot",
@@ -43,10 +48,23 @@ const release = document.getElementById("release") as HTMLButtonElement;
 const told = document.getElementById("stop-state")!;
 const others = document.getElementById("stop-others")!;
 
-let stopped = sessionStorage.getItem(REMEMBERED) === "1";
+const NONE: Stops = { stopped: false, stops: [] };
+let stopped = remembered() === "1";
 let socket: WebSocket | undefined;
-let stops: Stops = { stopped: false, stops: [] };
+let stops = NONE;
 let problem = "";
+/** Since when an answer is awaited. */
+let askedAt: number | undefined;
+
+/** What this page said last; a browser that keeps nothing keeps nobody from stopping. */
+function remembered(now?: string): string | null {
+  try {
+    if (now !== undefined) sessionStorage.setItem(REMEMBERED, now);
+    return sessionStorage.getItem(REMEMBERED);
+  } catch {
+    return null;
+  }
+}
 
 const isOpen = (): boolean => socket?.readyState === WebSocket.OPEN;
 
@@ -61,7 +79,7 @@ function tell(): void {
 function set(to: boolean): void {
   stopped = to;
   problem = "";
-  sessionStorage.setItem(REMEMBERED, to ? "1" : "0");
+  remembered(to ? "1" : "0");
   tell();
   show();
 }
@@ -90,7 +108,9 @@ function show(): void {
 }
 
 function receive(data: string): void {
-  const frame = JSON.parse(data) as { op?: string; msg?: unknown; values?: unknown; result?: boolean; level?: string };
+  askedAt = undefined;
+  const frame = JSON.parse(data) as { op?: string; id?: string; msg?: unknown; values?: unknown; result?: boolean; level?: string };
+  if (frame.id === ALIVE) return; // nothing to be shown anew: a button that is being pressed would go
   if (frame.op === "publish") stops = JSON.parse((frame.msg as { data: string }).data) as Stops;
   else if (frame.op === "service_response") problem = answerOf(frame.result, frame.values);
   else if (frame.op === "status" && frame.level === "error") problem = String(frame.msg);
@@ -111,19 +131,54 @@ function connect(): void {
     send({ op: "subscribe", topic: STOPS, type: "std_msgs/msg/String" });
     show();
   };
-  own.onmessage = ({ data }) => receive(data as string);
+  own.onmessage = ({ data }) => {
+    if (socket === own) receive(data as string);
+  };
   own.onclose = () => {
-    if (socket === own) setTimeout(connect, TRY_EVERY_MS);
-    show();
+    if (socket !== own) return;
+    setTimeout(connect, TRY_EVERY_MS);
+    gone();
   };
 }
 
-button.addEventListener("click", () => set(true));
+function gone(): void {
+  stops = NONE;
+  askedAt = undefined;
+  show();
+}
+
+/** Find out whether the connection lives: after a sleep the browser may not know that it does not. */
+function ask(): void {
+  if (!isOpen()) return;
+  const now = performance.now();
+  if (askedAt !== undefined && now - askedAt > DEAD_AFTER_MS) {
+    const dead = socket!;
+    connect();
+    dead.close();
+    gone();
+  } else if (askedAt === undefined) {
+    askedAt = now;
+    send({ op: "call_service", id: ALIVE, service: ASKED, args: {} });
+  }
+}
+
+for (const press of ["pointerdown", "click"]) button.addEventListener(press, () => set(true));
 release.addEventListener("click", () => set(false));
-addEventListener("keydown", (event) => {
-  if (event.key === "Escape" && event.shiftKey) set(true);
-});
+addEventListener(
+  "keydown",
+  (event) => {
+    if (event.key !== "Escape" || !event.shiftKey) return;
+    event.preventDefault(); // browsers have a use of their own for these keys
+    set(true);
+  },
+  { capture: true },
+);
 new MutationObserver(show).observe(document.documentElement, { attributeFilter: ["lang", "data-mode"] });
-setInterval(() => stopped && tell(), TELL_EVERY_MS);
+setInterval(() => {
+  if (stopped) tell();
+  ask();
+}, TELL_EVERY_MS);
+for (const back of ["online", "pageshow"]) addEventListener(back, ask);
+for (const back of ["resume", "visibilitychange"]) document.addEventListener(back, ask);
 connect();
 show();

@@ -54,9 +54,19 @@ async function compare(): Promise<void> {
   }
 }
 
+/** So far may the page's two clocks drift apart in a second, in milliseconds; a computer that slept stops one of them. */
+const DRIFT_MS = 500;
+
 export function startClock(): void {
   const look = (): void => void compare().catch(() => waiting.splice(0).forEach((call) => call()));
   link.opened.push(look);
   setInterval(look, 60_000);
-  setInterval(() => ticks.value++, 1000);
+  document.addEventListener("visibilitychange", () => document.hidden || look());
+  let apart = Date.now() - performance.now();
+  setInterval(() => {
+    ticks.value++;
+    const now = Date.now() - performance.now();
+    if (Math.abs(now - apart) > DRIFT_MS) look();
+    apart = now;
+  }, 1000);
 }

@@ -1,5 +1,6 @@
 // One connection to the gateway by the rosbridge protocol: subscriptions come back after a break, calls end in time.
 import { signal } from "@preact/signals";
+import { addressOf } from "./address";
 
 /** Whether the gateway is there. `lost`: it was, and is being looked for. */
 export type LinkState = "connecting" | "open" | "lost";
@@ -39,11 +40,6 @@ const LONGEST_TRY_MS = 5000;
 const CALL_S = 6;
 /** A service that is asked from time to time, by which a link that is dead without a word is noticed. */
 const PING_EVERY_MS = 5000;
-
-/** Where this page's gateway speaks the protocol. */
-export function addressOf(page: Location): string {
-  return `${page.protocol === "https:" ? "wss" : "ws"}://${page.host}/_ros`;
-}
 
 export class Link {
   readonly state = signal<LinkState>("connecting");
