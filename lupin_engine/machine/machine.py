@@ -238,12 +238,13 @@ class Machine:
         """Return what keeps a transition from being taken now, were its state active; nothing changes."""
         return consider(self.scope, rule, Macrostep(Event(rule.event), now))
 
-    def foresee(self, request: Event, now: float) -> Possibility:
+    def foresee(self, request: Event, now: float, dry: bool = False) -> Possibility:
         """Return what `handle` would do with a request that came at time `now`; nothing changes.
 
-        What was due before `now` must have been fired, as for `handle`. What was considered is left out.
+        What was due before `now` must have been fired, as for `handle`. What was considered is left out;
+        with `dry` so are the fields of a mission's request.
         """
-        return self._explainer().request(request, now)
+        return self._explainer().request(request, now, dry)
 
     def _explainer(self) -> Explainer:
         return Explainer(self.scope, self._requests, self._table.structure, self._active)

@@ -81,6 +81,7 @@ class Foresight:
 
     def _told(self, request: PossibleRequest, now: float) -> dict[str, Any]:
         found = self._machine.foresee(request.event, now)
+        is_start = request.verb == START_VERB
         return {
             "request": request.event.name,
             "verb": request.verb,
@@ -90,4 +91,7 @@ class Foresight:
             "releases": list(found.releases),
             "code": found.refusal.code if found.refusal else "",
             "reason": found.refusal.text if found.refusal else "",
+            "fields": is_start
+            and not found.possible
+            and self._machine.foresee(request.event, now, dry=True).possible,
         }

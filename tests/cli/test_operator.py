@@ -179,12 +179,13 @@ def test_what_an_orchestrator_does_not_tell_is_not_shown() -> None:
 
 
 def test_what_to_do_is_the_advice_of_the_holds_and_of_what_happened_last() -> None:
-    """While no mission is under way also that of the starts that are refused."""
-    view = {"held": ["estop", "pause"], "code": "nav_timeout"}
+    """First that of the holds; then, while no mission is under way, also that of refused starts."""
     refused = [{"verb": "start", "code": "battery_low"}, {"verb": "pause", "code": "not_running"}]
-    assert to_do(view, refused, TOLD[2]) == [
+    assert to_do({"held": ["estop", "pause"], "code": "nav_timeout"}, refused, TOLD[2]) == [
         "Release the stop, then resume.",
         "Resume to go on with the same target.",
+    ]
+    assert to_do({"held": [], "code": "nav_timeout"}, refused, TOLD[2]) == [
         "Look whether the way is free; a longer way needs a larger nav_timeout_s.",
         "Charge the robot, then resume or start.",
     ]

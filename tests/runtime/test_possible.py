@@ -265,3 +265,19 @@ def test_what_the_time_of_day_decides_is_news(tmp_path: Path) -> None:
     dock = partial(docking, Foresight(machine))
     assert dock(0.5) == ""
     assert dock(1.5) == "lost"
+
+
+def test_a_start_that_only_its_fields_keep_from_beginning_is_told_as_one() -> None:
+    """A form can ask for it with others; what else keeps it is told first."""
+    machine = make_machine(shipped.mission("inspection"), {"tag_sequence": ["999"]})
+    foresight = Foresight(machine)
+    machine.start(0.0)
+
+    def starting(now: float) -> tuple[str, bool]:
+        (told,) = [one for one in foresight.news(now) or () if one["verb"] == "start"]
+        return told["code"], told["fields"]
+
+    assert starting(0.0) == ("not_ready", False)
+    (attempt,) = machine.memory.attempts
+    machine.handle(events.done(attempt, {}), 1.0)
+    assert starting(1.0) == ("unknown_tag", True)

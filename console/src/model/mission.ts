@@ -111,6 +111,8 @@ export interface Possible {
   readonly releases: readonly string[];
   readonly code: string;
   readonly reason: string;
+  /** Of a start: nothing but the defaults of its request keeps it from beginning. */
+  readonly fields?: boolean;
 }
 
 /** A field of a request; of a list, kind, unit, range and pattern are those of its elements. */

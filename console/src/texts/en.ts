@@ -60,7 +60,6 @@ export const en = {
     again: (verb: string, seconds: string) => `Press again to ${verb} (${seconds})`,
     engages: (holds: string) => `holds the mission: ${holds}`,
     releases: (holds: string) => `ends the hold: ${holds}`,
-    answer: { accepted: "accepted", refused: "refused" },
     running: "Running now",
     none: "Nothing is under way.",
     operation: "Operation",

@@ -62,7 +62,6 @@ export const nl: Texts = {
     again: (verb, seconds) => `Druk nog eens voor ${verb} (${seconds})`,
     engages: (holds) => `houdt de missie op: ${holds}`,
     releases: (holds) => `laat de missie los: ${holds}`,
-    answer: { accepted: "aangenomen", refused: "geweigerd" },
     running: "Nu bezig",
     none: "Er is niets bezig.",
     operation: "Bewerking",

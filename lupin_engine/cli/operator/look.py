@@ -54,11 +54,11 @@ def look(
 def to_do(
     view: Mapping[str, Any], requests: Iterable[Mapping[str, Any]], offer: Mapping[str, Any]
 ) -> list[str]:
-    """Return what is advised about the holds, about what happened last and about starts that are refused."""
+    """Return what is advised: about the holds, else about what happened last and starts that are refused."""
     holds, table = offer.get("holds", {}), offer.get("codes", {})
     held = [holds.get(name, "") for name in view["held"]]
     refused = [one["code"] for one in requests if one["verb"] == START_VERB]
-    advised = (table.get(code, {}).get("advice", "") for code in (*held, view["code"], *refused))
+    advised = (table.get(code, {}).get("advice", "") for code in held or (view["code"], *refused))
     return list(dict.fromkeys(filter(None, advised)))
 
 

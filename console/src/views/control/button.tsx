@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import { useEffect, useId } from "preact/hooks";
 import { answered, command, missions, type Possible } from "../../model/mission";
 import { texts } from "../../model/page";
-import { commandHindrance, verbText } from "../../model/permission";
+import { commandHindrance } from "../../model/permission";
 
 /** Within so many milliseconds the second press must come where two are needed. */
 const SECOND_PRESS_MS = 5000;
@@ -23,7 +23,7 @@ interface Wanted {
 function reasonOf(possible: Possible | undefined): string {
   if (commandHindrance.value) return commandHindrance.value;
   if (!possible) return texts.value.control.hindrances.untold;
-  return possible.possible ? "" : possible.reason;
+  return possible.possible || possible.fields ? "" : possible.reason;
 }
 
 /** What it would do to the holds, in the words of their codes. */
@@ -95,12 +95,11 @@ function Again({ label }: { label: string }) {
 
 /** What was answered to the last press, while it is the last. */
 function AnswerOf({ verb, mission }: { verb: string; mission: string }) {
-  const t = texts.value.control.answer;
   const last = answered.value;
   const mine = last?.verb === verb && last.mission === mission;
   return (
     <span role="status" class={mine ? `control-answer ${last.accepted ? "good" : "bad"}` : ""}>
-      {mine && `${verbText(verb)} ${last.accepted ? t.accepted : t.refused}: ${last.text}`}
+      {mine && `${last.accepted ? "✓" : "✖"} ${last.text}`}
     </span>
   );
 }

@@ -9,12 +9,18 @@ import { ToDo, Where } from "./status";
 export function ControlView() {
   return (
     <div class="control">
-      <Questions />
-      <Where />
-      <ToDo />
-      <Requests />
-      <RunningNow />
-      <Starts />
+      <div>
+        <Questions />
+        <Where />
+        <ToDo />
+      </div>
+      <div>
+        <Requests />
+        <RunningNow />
+      </div>
+      <div>
+        <Starts />
+      </div>
     </div>
   );
 }

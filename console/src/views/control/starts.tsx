@@ -4,7 +4,7 @@ import { useId } from "preact/hooks";
 import { missions, possible, type OfferedMission, type RequestField } from "../../model/mission";
 import { open, texts } from "../../model/page";
 import { verbText } from "../../model/permission";
-import { endPicking, picked, picking, startPicking } from "../../model/picking";
+import { endPicking, picked, picking, startPicking, toggle } from "../../model/picking";
 import { draftOf, elements, fill, isList, meaningOf, requestOf, written } from "../../model/requestForm";
 import { number } from "../../parts/format";
 import { Panel } from "../../parts/panel";
@@ -74,18 +74,11 @@ function Start({ mission }: { mission: OfferedMission }) {
         mission={mission.mission}
         request={request}
         check={check}
-        possible={startOf(told?.find((each) => each.verb === "start" && each.mission === mission.mission), request)}
+        possible={told?.find((each) => each.verb === "start" && each.mission === mission.mission)}
       />
     </form>
   );
 }
-
-/** What is told of a start is about its defaults: what only they keep from starting is asked for all the same. */
-function startOf<P extends { possible: boolean; code: string }>(told: P | undefined, request: object): P | undefined {
-  const given = Object.keys(request).length > 0;
-  return told && !told.possible && given && ABOUT_FIELDS.has(told.code) ? { ...told, possible: true } : told;
-}
-const ABOUT_FIELDS: ReadonlySet<string> = new Set(["bad_request"]);
 
 function Field({ id, mission, field }: { id: string; mission: string; field: RequestField }) {
   const t = texts.value.control;
@@ -108,6 +101,7 @@ function Field({ id, mission, field }: { id: string; mission: string; field: Req
         <Input props={props} field={field} set={(to) => fill(mission, field.name, to)} />
         <Picker mission={mission} field={field} text={text} />
       </div>
+      <Names mission={mission} field={field} />
       <p id={`${id}-about`} class="soft">
         {about(field)}
       </p>
@@ -164,6 +158,21 @@ function Picker({ mission, field, text }: { mission: string; field: RequestField
         </button>
       )}
     </>
+  );
+}
+
+/** While something is picked: the names that the mission would take by itself, in or out by a press. */
+function Names({ mission, field }: { mission: string; field: RequestField }) {
+  const at = picking.value;
+  if (at?.mission !== mission || at.field !== field.name || !Array.isArray(field.default)) return null;
+  return (
+    <div class="row" role="group" aria-label={field.name}>
+      {[...new Set([...field.default.map(written), ...picked.value])].map((name) => (
+        <button key={name} type="button" class="control-name" aria-pressed={picked.value.includes(name)} onClick={() => toggle(name)}>
+          {name}
+        </button>
+      ))}
+    </div>
   );
 }
 

@@ -127,7 +127,7 @@ function heldSince(hold: string): { at: number | undefined; exact: boolean } {
   return { at, exact: false };
 }
 
-/** What to do next: the advice of the holds, of what happened last, and of starts that are refused. */
+/** What to do next: the advice of the holds, else of what happened last and of starts that are refused. */
 export function ToDo() {
   const t = texts.value.control;
   const now = view.value;
@@ -138,7 +138,7 @@ export function ToDo() {
   const starts = requests.filter(({ verb }) => verb === "start");
   const refused = idle ? starts.map(({ code }) => code) : [];
   const held = now.held.map((name) => offer.holds[name] ?? "");
-  const codes = [...new Set([...held, now.code, ...refused])];
+  const codes = held.length ? held : [now.code, ...refused];
   const advice = codes.map((code) => offer.codes[code]?.advice ?? "").filter(Boolean);
   if (now.asking.length) advice.unshift(t.toAnswer);
   if (!advice.length && idle && starts.some((each) => each.possible)) advice.push(t.toStart);
