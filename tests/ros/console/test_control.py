@@ -403,3 +403,13 @@ def test_a_call_that_hangs_is_told_and_holds_nothing_up(
         os.kill(orchestrator, signal.SIGCONT)
     console.locator("#release").click()
     expect(console.locator("form[aria-label=InspectionMission] .control-answer")).to_be_visible()
+
+
+def test_nothing_is_commanded_in_the_past(console: Page, attendant: Attendant) -> None:
+    """The bar of the moment leads there, and its button back."""
+    agree(console, attendant)
+    console.get_by_role("button", name="Step before").click()
+    expect(panel(console, "What to do")).to_contain_text("You look at the past: go back to now first.")
+    assert {why for _, why in shown(console).values()} == {"You look at the past: go back to now first."}
+    console.get_by_role("button", name="Live").click()
+    agree(console, attendant)
