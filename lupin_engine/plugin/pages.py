@@ -58,7 +58,7 @@ class PageSource(Protocol):
         """
 
     def stop(self, stopped: bool) -> None:
-        """Hear whether a page has the robot stopped; told again and again."""
+        """Hear that a page has the robot stopped, or that none has any more."""
 
     def history(self, since: float, topics: Collection[str]) -> Iterator[PageMessage]:
         """Yield what was told later than `since`, the oldest first; no topics: of all. On any thread."""

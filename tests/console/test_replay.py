@@ -14,6 +14,10 @@ pytest.importorskip("mcap_ros2", reason="the extra record is not installed here"
 from mcap_ros2.writer import Writer
 
 from lupin_engine.cli.main import main
+from lupin_engine.cli.pages import find_server
+from lupin_engine.errors import UsageError
+from lupin_engine.plugin.contract import Plugin
+from lupin_engine.plugin.registry import build_catalog
 from tests.console.pages import COMMAND, STATE, STEPS, ServedPages
 from tests.plugins.gateway.served import OpenPage
 
@@ -166,3 +170,13 @@ def test_options_that_do_not_go_with_pages_are_told(capsys: pytest.CaptureFixtur
     assert capsys.readouterr().err == (
         "lupin: --hmi goes with --tags, --goal, --set, --clock, --seed, --speed and --port only\n"
     )
+
+
+def test_where_nothing_serves_pages_it_is_told() -> None:
+    plugin = Plugin("pages", "Serves pages.", pages="lupin_nowhere:serve")
+    nobody, missing = build_catalog([]), build_catalog([plugin])
+    with pytest.raises(UsageError, match=r"^--hmi: none of the installed plugins serves pages$"):
+        find_server(nobody)
+    needed = r"^--hmi: No module named 'lupin_nowhere'; pages need `pip install 'lupin-engine\[hmi\]'`$"
+    with pytest.raises(UsageError, match=needed):
+        find_server(missing)

@@ -182,6 +182,27 @@ def test_time_goes_by_at_the_speed_that_is_set_and_stands_when_paused(page: Simu
     assert clock["sec"] + clock["nanosec"] / 1e9 == pytest.approx(page.now["at"] / 1000.0, abs=1e-3)
 
 
+def test_while_it_stands_nothing_is_told(page: SimulationPage) -> None:
+    under_way(page, "nav.go_to")
+    page.work_off()
+    before = len(page.frames)
+    for _ in range(3):
+        page.work_off()
+    assert len(page.frames) == before + 3  # the answers to what was asked
+
+
+def test_a_page_draws_and_explains_the_chart_that_is_simulated(page: SimulationPage) -> None:
+    draw, explain = "/mission_orchestrator/draw", "/mission_orchestrator/explain"
+    drawn = page.call(draw, folded=["MISSION"])["values"]
+    assert (drawn["success"], drawn["message"]) == (True, "")
+    assert 'data-state="READY"' in drawn["svg"]
+    explained = page.call(explain, element="READY", chart=drawn["chart"])["values"]
+    assert json.loads(explained["explanation"])["active"] is True
+    wrong = page.call(explain, element="READY", chart="0")["values"]
+    assert wrong["message"] == f"another chart runs: {drawn['chart']}, not '0'; read ~/chart again"
+    assert page.call(draw, folded="MISSION")["values"] == f"{draw}: folded must be a list of states"
+
+
 def test_ctrl_c_ends_it_and_a_taken_port_is_told() -> None:
     with ServedPages("simulate", "inspection") as first:
         command = [*LUPIN, "simulate", "inspection", "--hmi", "--port", str(first.port)]
@@ -191,4 +212,6 @@ def test_ctrl_c_ends_it_and_a_taken_port_is_told() -> None:
             f"lupin: the gateway cannot listen on 127.0.0.1:{first.port}: Address already in use; another "
             "program may have this port, then choose another one\n"
         )
+        page = SimulationPage(first.port)
         assert first.interrupt() == (0, "")
+        page.close()

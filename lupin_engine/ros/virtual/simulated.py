@@ -122,8 +122,6 @@ class SimulatedPages:
 
     def stop(self, stopped: bool) -> None:
         """See `PageSource`."""
-        if stopped is self._stopped:
-            return
         self._stopped = stopped
         spec = self._chart.inputs.get(self._chart.profile.stop)
         if spec is not None:
@@ -275,7 +273,6 @@ class SimulatedPages:
         while self._simulation.next_due == 0.0 and not self._simulation.is_over:
             self._simulation.go_on()
         if self._stopped:
-            self._stopped = False
             self.stop(True)
         self._tell_news(in_any_case=True)
 

@@ -38,6 +38,7 @@ class SourceSide:
         self._heard: list[_HeardTopic] = []
         self._last: dict[str, Sample] = {}
         self._count = 0
+        self._stopped = False
         self._asked = asyncio.Event()
 
     @property
@@ -61,9 +62,11 @@ class SourceSide:
         self._tell(PageMessage(topic, self._source.clock(self._steady()), {"data": text}))
 
     def stop(self, stopped: bool) -> None:
-        """Hear whether a page has stopped."""
-        self._source.stop(stopped)
-        self._asked.set()
+        """Hear whether a page has stopped; told again and again."""
+        if stopped is not self._stopped:
+            self._stopped = stopped
+            self._source.stop(stopped)
+            self._asked.set()
 
     def _tell(self, message: PageMessage) -> None:
         self._count += 1  # two messages that say the same are two
