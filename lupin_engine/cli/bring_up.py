@@ -75,10 +75,8 @@ class CheckedOptions:
                 lines += launch.node.addresses(values)
         return lines
 
-    def settings(self, patience: float | None = None, lasting: bool = False) -> BringupSettings:
+    def settings(self, patience: float | None = None) -> BringupSettings:
         """Prepare this process for ROS and return the settings with which the nodes are started.
-
-        With `lasting` and pages an orchestrator that dies is started again.
 
         Raises:
             UsageError: ROS is missing, or an option is wrong; the text has all collected problems.
@@ -111,7 +109,6 @@ class CheckedOptions:
             settle=bool(self._wanted.sim),
             patience=patience,
             respawn=not self._wanted.no_respawn,
-            lasting=lasting and self._wanted.hmi,
         )
 
     def _look_at_the_surroundings(self) -> None:

@@ -48,7 +48,7 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
         "attempt.cancelled": {"attempt": str},
         "value": {"name": str, "value": object, "stamp": (int, float)},
         CLOCK: {"ahead": (int, float)},
-        RESUMED: {"detail": str, "held": bool},
+        RESUMED: {"detail": str, "held": bool, "away": (int, float)},
         TOLD: {"code": str, "detail": str},
         HELD_BACK: {"hold": str, "detail": str},
     }

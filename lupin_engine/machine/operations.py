@@ -172,6 +172,9 @@ class Operations:
             if attempt is None:
                 continue
             invoke = self._invoke(invocation)
+            begun = attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED)
+            if begun and invoke.operation.adopts and invoke.operation.on_hold is OnHold.FINISH:
+                continue
             if invoke.on_hold and attempt.phase is not Phase.WAITING:
                 cut = CutShort(attempt.id, CANCELLED_CODE, "cut short by a restart", invoke.on_hold)
                 self._cut_short(invocation, cut, step)
@@ -181,6 +184,10 @@ class Operations:
             self._count(invocation, -1)
             invocation.begun = False
         for attempt in memory.attempts.values():
+            if attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED):
+                attempt.phase = Phase.ACCEPTED  # or the server does not know it, and will say so
+                step.note(f"{attempt.operation} goes on")
+                continue
             self._scope.timers.disarm("cancel", attempt.id)
             self._scope.timers.arm("cancel", attempt.id, step.now, RECOVERY_DEADLINE)
             if not any(isinstance(c, Cancel) and c.attempt == attempt.id for c in step.commands):

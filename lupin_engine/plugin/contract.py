@@ -11,7 +11,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.types import Type
@@ -136,6 +136,7 @@ class Operation:
     `uses` names resources (`base`, `lift`): an attempt waits until the previous attempt that uses one of
     them has ended. `on_hold` says what a hold does to it. With `cut_short` the driver gives the
     result, as far as it came, of an attempt that was cancelled; after a timeout the mission waits for that.
+    One that `adopts` goes on when the orchestrator was started again, where a hold would not end it either.
     """
 
     doc: str
@@ -146,6 +147,7 @@ class Operation:
     on_hold: OnHold = OnHold.FINISH
     cut_short: bool = False
     mock: Mock = field(default_factory=Mock)
+    adopts: bool = False
 
 
 @dataclass(frozen=True)
@@ -324,3 +326,17 @@ class Driver(Protocol):
 
     def close(self) -> None:
         """Release everything; no report follows."""
+
+
+@runtime_checkable
+class RecoveringDriver(Driver, Protocol):
+    """A driver whose attempts may live on in their servers when the process that began them is gone.
+
+    Of drivers that are none of these, what they began counts as ended with their process.
+    """
+
+    def recover(self, attempt: str, operation: str, *, adopt: bool) -> None:
+        """Take over an attempt of a process that is gone: have it ended, or go on with it where `adopt`.
+
+        Reports follow as for one that was accepted.
+        """

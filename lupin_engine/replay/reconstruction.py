@@ -20,7 +20,7 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import UsageError
-from lupin_engine.machine.event import CLOCK, Start
+from lupin_engine.machine.event import CLOCK, RESUMED, Start
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.profile import START, Publish
@@ -239,6 +239,9 @@ class _Happenings:
                 starts = False
             elif step.accepted is not None:
                 found.append(self._when(step, {"request": self._request(event, data)}))
+            elif event == RESUMED:
+                away = float(data["away"])
+                found.append(self._when(step, {"restart": duration(away, self._digits)}, away))
             elif event == CLOCK:
                 found.append(self._when(step, {"clock": self.clock(step)}))
             elif event in self._catalog.events:
@@ -270,15 +273,17 @@ class _Happenings:
                 self._entries[name] = self._entries.get(name, 0) + 1
                 self._anchor = (name, step.time)
 
-    def _when(self, step: Step, what: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _when(self, step: Step, what: Mapping[str, Any], before: float = 0.0) -> Mapping[str, Any]:
+        """Return something that happened at a step, or so many seconds `before`, counted from an entry."""
+        time = step.time - before
         if self._anchor is None:
-            return {"at": duration(step.time - self._origin, self._digits), **what}
+            return {"at": duration(time - self._origin, self._digits), **what}
         name, entered = self._anchor
         found: dict[str, Any] = {"on": short(self._chart, name)}
         if self._entries[name] > 1:
             found["nth"] = self._entries[name]
-        if step.time > entered:
-            found["after"] = duration(step.time - entered, self._digits)
+        if time > entered:
+            found["after"] = duration(time - entered, self._digits)
         return {**found, **what}
 
 

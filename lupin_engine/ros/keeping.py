@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from lupin_engine import __version__
 from lupin_engine.machine.event import HELD_BACK, TOLD, Event
@@ -10,10 +10,11 @@ from lupin_engine.machine.holds import UNRECORDED
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.step import Refusal, Step, View
 from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.contract import RECORDED_CODE, UNRECORDED_CODE, Parameter
+from lupin_engine.plugin.contract import CLOSED_CODE, RECORDED_CODE, UNRECORDED_CODE, Parameter
 from lupin_engine.plugin.profile import START, Fields, Profile, Publish
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, TEXT
 from lupin_engine.ros.adapter.node import RosNode
+from lupin_engine.ros.resuming import LookBack
 from lupin_engine.runtime.journal.journal import Journal, Keep, journal_folder
 from lupin_engine.runtime.journal.records import JournalHead
 
@@ -99,6 +100,7 @@ class Keeping:
                 mission=mission,
                 mission_id=mission_id,
                 part=self._part,
+                lineage=self._ros.lineage,
                 seed=machine.world.seed,
                 snapshot=machine.snapshot() if machine.memory.sequence else "",
             )
@@ -147,12 +149,38 @@ class Keeping:
         if head is not None and self._loaded is not None:
             self.begin(self._loaded, machine, head.mission, head.mission_id)
 
+    def go_on(self, found: LookBack, loaded: LoadedMissions, shift: float, now: float) -> None:
+        """Go on with the file that was found, as far as it can be used; otherwise `begin` must follow.
+
+        `shift` is how far the clock, which says `now`, is ahead of the one of the file.
+        """
+        self.journal.count_from(found.left.outcomes)
+        if found.machine is None and not found.closing:
+            return
+        if not found.left.file.damaged:
+            self._loaded, self._part = loaded, found.left.file.head.part
+            self.journal.go_on(found.left.file, shift, now, self._boot)
+
+    def publish_again(
+        self, found: LookBack, new: Iterable[tuple[Publish, Fields]], send: Callable[[Fields], None]
+    ) -> None:
+        """Publish what was written and not published, and what is new; a repeat has the same fields."""
+        for number, fields in found.left.unpublished.items():
+            self._send_when_kept(number, fields, send)
+        for told, fields in new:
+            self.publish(told, fields, send)
+
+    def closed(self, why: str) -> None:
+        """Write why the mission ends that was under way."""
+        self.journal.ended({"state": "", "code": CLOSED_CODE, "detail": why})
+
     # -- what leaves when it is kept ----------------------------------------------------------------------
 
     def publish(self, told: Publish, fields: Fields, send: Callable[[Fields], None]) -> None:
         """Publish an outcome when it is kept, and note that it was."""
-        number = self.journal.outcome(told, fields)
+        self._send_when_kept(self.journal.outcome(told, fields), fields, send)
 
+    def _send_when_kept(self, number: int, fields: Fields, send: Callable[[Fields], None]) -> None:
         def kept() -> None:
             send(fields)
             self.journal.published(number)

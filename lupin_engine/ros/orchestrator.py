@@ -18,15 +18,17 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, shortened
-from lupin_engine.machine.event import NOTHING, Event, Report
+from lupin_engine.machine.event import NOTHING, TOLD, Event, Report
+from lupin_engine.machine.holds import RESTARTED
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.requests import UNKNOWN_MISSION
 from lupin_engine.machine.step import Moment, Refusal, Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.clients import make_client
-from lupin_engine.plugin.contract import Driver, Parameter
+from lupin_engine.plugin.contract import CLOSED_CODE, Driver, Parameter
 from lupin_engine.plugin.profile import (
     ANSWER,
     START,
@@ -52,10 +54,14 @@ from lupin_engine.ros.keeping import JOURNAL_PARAMETERS, Keeping
 from lupin_engine.ros.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE, NODE
 from lupin_engine.ros.outlet import NodeClock, RosOutlet
 from lupin_engine.ros.readiness import Readiness
+from lupin_engine.ros.resuming import CONTINUE, RESUME_PARAMETERS, LookBack, look_back
 from lupin_engine.ros.single import other_orchestrator
 from lupin_engine.ros.telling import Telling
 from lupin_engine.ros.told import ToldState
 from lupin_engine.runtime.engine import Engine
+from lupin_engine.runtime.journal.records import JournalRecord
+from lupin_engine.runtime.journal.recovery import resumed_event
+from lupin_engine.runtime.journal.replay import resumed
 from lupin_engine.runtime.setup import make_machine, make_world
 
 #: Parameters of the node itself, beside those of the missions.
@@ -67,6 +73,7 @@ OWN_PARAMETERS: Mapping[str, Parameter] = {
     "state_publish_rate_hz": Parameter(NUMBER, 5.0, "how often the state is repeated, in Hz", minimum=0.1),
     "mission_id_prefix": Parameter(TEXT, "lupin", "what mission ids begin with"),
     **JOURNAL_PARAMETERS,
+    **RESUME_PARAMETERS,
 }
 
 
@@ -81,10 +88,16 @@ class Orchestrator:
         self._clock = NodeClock(ros)
         given = ros.parameters()
         self._prefix = str(given["mission_id_prefix"])
-        machine = make_machine(chart, {name: given[name] for name in chart.parameters})
         drivers: dict[str, Driver] = {}
         self._telling = Telling(ros, self._clock, loaded)
         self._keeping = Keeping(ros, self._telling.boot, self._work, lambda event: self._engine.post(event))
+        back = look_back(ros, self._keeping.folder, loaded, given)
+        if back is not None and back.machine is not None:
+            machine = back.machine
+            ros.lineage = back.left.file.head.lineage or ros.lineage
+        else:
+            machine = make_machine(chart, {name: given[name] for name in chart.parameters})
+        self._continues = given["resume_policy"] == CONTINUE
         self._engine = Engine(
             machine,
             self._clock,
@@ -115,8 +128,7 @@ class Orchestrator:
         Displays(ros, self._clock, lambda: (self._loaded, self._machine))
         # Real time: the state is told five times a second also while simulated time stands still.
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
-        self._keeping.begin(loaded, machine)
-        self._engine.start()
+        self._begin(back)
         self._work()
         self._offer()
         self._telling.chart()
@@ -126,6 +138,49 @@ class Orchestrator:
     def _machine(self) -> Machine:
         """The machine that runs."""
         return self._engine.machine
+
+    def _begin(self, back: LookBack | None) -> None:
+        """Go on with what another process left behind, or start; what it had not published is."""
+        now, wall = self._clock.now(), time.time()
+        if back is not None:
+            self._keeping.go_on(back, self._loaded, back.left.shift(now, wall), now)
+        goes_on = back is not None and back.machine is not None
+        if back is None or back.left.file.damaged or not (goes_on or back.closing):
+            self._keeping.begin(self._loaded, self._machine)
+        if back is not None:
+            self._keeping.publish_again(back, self._untold(back), self._outcomes.publish)
+        if back is None or back.machine is None:
+            self._start_anew(back.closing if back is not None else "", back)
+            return
+        machine = resumed(back.machine, back.left.shift(now, wall))
+        started = machine.memory.started_at
+        if started is not None:
+            self._told.mission_started(self._stamp(self._ros.now() - (now - started)))
+        self._engine.resume(machine, resumed_event(back.left, machine, wall))
+
+    def _start_anew(self, closing: str, back: LookBack | None) -> None:
+        """Start the machine; where a mission was closed instead of going on, tell why."""
+        if not closing or back is None:
+            self._engine.start()
+            return
+        head, count = back.left.file.head, len(back.left_out)
+        self._keeping.closed(closing)
+        self._keeping.begin(self._loaded, self._machine)
+        self._engine.start()
+        told = f"{head.mission} {head.mission_id}: {closing}; left out: {count}"
+        self._engine.post(Event(TOLD, {"code": CLOSED_CODE, "detail": told}))
+
+    def _untold(self, back: LookBack) -> list[tuple[Publish, Fields]]:
+        """Return outcomes that were not even written, as they would have been, and a closed mission's."""
+        old = back.recovered
+        found = []
+        for record, told in old.untold if old is not None else ():
+            found.append((told, self._told_then(old.machine if old else self._machine, record).outcome(told)))
+        return found + [(told, self._told.outcome(told)) for told in back.left_out]
+
+    def _told_then(self, machine: Machine, record: JournalRecord) -> ToldState:
+        """Return what was told of another process's machine at a record."""
+        return ToldState(self._wire, lambda: machine, lambda: record.time, lambda: self._stamp(record.wall))
 
     def _close(self) -> None:
         for driver in self._drivers.values():
@@ -259,6 +314,7 @@ class Orchestrator:
         """
         self._work()
         self._keeping.look(self._machine)
+        self._continue()
         if not is_idle(self._machine):
             return
         loaded = self._folder.changed(self._loaded)
@@ -272,6 +328,15 @@ class Orchestrator:
                 self._ros.log.exception("missions could not be loaded anew")
                 self._folder.refuse(loaded, f"{type(problem).__name__}: {problem}")
         self._offer()
+
+    def _continue(self) -> None:
+        """Resume a mission by itself where the policy says so: all servers are there, and nothing goes on."""
+        memory = self._machine.memory
+        if not (self._continues and RESTARTED in memory.held):
+            return
+        ending = any(attempt.phase is Phase.CANCELLING for attempt in memory.attempts.values())
+        if not ending and not self._drivers[BUILTIN].missing():
+            self._ask(Event(f"operator.{self._chart.profile.resume}"), {"by": "resume_policy"})
 
     def _go_on_with(self, loaded: LoadedMissions) -> None:
         """Run another chart from here on: what could fail comes first, so that it changes nothing.
@@ -390,7 +455,9 @@ class Orchestrator:
         self._state.publish(self._told.fields(self._machine.view))
         self._telling.possible(self._machine)  # time alone may have changed an answer
 
-    def _stamp(self) -> Fields:
+    def _stamp(self, time: float | None = None) -> Fields:
+        if time is not None:
+            return {"sec": int(time), "nanosec": int(time % 1.0 * 1e9)}
         stamp = self._ros.stamp()
         return {"sec": stamp.sec, "nanosec": stamp.nanosec}
 

@@ -44,9 +44,9 @@ class ToldState:
         self._started: Fields | None = None
         self._told: tuple[object, ...] = ()
 
-    def mission_started(self) -> None:
-        """Note that a mission was accepted now."""
-        self._started = self._stamp()
+    def mission_started(self, at: Fields | None = None) -> None:
+        """Note that a mission was accepted, now or at another moment."""
+        self._started = at or self._stamp()
 
     def fields(self, view: View) -> Fields:
         """Return the state as it is."""

@@ -13,8 +13,9 @@ from typing import Any, Protocol
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import NOTHING, Act, Cancel, Command, Event, Start
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.step import Step
-from lupin_engine.plugin.contract import Driver
+from lupin_engine.plugin.contract import Driver, RecoveringDriver
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.declared import DRIVER_CODE, DRIVER_FAILED, as_declared
 
@@ -96,6 +97,37 @@ class Engine:
         self.machine = machine
         self._carry_out(step)
         self.drain()
+
+    def resume(self, machine: Machine, event: Event) -> None:
+        """Go on with a machine whose loop ended with its process; `event` tells it so (`event.RESUMED`).
+
+        What it wants ended, or goes on, the drivers find again.
+        """
+        self.machine = machine
+        now = self.clock.now()
+        if self._log is not None:
+            self._log.handled(now, event, NOTHING)
+        step = machine.handle(event, now)
+        self.listener(step)
+        self._send_all([command for command in step.commands if isinstance(command, (Start, Act))])
+        for attempt in list(machine.memory.attempts.values()):
+            if attempt.phase in (Phase.ACCEPTED, Phase.CANCELLING):
+                adopt = attempt.phase is Phase.ACCEPTED
+                self._recover(Cancel(attempt.id, attempt.operation), adopt=adopt)
+        self.drain()
+
+    def _recover(self, of: Cancel, *, adopt: bool) -> None:
+        plugin, _, name = of.operation.partition(".")
+        driver = self.drivers.get(plugin)
+        if isinstance(driver, RecoveringDriver):
+            try:
+                driver.recover(of.attempt, name, adopt=adopt)
+            except Exception as problem:
+                self.post(events.failed(of.attempt, DRIVER_CODE, f"{type(problem).__name__}: {problem}"))
+        elif adopt:
+            self.post(events.failed(of.attempt, DRIVER_CODE, "its driver cannot go on with it"))
+        else:
+            self.post(events.cancelled(of.attempt))
 
     def post(self, event: Event) -> None:
         """Queue an event; the caller, or whoever owns the loop, drains."""

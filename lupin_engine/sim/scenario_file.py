@@ -218,6 +218,16 @@ class MomentNode(Node):
     )
 
 
+class RestartNode(ShortNode):
+    """A restart of the orchestrator. Short: the duration."""
+
+    after: Duration = Field(..., description="duration until another one is there")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        return data if isinstance(data, dict) else {"after": data}
+
+
 class WhenNode(Node):
     """Something that happens, or is looked at: at a time, on entering a state, when an operation starts."""
 
@@ -242,7 +252,9 @@ class WhenNode(Node):
         default_factory=list, description="operations whose server answers again"
     )
     clock: WallTime = Field(None, description="the robot's clock is set, to a date and a time of day")
-    restart: bool = Field(False, description="the machine is made anew from its snapshot, as after a crash")
+    restart: RestartNode | None = Field(
+        None, description="the orchestrator is gone, and another one goes on from its journal, held"
+    )
     expect: MomentNode | None = Field(None, description="what must be so then, after what happens here")
 
 

@@ -14,6 +14,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.errors import Place
+from lupin_engine.machine.holds import all_holds
 from lupin_engine.plugin.contract import OPERATION_CODES, Operation
 from lupin_engine.plugin.parameters import accepted
 from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
@@ -94,7 +95,7 @@ class ScenarioNames:
         operations, actions = self.catalog.operations, self.catalog.actions
         #: What is looked up -> what it may be called.
         self._allowed: Mapping[str, Callable[[], Collection[str]]] = {
-            "hold": lambda: chart.holds,
+            "hold": lambda: all_holds(chart),
             "invariant": lambda: chart.invariants,
             "operation": lambda: operations,
             "operation or action": lambda: (*operations, *actions),
@@ -393,8 +394,9 @@ class ScriptReader:
             yield from map(effect, getattr(node, key))
         if node.clock is not None:
             yield SetClock(node.clock)
-        if node.restart:
-            yield Restart()
+        if node.restart is not None:
+            away = node.restart.after
+            yield Restart(self._words.duration(node.restart.at("after"), "restart.after", away) or 0.0)
 
     def _tell(self, node: WhenNode, name: str, value: Any) -> Iterator[Tell]:
         """Yield the change of a live value, which may be named as the plugin or as the chart names it."""

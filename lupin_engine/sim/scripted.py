@@ -207,9 +207,12 @@ class Stage:
         self._gone: set[str] = set()
         self._missing: list[str] = []
         self._outlet: Outlet | None = None
+        #: What was told last of each value, and when; what was told while nobody heard.
+        self._values: dict[str, tuple[Any, float]] = {}
+        self._unheard: dict[str, Callable[[], None]] | None = None
 
     def drivers(self, outlet: Outlet) -> dict[str, ScriptedDriver]:
-        """Return a driver for every plugin of the catalog, all reporting to `outlet`."""
+        """Return a driver for every plugin of the catalog, all reporting to `outlet` from now on."""
         self._outlet = outlet
         return {name: ScriptedDriver(self, name) for name in self._catalog.plugins}
 
@@ -255,10 +258,24 @@ class Stage:
         else:
             self._later(wait, lambda: self.outlet.cancelled(attempt, result))
 
+    def recover(self, attempt: str, *, adopt: bool) -> None:
+        """Hear of somebody who goes on with what another one asked for: the end is told once more."""
+        ended = (self._unheard or {}).pop(attempt, None)
+        running = self._running.get(attempt)
+        if ended is not None:
+            ended()
+        elif running is None or not running.accepted:
+            if running is None or running.operation not in self._gone:
+                self._running.pop(attempt, None)
+                self.outlet.cancelled(attempt)
+        elif not adopt:
+            self.cancel(attempt)
+
     # -- what the world does ------------------------------------------------------------------------------
 
     def tell(self, value: str, is_now: Any) -> None:
         """Report a live value. Who waits for what is missing hears of that, or that all is there."""
+        self._values[value] = is_now, self._now()
         self.outlet.value(value, is_now, self._now())
         if value != MISSING:
             return
@@ -276,6 +293,17 @@ class Stage:
                 self._end(attempt, outcome)
                 return True
         return False
+
+    def nobody_hears(self) -> None:
+        """Who was told everything is gone, until there are drivers again."""
+        self._unheard = {}
+        self._outlet = _Unheard(self._unheard, lambda: self.outlet)
+
+    def tell_again(self) -> None:
+        """Tell every value as it is, to somebody who has only come."""
+        self._unheard = None
+        for name, (value, stamp) in self._values.items():
+            self.outlet.value(name, value, stamp)
 
     def leave(self, operation: str) -> None:
         """The server is not heard of from now on, not even about what it was asked before."""
@@ -360,6 +388,38 @@ class Stage:
         return self._catalog.operations[running.operation]
 
 
+class _Unheard:
+    """Where servers report while nobody hears: how an attempt ended can be asked for later."""
+
+    def __init__(self, ends: dict[str, Callable[[], None]], later: Callable[[], Outlet]) -> None:
+        self._ends = ends
+        self._later = later
+
+    def accepted(self, attempt: str) -> None:
+        """Nobody hears."""
+
+    def progress(self, attempt: str, detail: str) -> None:
+        """Nobody hears."""
+
+    def done(self, attempt: str, result: Mapping[str, Any]) -> None:
+        """Kept."""
+        self._ends[attempt] = lambda: self._later().done(attempt, result)
+
+    def failed(self, attempt: str, code: str, detail: str = "") -> None:
+        """Kept."""
+        self._ends[attempt] = lambda: self._later().failed(attempt, code, detail)
+
+    def cancelled(self, attempt: str, result: Mapping[str, Any] | None = None) -> None:
+        """Kept."""
+        self._ends[attempt] = lambda: self._later().cancelled(attempt, result)
+
+    def value(self, name: str, value: Any, stamp: float) -> None:
+        """Nobody hears; it is told again."""
+
+    def event(self, name: str, data: Mapping[str, Any]) -> None:
+        """Nobody hears."""
+
+
 class ScriptedDriver:
     """A plugin's side of a stage; see `plugin.contract.Driver`."""
 
@@ -378,6 +438,10 @@ class ScriptedDriver:
     def cancel(self, attempt: str) -> None:
         """Ask that an attempt ends."""
         self._stage.cancel(attempt)
+
+    def recover(self, attempt: str, operation: str, *, adopt: bool) -> None:
+        """Go on with an attempt of somebody who is gone, or have it ended."""
+        self._stage.recover(attempt, adopt=adopt)
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
         """Carry out an action: the record of the step is all that comes of it."""

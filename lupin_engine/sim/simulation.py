@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from lupin_engine.chart.model import Chart
@@ -17,13 +18,17 @@ from lupin_engine.machine.event import Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.scope import World
-from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step, View, target_of
 from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.profile import START
 from lupin_engine.runtime.clock import UTC, VirtualClock, calendar_of
 from lupin_engine.runtime.engine import Engine, EngineOutlet, InputLog
 from lupin_engine.runtime.history import History
+from lupin_engine.runtime.journal.journal import Journal, Keep
+from lupin_engine.runtime.journal.records import JournalHead, journal_of
+from lupin_engine.runtime.journal.recovery import Leftover, goes_on, recover, resumed_event
+from lupin_engine.runtime.journal.replay import resumed
+from lupin_engine.runtime.journal.writer import MemoryWriter
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.agenda import Agenda
 from lupin_engine.sim.scripted import MockOutcome, Rule, Stage
@@ -103,7 +108,12 @@ class SetClock:
 
 @dataclass(frozen=True)
 class Restart:
-    """The machine is made anew from its snapshot: what a crash and a restart do."""
+    """The orchestrator is gone, and `after` seconds later another one goes on from its journal.
+
+    The world goes on meanwhile, and nobody hears it: servers end what they were asked for, values change.
+    """
+
+    after: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -231,6 +241,47 @@ def simulate(
     return Simulation(chart, script, parameters or {}, world).run()
 
 
+class _InMemory:
+    """The journal of a simulation: what another orchestrator would find."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._writer = MemoryWriter()
+        self.journal = Journal(
+            Path(), Keep(), lambda call: call(), lambda _: None, self._wall_ns, self._writer
+        )
+
+    def _wall_ns(self) -> int:
+        return round(self._simulation.wall * 1e9)
+
+    def begin(self) -> None:
+        """Begin with the memory of the machine as it is."""
+        machine, now = self._simulation.machine, self._simulation.now
+        world = machine.world
+        self.journal.begin(
+            JournalHead(
+                boot="",
+                engine="",
+                chart="",
+                chart_name=world.chart.name,
+                profile=world.chart.profile.name,
+                parameters={},
+                time=now,
+                ahead_ns=self._wall_ns() - round(now * 1e9),
+                seed=world.seed,
+                snapshot=machine.snapshot() if machine.memory.sequence else "",
+            )
+        )
+
+    def left(self) -> Leftover:
+        """Return what is there."""
+        return Leftover(journal_of(Path("journal"), self._writer.data))
+
+    def go_on(self, left: Leftover, shift: float) -> None:
+        """Go on after it."""
+        self.journal.go_on(left.file, shift, self._simulation.now, "")
+
+
 class Simulation:
     """One run of a script; `listener` is told of every step while the machine is as it left it."""
 
@@ -257,10 +308,12 @@ class Simulation:
             self._clock.now,
             lambda: target_of(self._machine.memory),
         )
-        drivers: dict[str, Any] = {}
-        self._engine = Engine(self._machine, self._clock, drivers, self._stepped, self._clock.wall, log)
-        # Nobody needs waking: the loop below drains after everything that it lets happen.
-        drivers.update(self._stage.drivers(EngineOutlet(self._engine, lambda: None)))
+        self._journal = (
+            _InMemory(self) if any(isinstance(h.effect, Restart) for h in script.happenings) else None
+        )
+        self._log = log or (self._journal.journal if self._journal else None)
+        self._engine = self._make_engine()
+        self._is_away = False
         self.history = History()
         self._views: dict[int, list[MomentView]] = {}
         self._idle: list[tuple[float, Happening]] = []
@@ -271,6 +324,13 @@ class Simulation:
         self._counted: dict[int, int] = {}
         self._planned = 0
         self._stopped = False
+
+    def _make_engine(self) -> Engine:
+        drivers: dict[str, Any] = {}
+        engine = Engine(self._machine, self._clock, drivers, self._stepped, self._clock.wall, self._log)
+        # Nobody needs waking: the loop below drains after everything that it lets happen.
+        drivers.update(self._stage.drivers(EngineOutlet(engine, lambda: None)))
+        return engine
 
     def run(self) -> Run:
         """Run until the mission is over, nothing more will happen, or the time limit is reached.
@@ -311,7 +371,14 @@ class Simulation:
         for index, happening in list(self._waiting.items()):
             if not happening.waits:
                 self._plan(index, happening)
+        if self._journal is not None:
+            self._journal.begin()
         self._engine.start()
+
+    @property
+    def world(self) -> World:
+        """What never changes meanwhile."""
+        return self._world
 
     @property
     def machine(self) -> Machine:
@@ -348,7 +415,7 @@ class Simulation:
         """Whether nothing of interest can follow: the mission is over, and the script told to its end."""
         if self._stopped:
             return True
-        idle = self._started and not self._planned
+        idle = self._started and not self._planned and not self._is_away
         chart = self._machine.chart
         return idle and label_of(chart, self._machine.memory.configuration) in chart.profile.stages.over
 
@@ -356,6 +423,8 @@ class Simulation:
     def next_due(self) -> float | None:
         """When the next thing happens by itself; None when nothing will."""
         deadline, noted = self._engine.next_deadline, self._agenda.next_due
+        if self._is_away:
+            return noted
         if deadline is None or noted is None:
             return noted if deadline is None else deadline
         return min(deadline, noted)
@@ -366,10 +435,14 @@ class Simulation:
         if due is None:
             return False
         self._clock.move_to(due)
-        self._engine.drain()
+        self._drain()
         if self._agenda.do_next(due):
-            self._engine.drain()
+            self._drain()
         return True
+
+    def _drain(self) -> None:
+        if not self._is_away:
+            self._engine.drain()
 
     def wait_until(self, time: float) -> None:
         """Let pass what time there is until `time`; what is due before it must have happened."""
@@ -378,7 +451,7 @@ class Simulation:
     def do(self, effect: Effect) -> bool:
         """Let something happen now that no script told; False when it found nothing to act on."""
         done = _EFFECTS[type(effect)](self, effect)
-        self._engine.drain()
+        self._drain()
         return done is not False
 
     def request(self, event: Event) -> Step:
@@ -410,9 +483,33 @@ class Simulation:
         outcome = MockOutcome(code=effect.code, detail=effect.detail, result=effect.result)
         return self._stage.end_current(effect.operation, outcome)
 
-    def _restart(self, _: Restart) -> None:
-        memory = restore(self._machine.chart, self._machine.snapshot())
-        self._machine = self._engine.machine = Machine(self._world, memory)
+    def _restart(self, effect: Restart) -> bool:
+        if self._is_away or self._journal is None:
+            return False
+        self._is_away = True
+        self._stage.nobody_hears()
+        self._agenda.note(self._clock.now() + effect.after, self._come_back)
+        return True
+
+    def _come_back(self) -> None:
+        """Let another orchestrator go on as a real one does: from what the journal says, and held."""
+        assert self._journal is not None, "who was away had a journal"
+        left = self._journal.left()
+        machine = recover(left.file, self._world).machine
+        now, wall = self._clock.now(), self._clock.wall()
+        self._is_away = False
+        if goes_on(machine):
+            shift = left.shift(now, wall)
+            self._machine = machine = resumed(machine, shift)
+            self._engine = self._make_engine()
+            self._journal.go_on(left, shift)
+            self._engine.resume(machine, resumed_event(left, machine, wall))
+        else:
+            self._machine = Machine(self._world)
+            self._engine = self._make_engine()
+            self._journal.begin()
+            self._engine.start()
+        self._stage.tell_again()
 
     def _set_clock(self, effect: SetClock) -> None:
         self._clock.set_wall(self._calendar.moment(effect.to))
@@ -422,12 +519,15 @@ class Simulation:
         seen = MomentView(self._clock.now(), steps, machine.view, dict(machine.memory.context))
         self._views.setdefault(number, []).append(seen)
 
-    def _ask(self, event: str, data: Mapping[str, Any]) -> None:
+    def _ask(self, event: str, data: Mapping[str, Any]) -> bool:
+        if self._is_away:
+            return False  # nobody answers
         if event == START:
             self._missions += 1
             named = {"mission_type": self._script.mission, "mission_id": f"sim-{self._missions}"}
             data = {**named, **self._script.request, **data}
         self._engine.request(Event(event, data))
+        return True
 
     def _start_mission(self) -> None:
         self._planned -= 1

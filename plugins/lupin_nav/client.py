@@ -104,6 +104,13 @@ class NavClient:
         self._explorer.cancel(attempt)
         self._drives.cancel(attempt)
 
+    def recover(self, attempt: str, operation: str, *, adopt: bool) -> None:
+        """Have a drive of a process that is gone ended; what that process only looked for ended with it."""
+        if operation in ("go_to", "dock"):
+            self._drives.recover(attempt, self._driving, adopt=adopt)
+        else:
+            self._outlet.cancelled(attempt)
+
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
         """Nothing: this plugin has no actions."""
         raise ValueError(f"nav has no action {action!r}")

@@ -335,7 +335,7 @@ def test_a_refusal_that_nobody_expected_is_a_failure(tmp_path: Path) -> None:
             "NAVIGATING is entered 2 times, for",
         ),
         ("on: FAULT, request: operator.pause", "FAULT is entered, for something to happen then"),
-        ("start_of: nav.dock, nth: 3, restart: true", "nav.dock is started 3 times, for something to happen"),
+        ("start_of: nav.dock, nth: 3, restart: 1 s", "nav.dock is started 3 times, for something to happen"),
         ("on: FAULT, expect: {paused: true}", "FAULT is entered, for something to happen then"),
         (
             "at: 4 s, fail: {do: nav.go_to, code: nav_rejected}",
@@ -346,7 +346,9 @@ def test_a_refusal_that_nobody_expected_is_a_failure(tmp_path: Path) -> None:
 )
 def test_what_never_came_to_pass_is_a_failure(tmp_path: Path, when: str, told: str) -> None:
     """A scenario that tests nothing says so, at the line that does nothing."""
-    scenario = f"when:\n  - {{at: 0.1 s, restart: true}}\n  - {{ {when} }}\nexpect: {{final: DONE}}\n"
+    scenario = (
+        f"when:\n  - {{at: 0.1 s, clock: '2026-01-01 03:00'}}\n  - {{ {when} }}\nexpect: {{final: DONE}}\n"
+    )
     (found,) = failures(tmp_path, scenario)
     assert found.startswith(f"6:5: when | expected: {told}")
 

@@ -127,8 +127,8 @@ def test_a_divert_returns_into_the_mission_that_is_used(load: Load, at: float) -
 
 @pytest.mark.parametrize("at", MOMENTS)
 def test_a_restart_goes_on_where_it_was(load: Load, at: float) -> None:
-    """Also while it waits at the dock: what the mission was given is in the snapshot."""
-    plain = evening(load(), Happening(Restart(), at))
+    """Also while it waits at the dock: what the mission was given is in the journal."""
+    plain = evening(load(), Happening(Restart(3.0), at), asked("resume", at + 5.0))
     assert (plain.ended, told(plain), plain.view.counts["OK"]) == (True, EVERY, 5)
     docked = evening(load(), asked("dock", at), Happening(Restart(), 60.0), asked("resume", 100.0))
     assert told(docked) == EVERY
@@ -509,7 +509,7 @@ def happenings(chance: random.Random) -> list[Happening]:
         *(Ask(f"operator.{name}") for name in ("abort", "dock", "pause", "resume", "resume", "skip_current")),
         *(Tell("robot.estop", stopped) for stopped in (True, False)),
         *(Tell("robot.battery", charge) for charge in (0.1, 1.0)),
-        Restart(),
+        Restart(1.0),
     ]
     found = [Happening(chance.choice(kinds), chance.uniform(0.0, 60.0)) for _ in range(chance.randint(1, 6))]
     for at in (200.0, 220.0, 300.0, 320.0):
@@ -523,7 +523,7 @@ def test_whatever_happens_every_target_is_told_once(load: Load) -> None:
     chart = load()
     for seed in range(60):
         run = evening(chart, *happenings(random.Random(seed)))
-        counted = (run.view.total, sum(run.view.counts.values()))
-        assert (run.view.lifecycle, told(run), counted, run.history.errors) == ("DONE", EVERY, (5, 5), []), (
-            seed
-        )
+        assert (told(run), run.history.errors) == (EVERY, []), seed
+        if run.view.lifecycle != "READY":  # it was restarted when all was over
+            counted = (run.view.total, sum(run.view.counts.values()))
+            assert (run.view.lifecycle, counted) == ("DONE", (5, 5)), seed

@@ -41,7 +41,7 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
     given = CheckedOptions(GivenOptions(**wanted), loaded, catalog)
     with given.problems.collecting():
         make_world(loaded.chart, given.values)
-    settings = given.settings(lasting=True)
+    settings = given.settings()
     from lupin_engine.ros.launch.bringup import Bringup  # needs rclpy
 
     with Interrupts() as interrupts:

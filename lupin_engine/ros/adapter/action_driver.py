@@ -24,6 +24,8 @@ WATCH_PERIOD_S = 0.2
 #: Time without a server after which its goals count as lost, in seconds of real time. Discovery recovers
 #: sooner, and simulated time stops when the simulation dies.
 SERVER_GRACE_S = 2.0
+#: The same where the server of a process that is gone must be found first.
+RECOVERY_GRACE_S = 25.0
 #: Timeout of the request to cancel all goals, in seconds. Nothing depends on the answer.
 _CLEARING_DEADLINE_S = 3.0
 
@@ -67,9 +69,13 @@ class ActionServer:
         # Also without an answer: a server that does not answer must not keep the node from starting.
         self._is_cleared = True
 
-    def send(self, goal: Any, **callbacks: Callable[..., None]) -> Goal:
+    def send(self, goal: Any, key: str, **callbacks: Callable[..., None]) -> Goal:
         """Send a goal; see `ActionCaller.send`."""
-        return self._caller.send(goal, **callbacks)
+        return self._caller.send(goal, key=key, **callbacks)
+
+    def adopt(self, key: str, **callbacks: Callable[..., None]) -> Goal:
+        """Follow a goal of a process that is gone; see `ActionCaller.adopt`."""
+        return self._caller.adopt(key, **callbacks)
 
     def close(self) -> None:
         """Release the client; no callback follows."""
@@ -114,6 +120,7 @@ class ActionAttempts:
     """The attempts of one driver; see `plugin.contract.Driver` for what `start` and `cancel` promise."""
 
     def __init__(self, ros: RosNode, outlet: Outlet) -> None:
+        self._ros = ros
         self._outlet = outlet
         self._running: dict[str, _GoalAttempt] = {}
         #: Goals that nobody waits for, but that a server may still execute.
@@ -129,11 +136,31 @@ class ActionAttempts:
         self._watching.start()
         made.goal = operation.server.send(
             goal,
+            self._key(attempt),
             accepted=partial(self._on_accepted, attempt),
             feedback=partial(self._on_feedback, attempt),
             ended=partial(self._on_ended, attempt),
             rejected=partial(self._on_rejected, attempt),
         )
+
+    def recover(self, attempt: str, operation: ActionOperation, *, adopt: bool) -> None:
+        """Follow the goal that a process which is gone has sent for an attempt; have it ended unless `adopt`.
+
+        Its end is reported as that of any other. Its server may have to be found first.
+        """
+        made = self._running[attempt] = _GoalAttempt(operation, cancelling=not adopt)
+        made.out_of_sight = SERVER_GRACE_S - RECOVERY_GRACE_S
+        made.goal = operation.server.adopt(
+            self._key(attempt),
+            feedback=partial(self._on_feedback, attempt),
+            ended=partial(self._on_ended, attempt),
+        )
+        self._watching.start()
+        if not adopt:
+            made.goal.cancel()
+
+    def _key(self, attempt: str) -> str:
+        return f"{self._ros.lineage}/{attempt}"
 
     def cancel(self, attempt: str) -> None:
         """Ask that an attempt ends; a goal not yet accepted is left to be cancelled when it is."""

@@ -28,6 +28,9 @@ WATCH_PERIOD_S = 1.0
 #: How long a closed client, and the end of a node, waits for the answers of its cancels, in seconds.
 CANCEL_LIMIT_S = 2.0
 
+#: What the ids of goals with a key are made in.
+_GOALS = uuid.UUID("6c7570696e20676f616c20696473202e")
+
 _TERMINAL = frozenset((GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED))
 
 
@@ -65,8 +68,9 @@ class ActionCaller:
         feedback: Callable[[Any], None],
         ended: Callable[[int, Any], None],
         rejected: Callable[[], None],
+        key: str = "",
     ) -> Goal:
-        """Send `goal`; all callbacks come on the node's thread.
+        """Send `goal`; all callbacks come on the node's thread. With a `key` another process can `adopt` it.
 
         `accepted` comes at most once, then `feedback` any number of times, then `ended(status, result)`
         with an `action_msgs/GoalStatus` (4 succeeded, 5 canceled, 6 aborted, 0 when a restarted server
@@ -76,15 +80,30 @@ class ActionCaller:
         Raises:
             RuntimeError: the client is closed.
         """
+        sent = self._follow(Goal(self, accepted, feedback, ended, rejected, key))
+        sent.send(goal)
+        return sent
+
+    def adopt(self, key: str, feedback: Callable[[Any], None], ended: Callable[[int, Any], None]) -> Goal:
+        """Follow a goal that a process which is gone has sent with a `key`, as if it had been sent here.
+
+        Its end is told as for `send`; status 0 where the server does not know it.
+
+        Raises:
+            RuntimeError: the client is closed.
+        """
+        found = self._follow(Goal(self, _nothing, feedback, ended, _nothing, key))
+        found.adopt()
+        return found
+
+    def _follow(self, goal: Goal) -> Goal:
         if self.closed:
             raise RuntimeError(f"the client of action {self.name} is closed")
-        sent = Goal(self, accepted, feedback, ended, rejected)
-        self._goals.append(sent)
+        self._goals.append(goal)
         if not self._watch.running:
             self._servers = self._matched_servers()
             self._watch.start()
-        sent.send(goal)
-        return sent
+        return goal
 
     def forget(self, goal: Goal) -> None:
         """Stop watching `goal`, which has ended."""
@@ -150,6 +169,7 @@ class Goal:
         feedback: Callable[[Any], None],
         ended: Callable[[int, Any], None],
         rejected: Callable[[], None],
+        key: str = "",
     ) -> None:
         self._caller = caller
         self._client = caller.client
@@ -157,7 +177,8 @@ class Goal:
         self._tell_feedback = feedback
         self._tell_ended = ended
         self._tell_rejected = rejected
-        self._id = UUID(uuid=list(uuid.uuid4().bytes))
+        chosen = uuid.uuid5(_GOALS, f"{caller.name} {key}") if key else uuid.uuid4()
+        self._id = UUID(uuid=list(chosen.bytes))
         self._handle = self._own_handle()
         self._accepted = False
         self._over = False
@@ -180,6 +201,13 @@ class Goal:
         guard = self._caller.ros.guarded
         future = self._client.send_goal_async(goal, guard(self._on_feedback), self._id)
         future.add_done_callback(guard(self._on_answer))
+
+    def adopt(self) -> None:
+        """Ask for the result of a goal that another process sent (called once, by the caller object)."""
+        self._accepted = True
+        self._client._feedback_callbacks[bytes(self._id.uuid)] = self._caller.ros.guarded(self._on_feedback)
+        if self._caller.ready():
+            self._ask_result()
 
     def look(self, server_appeared: bool) -> None:
         """Repair what an outage may have lost; called while the goal is active."""

@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+import uuid
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
@@ -144,6 +145,8 @@ class RosNode:
         self._posted: deque[Callable[[], object]] = deque()
         self._wakeup = self.node.create_guard_condition(self._run_posted)
         self._closed = self._stopping = False
+        #: What the ids of goals are made of: who goes on with another process's work has the same.
+        self.lineage = uuid.uuid4().hex
         self._stop_callbacks: list[Callable[[], None]] = []
         self._callers: list[ActionCaller] = []
         self._hosts: list[ActionHost] = []

@@ -153,6 +153,13 @@ class BoundClient:
         self._services.cancel(attempt)
         self._attempts.cancel(attempt)
 
+    def recover(self, attempt: str, operation: str, *, adopt: bool) -> None:
+        """Follow a goal of a process that is gone, or have it ended; calls ended with that process."""
+        if operation in self._goals:
+            self._attempts.recover(attempt, self._goals[operation], adopt=adopt)
+        else:
+            self._outlet.cancelled(attempt)
+
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
         """Publish the message of an action."""
         if action not in self._publishers:

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import Any, Protocol
 
 from lupin_engine.errors import LupinError, Severity
+from lupin_engine.machine.holds import RESTARTED
 from lupin_engine.plugin.profile import Profile, Progress
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.ros.launch.dds_discovery import settled
@@ -30,7 +31,7 @@ from lupin_engine.ros.launch.interrupts import Interrupts
 from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR
 from lupin_engine.ros.launch.respawn import Respawns
-from lupin_engine.ros.launch.supervisor import IMPATIENT, Patience, Supervisor
+from lupin_engine.ros.launch.supervisor import IMPATIENT, Death, Patience, Supervisor
 from lupin_engine.ros.messages import wire_of
 from lupin_engine.ros.operator import Answer, Operator
 
@@ -89,7 +90,7 @@ class BringupSettings:
     `parameters` are by node name, `known` the names of those that the missions have. `insisted` names nodes
     that must be started here, with the option that wants it: using one that runs already would ignore the
     option. `patience` is how long a mission may wait for an operator, in seconds; None is for ever.
-    `respawn` says whether a node that dies is started again, `lasting` whether the orchestrator is too.
+    `respawn` says whether a node that dies is started again.
     """
 
     profile: Profile
@@ -102,7 +103,6 @@ class BringupSettings:
     settle: bool = False
     patience: float | None = None
     respawn: bool = True
-    lasting: bool = False
 
 
 class Bringup:
@@ -124,6 +124,8 @@ class Bringup:
         self._is_up = False
         self._respawns = Respawns(settings.respawn)
         self._pending: list[tuple[str, dict[str, Any], float]] = []
+        #: Until when the orchestrator may be silent, because it is being started again.
+        self._excused_until = 0.0
 
     # -- bringing up ------------------------------------------------------------------------------------
 
@@ -264,7 +266,7 @@ class Bringup:
         if not answer.reached:
             raise RunFailed(f"the mission could not be started: {answer.text}")
         if not answer.accepted:
-            raise RunFailed(f"{mission} was not started: {answer.text}")
+            raise RunFailed(f"{mission} was not started: {answer.text}{self._held_before()}")
         monitor = RunMonitor(self._settings.profile, answer.mission_id, began, heard=time.monotonic())
         self.monitor = monitor
         self._observer.note(f"{mission} {answer.mission_id} started")
@@ -272,6 +274,13 @@ class Bringup:
             self._tell(*arrival)
         self._pending.clear()
         return monitor
+
+    def _held_before(self) -> str:
+        """Say what to do about a mission that was under way before this orchestrator was started."""
+        if RESTARTED not in self._view.get("held", ()):
+            return ""
+        of_before = f"{self._progress.mission} {self._progress.mission_id} was under way before"
+        return f"; {of_before}: `lupin up` brings it back, then `lupin resume` or `lupin abort`"
 
     def follow(self, monitor: RunMonitor, look: Callable[[], None] = lambda: None) -> None:
         """Follow a mission until it has ended, calling `look` again and again.
@@ -286,7 +295,7 @@ class Bringup:
             self._interrupts.check()
             look()
             now = time.monotonic()
-            if now - monitor.heard > SILENCE_S:
+            if now - monitor.heard > SILENCE_S and now > self._excused_until:
                 raise RunFailed(f"no {self._wire.state.name} for {SILENCE_S:g} s: the orchestrator is gone")
             waiting_since = (waiting_since or now) if monitor.waits else None
             self._check_patience(monitor, now - (waiting_since or now))
@@ -349,7 +358,7 @@ class Bringup:
         """Keep the nodes running, telling the published state again and again.
 
         Raises:
-            RunFailed: the orchestrator died, and the settings are not lasting.
+            RunFailed: the orchestrator is gone, and is not started again.
             Interrupted: the user wants to stop.
         """
         while True:
@@ -395,30 +404,41 @@ class Bringup:
     def _look_at_processes(self) -> None:
         deaths = self.supervisor.deaths()
         # At the start everything is needed. Later the mission has its own answer to a dead plugin: a declared
-        # error. Only without the orchestrator there is no mission.
-        if any(not self._is_up or (d.name == ORCHESTRATOR and not self._settings.lasting) for d in deaths):
+        # error; and a new orchestrator goes on with it, held.
+        if deaths and not self._is_up:
             raise RunFailed("\n".join(death.told for death in deaths))
         now = time.monotonic()
         for death in deaths:
             self._observer.note(death.told, Severity.ERROR)
             if self.monitor is not None:
                 self.monitor.note(now, Severity.ERROR, f"{death.name} {death.how}")
-            if death.name == ORCHESTRATOR:
-                self._tell_lost_mission()
             told = self._respawns.died(death.name, now, time.strftime("%H:%M:%S"))
             self._observer.note(told, Severity.WARN)
+            if death.name == ORCHESTRATOR:
+                self._tell_interrupted_mission(death)
         for name in self._respawns.due(now):
             self.supervisor.start_again(name)
+            if name == ORCHESTRATOR:
+                self._excused_until = now + APPEAR_LIMIT_S
         for text in self._respawns.back(self.supervisor.names, now):
             self._observer.note(text)
             self.supervisor.note_segments()
 
-    def _tell_lost_mission(self) -> None:
-        """Say that a mission has ended with its orchestrator: the next one does not know it."""
-        lost, self._progress = self._progress, Progress()
-        if lost.lifecycle and lost.lifecycle not in self._settings.profile.stages.without_mission:
-            text = f"{lost.mission} {lost.mission_id} was under way ({lost.lifecycle}) and is not resumed"
-            self._observer.note(f"{text}: look where the robot is, then start it anew", Severity.ERROR)
+    def _tell_interrupted_mission(self, death: Death) -> None:
+        """Say that a mission waits for the next orchestrator, which holds it until somebody resumes.
+
+        Raises:
+            RunFailed: there will be none.
+        """
+        if not self._respawns.comes_back(death.name):
+            raise RunFailed(death.told)
+        self._excused_until = time.monotonic() + APPEAR_LIMIT_S
+        before, self._progress = self._progress, Progress()
+        if before.lifecycle and before.lifecycle not in self._settings.profile.stages.without_mission:
+            resume = self._settings.profile.verbs.get(self._settings.profile.resume, "")
+            text = f"{before.mission} {before.mission_id} was under way ({before.lifecycle}) and will be held"
+            advice = f": look where the robot is, then `lupin {resume}`" if resume else ""
+            self._observer.note(f"{text}{advice}", Severity.ERROR)
 
     # -- the end ----------------------------------------------------------------------------------------
 

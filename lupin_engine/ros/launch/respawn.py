@@ -52,6 +52,10 @@ class Respawns:
         self._gone[name] = _Gone(since, now + delay)
         return f"{name} is started again in {delay:g} s ({tries + 1} of {len(RESPAWN_AFTER_S)})"
 
+    def comes_back(self, name: str) -> bool:
+        """Say whether one that has died is started again."""
+        return name in self._gone and self._gone[name].due is not None
+
     def due(self, now: float) -> list[str]:
         """Return the names of those to be started now; each once."""
         found = [name for name, gone in self._gone.items() if gone.due is not None and gone.due <= now]

@@ -38,7 +38,7 @@ from lupin_engine.runtime.journal.records import (
     encoded_head,
     read_head,
 )
-from lupin_engine.runtime.journal.writer import JournalWriter
+from lupin_engine.runtime.journal.writer import FrameWriter, JournalWriter
 
 #: What files of a journal end with, and what those begin with that are about no mission.
 SUFFIX, IDLE = ".journal", "idle"
@@ -47,7 +47,7 @@ CHARTS = "charts"
 #: After so many bytes, and so many times its size, another snapshot is written: replay begins at one.
 SNAPSHOT_BYTES, SNAPSHOT_TIMES = 262_144, 8
 #: A file is followed by another part of the same mission, which begins with a snapshot, in bytes.
-PART_BYTES, IDLE_BYTES = 67_108_864, 4_194_304
+PART_BYTES, IDLE_BYTES = 16_777_216, 1_048_576
 #: How many files about no mission are kept.
 KEPT_IDLE = 3
 #: A disk that has not answered for so many seconds counts as failed.
@@ -76,6 +76,7 @@ class Journal:
         post: Callable[[Callable[[], None]], None],
         changed: Callable[[str], None],
         wall_ns: Callable[[], int] = time.time_ns,
+        writer: FrameWriter | None = None,
     ) -> None:
         """Make a journal that writes nothing before `begin` or `go_on`.
 
@@ -86,13 +87,14 @@ class Journal:
             changed: told of what keeps records from the disk, '' when nothing does any more; what waits for
                 them goes on after that.
             wall_ns: the clock on the wall.
+            writer: where the frames go, instead of to the disk.
         """
         self.folder = folder
         self._keep = keep
         self._post = post
         self._changed = changed
         self.wall_ns = wall_ns
-        self._writer = JournalWriter(post, self._on_failure)
+        self._writer = writer or JournalWriter(post, self._on_failure)
         self.head: JournalHead | None = None
         #: What keeps records from the disk; '' when nothing does.
         self.problem = ""
@@ -127,9 +129,12 @@ class Journal:
         ahead = self.wall_ns() - round(now * 1e9)
         self.head = replace(found.head, time=now, ahead_ns=ahead, boot=boot)
         self._bytes, self._since_shot, self._shot = found.good, 0, len(found.head.snapshot)
-        self._outcomes = max([found.head.outcomes, *(r.data[0] for r in found.records if r.kind == OUTCOME)])
         self._writer.open(found.path, cut=found.good)
         self._put(encoded(RESUMED, now, {"boot": boot, "ahead_ns": ahead, "shift": shift}), urgent=True)
+
+    def count_from(self, outcomes: int) -> None:
+        """Number outcomes from there on: those of before may wait for their marks yet."""
+        self._outcomes = outcomes
 
     def keep_files(self, name: str, files: Mapping[str, bytes]) -> None:
         """Keep the files of a chart, which replay needs, under its name, unless they are there."""

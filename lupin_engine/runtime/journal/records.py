@@ -38,7 +38,7 @@ class JournalHead:
     wall, in POSIX time, is ahead of the machine's. `part` counts the files of one mission from 1.
     `mission_id` is empty while no mission is under way. `boot` names the start of the process, `engine` its
     version. `files` are the missions, in the folder that keeps the chart's files. `outcomes` is how many were
-    told before.
+    told before, `lineage` what the ids of goals are made of.
     """
 
     boot: str
@@ -50,6 +50,7 @@ class JournalHead:
     time: float
     ahead_ns: int
     files: tuple[str, ...] = ()
+    lineage: str = ""
     mission: str = ""
     mission_id: str = ""
     part: int = 1
@@ -137,6 +138,11 @@ def read_journal(path: Path) -> JournalFile:
         data = path.read_bytes()
     except OSError as problem:
         raise JournalError(f"{path} cannot be read: {problem.strerror}") from None
+    return journal_of(path, data)
+
+
+def journal_of(path: Path, data: bytes) -> JournalFile:
+    """Return what is in the bytes of a file; errors as for `read_journal`."""
     found = read_frames(data)
     if not found.contents:
         raise JournalError(f"{path} is no journal, or was broken off at its first record")

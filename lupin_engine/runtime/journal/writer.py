@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 from lupin_engine.runtime.journal.frames import MAGIC
 
@@ -23,6 +24,62 @@ LAZY_S = 0.5
 Failed = Callable[[str, list[Callable[[], None]]], None]
 #: In every folder that is written to: who holds it is the only one that does.
 LOCK = "lock"
+
+
+class FrameWriter(Protocol):
+    """Where a journal's frames go."""
+
+    def open(self, path: Path, cut: int | None = None) -> None:
+        """Write into another file from here on: a new one, or after the first `cut` bytes of one there."""
+
+    def append(self, data: bytes, *, urgent: bool) -> None:
+        """Write; what is `urgent` at once, the rest soon."""
+
+    def do(self, work: Callable[[], None]) -> None:
+        """Do something else with the disk in its turn."""
+
+    def when_kept(self, then: Callable[[], None]) -> None:
+        """Call `then` on the loop's thread when all that was queued is on the disk."""
+
+    @property
+    def waits(self) -> float:
+        """For how long the disk has been waited for, in seconds."""
+
+    def give_up(self) -> list[Callable[[], None]]:
+        """Return the calls that wait, which are not called any more by this."""
+
+    def close(self) -> None:
+        """Write what is queued, and end."""
+
+
+class MemoryWriter:
+    """Keeps one file, the newest, in memory, at once: for simulations."""
+
+    def __init__(self) -> None:
+        self.data = MAGIC
+        self.waits = 0.0
+
+    def open(self, path: Path, cut: int | None = None) -> None:
+        """Begin anew, or after what is good."""
+        self.data = MAGIC if cut is None else self.data[:cut]
+
+    def append(self, data: bytes, *, urgent: bool) -> None:
+        """Keep it."""
+        self.data += data
+
+    def do(self, work: Callable[[], None]) -> None:
+        """Do nothing: there is no disk."""
+
+    def when_kept(self, then: Callable[[], None]) -> None:
+        """Call it: all is kept."""
+        then()
+
+    def give_up(self) -> list[Callable[[], None]]:
+        """Nothing waits."""
+        return []
+
+    def close(self) -> None:
+        """Nothing is held."""
 
 
 class JournalWriter:

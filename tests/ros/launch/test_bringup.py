@@ -187,22 +187,20 @@ def test_every_option_for_a_node_that_runs_already_is_told(
         (
             "INSPECTING",
             [
-                "InspectionMission m7 was under way (INSPECTING) and is not resumed: "
-                "look where the robot is, then start it anew"
+                "InspectionMission m7 was under way (INSPECTING) and will be held: "
+                "look where the robot is, then `lupin resume`"
             ],
         ),
     ],
 )
-def test_an_orchestrator_that_dies_is_started_again_where_that_is_wanted(
+def test_an_orchestrator_that_dies_is_started_again(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, lifecycle: str, lost: list[str]
 ) -> None:
-    """The new one does not know the mission, so a mission that is lost is told."""
+    """The new one holds the mission, which is told."""
     launches = (NodeLaunch(LaunchableNode("mission_orchestrator", "")),)
     code = f"open({str(tmp_path / 'lives')!r}, 'a').write('x')"
     lives = tmp_path / "lives"
-    with begin(
-        monkeypatch, tmp_path, launches, lambda *_: [sys.executable, "-c", code], lasting=True
-    ) as bringup:
+    with begin(monkeypatch, tmp_path, launches, lambda *_: [sys.executable, "-c", code]) as bringup:
         bringup._is_up = True
         bringup._progress = Progress("InspectionMission", "m7", lifecycle)
         bringup._start(launches[0])
@@ -215,14 +213,17 @@ def test_an_orchestrator_that_dies_is_started_again_where_that_is_wanted(
         assert isinstance(bringup._observer, Notes)
         told = bringup._observer.told
     assert "mission_orchestrator ended with exit code 0" in told[0]
-    assert told[1 : 1 + len(lost)] == lost
-    assert told[1 + len(lost)] == "mission_orchestrator is started again in 1 s (1 of 3)"
+    assert told[1] == "mission_orchestrator is started again in 1 s (1 of 3)"
+    assert told[2 : 2 + len(lost)] == lost
 
 
-def test_a_run_ends_with_its_orchestrator(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """There is a mission that nobody knows any more."""
+def test_a_run_ends_with_an_orchestrator_that_is_not_started_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """With --no-respawn something else is to do that."""
     launches = (NodeLaunch(LaunchableNode("mission_orchestrator", "")),)
-    with begin(monkeypatch, tmp_path, launches, lambda *_: [sys.executable, "-c", ""]) as bringup:
+    code = [sys.executable, "-c", ""]
+    with begin(monkeypatch, tmp_path, launches, lambda *_: code, respawn=False) as bringup:
         bringup._is_up = True
         bringup._start(launches[0])
         until(lambda: not bringup.supervisor.names, "it has ended", 20.0)

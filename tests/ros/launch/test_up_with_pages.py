@@ -167,12 +167,16 @@ def test_a_page_while_a_service_hangs_and_processes_die(up: Lupin, port: int, li
     finally:
         os.kill(twin, signal.SIGCONT)
 
-    # The orchestrator dies with a mission under way, which is told and not resumed.
+    # The orchestrator dies with a mission under way: the next one holds it, on the same connection.
     os.kill(up.pid_of("mission_orchestrator"), signal.SIGKILL)
-    up.until_line(f"InspectionMission {first['mission_id']} was under way")
     up.until_line("mission_orchestrator is started again in 1 s (1 of 3)")
-    at = len(page.frames)
-    until(lambda: ready(page)() and len(page.frames) > at + 10, "READY again, on the same connection", 60.0)
+    up.until_line(f"InspectionMission {first['mission_id']} was under way")
+
+    def held() -> bool:
+        states = [f["msg"] for f in page.frames if f.get("topic") == "/mission/state"]
+        return bool(states[-1]["paused"] and states[-1]["last_error"].startswith("restarted: "))
+
+    until(held, "the mission is held", 60.0)
     up.until_line("mission_orchestrator is back; it was gone since ")
 
     # A page that was stopped, and the gateway dies: both come back stopped.

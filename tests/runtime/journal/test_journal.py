@@ -17,7 +17,8 @@ from lupin_engine.runtime.engine import Engine
 from lupin_engine.runtime.journal import journal as journals
 from lupin_engine.runtime.journal.journal import Keep, journal_files
 from lupin_engine.runtime.journal.records import JournalError, JournalFile, read_head, read_journal
-from lupin_engine.runtime.journal.replay import memory_at, replay
+from lupin_engine.runtime.journal.recovery import recover
+from lupin_engine.runtime.journal.replay import replay
 from lupin_engine.runtime.journal.writer import LOCK
 from lupin_engine.sim.simulation import Ask, Happening, Script, Simulation, Tell
 from tests import shipped
@@ -64,7 +65,7 @@ def test_a_mission_is_replayed_to_the_same_memory(tmp_path: Path, monkeypatch: p
     assert kinds.count("snapshot") > 3
     steps = [each.step for each in replay(found, run.machine.world) if each.step is not None]
     assert [repr(step) for step in steps] == [repr(step) for step in run.steps]
-    assert memory_at(found, run.machine.world).snapshot() == run.machine.snapshot()
+    assert recover(found, run.machine.world).machine.snapshot() == run.machine.snapshot()
 
 
 def test_another_engine_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,131 @@
+"""What a new orchestrator makes of the journal of the one before: it goes on, or closes the mission."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.errors import LupinError, UsageError
+from lupin_engine.machine.machine import Machine
+from lupin_engine.missions.folders import lifecycle_in
+from lupin_engine.missions.load import LoadedMissions, load_chart
+from lupin_engine.plugin.contract import CLOSED_CODE, Parameter
+from lupin_engine.plugin.profile import Publish, Rating
+from lupin_engine.plugin.types import TEXT
+from lupin_engine.ros.adapter.node import RosNode
+from lupin_engine.runtime.journal.journal import CHARTS
+from lupin_engine.runtime.journal.recovery import (
+    Leftover,
+    Recovered,
+    goes_on,
+    leftover,
+    open_targets,
+    recover,
+)
+from lupin_engine.runtime.setup import make_world
+
+ASK, CONTINUE, ABORT = POLICIES = ("ask", "continue", "abort")
+#: The node's parameters about a mission that is under way when it starts.
+RESUME_PARAMETERS: Mapping[str, Parameter] = {
+    "resume_policy": Parameter(
+        TEXT,
+        ASK,
+        "what a mission does that was under way when the orchestrator ended: ask (it waits for resume), "
+        "continue (it goes on as soon as all servers are there), abort (it is closed)",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class LookBack:
+    """What was found. `machine` is the one to go on with, as it was; without, another one begins.
+
+    `closing` says why the mission that was under way is closed, `left_out` are its targets that have no
+    outcome.
+    """
+
+    left: Leftover
+    recovered: Recovered | None = None
+    machine: Machine | None = None
+    closing: str = ""
+    left_out: tuple[Publish, ...] = ()
+
+
+def look_back(
+    ros: RosNode, folder: Path, loaded: LoadedMissions, given: Mapping[str, Any]
+) -> LookBack | None:
+    """Return what an orchestrator of this domain left behind; None where there was none.
+
+    Raises:
+        UsageError: there is no such policy.
+    """
+    policy = str(given["resume_policy"])
+    if policy not in POLICIES:
+        raise UsageError(f"resume_policy: expected {', '.join(POLICIES)}, got {policy!r}")
+    left, problems = leftover(folder)
+    for problem in problems:
+        ros.log.warning("journal", problem=problem)
+    return None if left is None else _judged(left, folder, loaded, policy)
+
+
+def _judged(left: Leftover, folder: Path, loaded: LoadedMissions, policy: str) -> LookBack:
+    """Decide whether a mission that is under way goes on."""
+    head = left.file.head
+    same = head.chart == loaded.hash
+    try:
+        recovered = _recovered(left, folder, loaded if same else None, loaded)
+    except LupinError as problem:
+        if not head.mission_id or left.file.is_ended:
+            return LookBack(left)
+        told = tuple(_left_out(loaded, head.mission, head.mission_id, open_targets(left.file), str(problem)))
+        return LookBack(left, closing=str(problem), left_out=told)
+    machine = recovered.machine
+    view, stages = machine.view, machine.chart.profile.stages
+    found = LookBack(left, recovered)
+    if not goes_on(machine):
+        return found
+    why = _why_closed(same, policy, loaded)
+    if not why:
+        return replace(found, machine=machine)
+    if view.lifecycle in stages.without_mission:
+        return found
+    targets = [visit.target for visit in machine.memory.outcomes if not visit.closed]
+    told = tuple(_left_out(loaded, view.mission, view.mission_id, targets, why))
+    return replace(found, closing=why, left_out=told)
+
+
+def _why_closed(same: bool, policy: str, loaded: LoadedMissions) -> str:
+    if not same:
+        return "the files of the missions are others than before"
+    if policy == ABORT:
+        return "resume_policy is abort"
+    return "" if loaded.chart.profile.resume else "its profile has no request to resume"
+
+
+def _recovered(
+    left: Leftover, folder: Path, loaded: LoadedMissions | None, current: LoadedMissions
+) -> Recovered:
+    """Return the machine of a file, by the chart of now or by the one that was kept.
+
+    Raises:
+        LupinError: it cannot be made.
+    """
+    head = left.file.head
+    if loaded is not None:
+        chart = loaded.chart
+    else:
+        kept = folder / CHARTS / head.chart
+        chart = load_chart(lifecycle_in(kept), [kept / file for file in head.files], current.chart.catalog)
+    return recover(left.file, make_world(chart, head.parameters))
+
+
+def _left_out(
+    loaded: LoadedMissions, mission: str, mission_id: str, targets: list[str], why: str
+) -> list[Publish]:
+    """Return what is told of targets that nobody will visit any more."""
+    outcomes = loaded.chart.profile.outcomes
+    status = next((outcome.name for outcome in outcomes if outcome.rating is Rating.LEFT_OUT), "")
+    unique = dict.fromkeys(targets) if status else ()
+    return [Publish(mission, mission_id, target, status, CLOSED_CODE, why) for target in unique]

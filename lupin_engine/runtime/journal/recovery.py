@@ -1,0 +1,157 @@
+"""What a process left behind that is gone: the memory of its machine, and what it had not told yet."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.machine.event import RESUMED, Event
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.scope import World
+from lupin_engine.machine.step import Step
+from lupin_engine.plugin.profile import Publish
+from lupin_engine.runtime.journal.journal import journal_files
+from lupin_engine.runtime.journal.records import (
+    INPUTS,
+    OUTCOME,
+    PUBLISHED,
+    SNAPSHOT,
+    JournalError,
+    JournalFile,
+    JournalRecord,
+    read_journal,
+)
+from lupin_engine.runtime.journal.replay import replay, tail
+
+#: How many files are looked at for what was written and not published: a mission's, and the one that follows.
+LOOKED_AT = 2
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """The newest file of a journal, and outcomes that were written and not published, by number.
+
+    `outcomes` is how many there were.
+    """
+
+    file: JournalFile
+    unpublished: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    outcomes: int = 0
+
+    @property
+    def last(self) -> JournalRecord | None:
+        """The last thing that entered the machine."""
+        return next((r for r in reversed(self.file.records) if r.kind in INPUTS), None)
+
+    def away(self, wall: float) -> float:
+        """Return for how many seconds nobody has watched, at a time of the clock on the wall."""
+        return max(0.0, wall - (self.last.wall if self.last else self.file.records[0].wall))
+
+    def shift(self, now: float, wall: float) -> float:
+        """Return how far a clock that says `now` is ahead of the one that the file goes by."""
+        last = self.last.time if self.last else self.file.head.time
+        return round(now - last - self.away(wall), 6)
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """A machine as it was, and what it wanted to have published in its last step and had not written down."""
+
+    machine: Machine
+    untold: tuple[tuple[JournalRecord, Publish], ...]
+
+
+def leftover(folder: Path) -> tuple[Leftover | None, list[str]]:
+    """Return what is in the newest files of a folder, and what is wrong with them, in words."""
+    found: list[JournalFile] = []
+    problems: list[str] = []
+    for path in reversed(journal_files(folder)):
+        try:
+            found.append(read_journal(path))
+        except JournalError as problem:
+            problems.append(str(problem))
+            continue
+        if found[-1].problem:
+            problems.append(found[-1].problem)
+        if len(found) == LOOKED_AT:
+            break
+    if not found:
+        return None, problems
+    records = [record for file in reversed(found) for record in file.records]
+    marked = {record.data[0] for record in records if record.kind == PUBLISHED}
+    told = {record.data[0]: record.data[2] for record in records if record.kind == OUTCOME}
+    unpublished = {number: fields for number, fields in told.items() if number not in marked}
+    return Leftover(found[0], unpublished, max([found[0].head.outcomes, *told])), problems
+
+
+def recover(found: JournalFile, world: World) -> Recovered:
+    """Return the machine of a file as it was in the end.
+
+    Raises:
+        JournalError: the machine of now comes to another memory, or what was kept is lost.
+    """
+    if found.damaged:
+        raise JournalError(found.problem)
+    machine: Machine | None = None
+    waiting: list[tuple[JournalRecord, Publish]] = []
+    for each in replay(tail(found), world):
+        machine = each.machine
+        if each.step is not None:
+            waiting += [(each.record, told) for told in outcomes_of(each.step)]
+        elif each.record.kind == OUTCOME and waiting:
+            waiting.pop(0)
+    assert machine is not None, "a file that was read has a head"
+    return Recovered(machine, tuple(waiting))
+
+
+def outcomes_of(step: Step) -> list[Publish]:
+    """Return what a step wants published."""
+    return [command for command in step.commands if isinstance(command, Publish)]
+
+
+def open_targets(found: JournalFile) -> list[str]:
+    """Return the targets without an outcome, as far as the last snapshot and what was published say.
+
+    For a file whose inputs cannot be run any more.
+    """
+    shots = [record.data[0] for record in found.records if record.kind == SNAPSHOT]
+    shot = shots[-1] if shots else found.head.snapshot
+    try:
+        walks = json.loads(shot)["memory"]["itineraries"].values() if shot else ()
+        visits = [visit for walk in walks for visit in walk["visits"]]
+        left = [visit["target"] for visit in visits if not visit["status"]]
+    except (ValueError, KeyError, TypeError, AttributeError):
+        left = []
+    told = {record.data[1]["target"] for record in found.records if record.kind == OUTCOME}
+    return [target for target in dict.fromkeys(left) if target not in told]
+
+
+def goes_on(machine: Machine) -> bool:
+    """Say whether a machine is gone on with: where no mission is under way another one may as well begin.
+
+    In a fault it is: that somebody must look is not forgotten.
+    """
+    stages, lifecycle = machine.chart.profile.stages, machine.view.lifecycle
+    return bool(lifecycle) and lifecycle not in (*stages.starting, *stages.ready, *stages.ended)
+
+
+def resumed_event(left: Leftover, machine: Machine, wall: float) -> Event:
+    """Return what a machine is told that another process goes on with, at a time of the clock on the wall."""
+    since = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(left.last.wall if left.last else wall))
+    away = left.away(wall)
+    told = f"nobody watched since {since}, {away:.1f} s; under way: {under_way(machine)}"
+    held = machine.view.lifecycle not in machine.chart.profile.stages.without_mission
+    return Event(RESUMED, {"detail": told, "held": held, "away": round(away, 6)})
+
+
+def under_way(machine: Machine) -> str:
+    """Return what a machine was doing, in words."""
+    view = machine.view
+    where = " ".join(filter(None, (view.lifecycle, view.phase)))
+    target = f", at {view.target}" if view.target else ""
+    doing = ", ".join(attempt.operation for attempt in view.attempts)
+    return f"{where}{target}{f': {doing}' if doing else ''}"

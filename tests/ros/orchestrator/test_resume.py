@@ -1,0 +1,127 @@
+"""An orchestrator that is killed, and the next one: held, nothing moves, nothing is lost or done twice."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from lupin_engine.runtime.journal.journal import journal_files
+from lupin_engine.runtime.journal.records import read_journal
+from tests.ros.world import Operator, World
+
+pytestmark = pytest.mark.timeout(180)
+
+NODE = "mission_orchestrator"
+#: How long a new orchestrator may take until it tells that it is held, in seconds.
+BACK_S = 5.0
+
+
+def kill(world: World) -> None:
+    """Kill the orchestrator."""
+    process = world.processes[NODE]
+    process.send_signal(signal.SIGKILL)
+    process.wait(10.0)
+
+
+def start_again(world: World, operator: Operator, **parameters: object) -> float:
+    """Start another one and wait until it is held; return how long that took."""
+    operator.states.clear()
+    began = time.monotonic()
+    world.start(NODE, **{"estop_timeout_s": 10.0, **parameters})
+    operator.until(lambda: operator.states and operator.state.paused, "the new one is held")
+    return time.monotonic() - began
+
+
+def outcomes(operator: Operator) -> Counter[tuple[str, int]]:
+    """Return the outcomes that came, each once however often the same message came."""
+    found = {
+        (o.mission_id, o.tag_reading.tag_id, o.status, o.header.stamp.nanosec) for o in operator.observations
+    }
+    return Counter((tag, status) for _, tag, status, _ in found)
+
+
+def test_a_mission_goes_on_when_somebody_says_so(world: World, operator: Operator, own_state: Path) -> None:
+    """The same target, the same mission, the drive of the old one is ended, and every outcome came once."""
+    world.start_all(speed=2.0)
+    operator.in_state("READY")
+    mission_id = operator.start("1", "5", "12").mission_id
+    operator.until(lambda: len(operator.observations) == 1, "the first outcome")
+    operator.in_state("INSPECTING", "NAVIGATING")
+    target = operator.state.current_target
+    kill(world)
+    took = start_again(world, operator)
+    held = operator.state
+    assert (held.lifecycle_state, held.current_target, held.mission_id) == ("INSPECTING", target, mission_id)
+    assert (held.targets_completed, held.paused) == (1, True)
+    assert held.last_error.startswith("restarted: nobody watched since 20")
+    assert held.last_error.endswith(f"under way: INSPECTING NAVIGATING, at {target}: nav.go_to")
+    assert took < BACK_S, f"{took:.1f} s"
+    assert operator.ask("resume").success
+    operator.until_done(published=3)
+    assert outcomes(operator) == {(tag, 0): 1 for tag in ("1", "5", "12")}
+    found = [read_journal(file) for file in journal_files(own_state)]
+    (mission,) = [file for file in found if file.head.mission_id]
+    assert [record.kind for record in mission.records].count("resumed") == 1
+
+
+def test_other_missions_than_before_close_it(world: World, operator: Operator, tmp_path: Path) -> None:
+    """The reason is told, and what becomes of each target that was left."""
+    missions = copied_missions(tmp_path)
+    world.start_all(speed=2.0, missions_path=str(missions))
+    operator.in_state("READY")
+    mission_id = operator.start("1", "5", "12").mission_id
+    operator.until(lambda: len(operator.observations) == 1, "the first outcome")
+    kill(world)
+    file = missions / "inspection.yaml"
+    file.write_text(file.read_text() + "\n# another one\n")
+    operator.states.clear()
+    world.start(NODE, estop_timeout_s=10.0, missions_path=str(missions))
+    operator.until(
+        lambda: operator.states and "mission_closed" in operator.state.last_error, "the mission is closed"
+    )
+    why = "the files of the missions are others than before"
+    assert operator.state.last_error == f"mission_closed: InspectionMission {mission_id}: {why}; left out: 2"
+    operator.until(lambda: len(outcomes(operator)) == 3, "what became of the others")
+    assert outcomes(operator) == {("1", 0): 1, ("5", 3): 1, ("12", 3): 1}
+    assert {o.status_detail for o in operator.observations if o.status} == {why}
+    operator.in_state("READY")
+
+
+@pytest.mark.parametrize("policy", ["continue", "abort"])
+def test_a_policy_decides_without_a_person(world: World, operator: Operator, policy: str) -> None:
+    """One goes on by itself when everything is there; the other is closed, and the robot stands."""
+    world.start_all(speed=2.0)
+    operator.in_state("READY")
+    assert operator.start("1", "5").accepted
+    operator.in_state("INSPECTING", "NAVIGATING")
+    kill(world)
+    world.start(NODE, estop_timeout_s=10.0, resume_policy=policy)
+    operator.until(lambda: len(outcomes(operator)) == 2, "every target has its outcome")
+    if policy == "continue":
+        operator.in_state("DONE")
+        assert outcomes(operator) == {("1", 0): 1, ("5", 0): 1}
+    else:
+        operator.in_state("READY")
+        assert outcomes(operator) == {("1", 3): 1, ("5", 3): 1}
+
+
+def test_a_wrong_policy_ends_the_node_with_a_message(world: World) -> None:
+    """What is allowed."""
+    process = world.start(NODE, resume_policy="perhaps")
+    assert process.wait(30.0) != 0
+    said = world.log(NODE).read_text()
+    assert "resume_policy: expected ask, continue, abort, got 'perhaps'" in said
+
+
+def copied_missions(folder: Path) -> Path:
+    """Return a folder with the inspection and its lifecycle."""
+    missions = folder / "missions"
+    (missions / "parts").mkdir(parents=True)
+    source = Path(__file__).parents[3] / "missions"
+    for name in ("lifecycle.yaml", "inspection.yaml", "parts/visit_targets.yaml"):
+        (missions / name).write_text((source / name).read_text())
+    return missions
