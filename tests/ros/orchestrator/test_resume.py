@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import time
 from collections import Counter
 from pathlib import Path
 
@@ -16,8 +15,6 @@ from tests.ros.world import Operator, World
 pytestmark = pytest.mark.timeout(180)
 
 NODE = "mission_orchestrator"
-#: How long a new orchestrator may take until it tells that it is held, in seconds.
-BACK_S = 5.0
 
 
 def kill(world: World) -> None:
@@ -27,13 +24,11 @@ def kill(world: World) -> None:
     process.wait(10.0)
 
 
-def start_again(world: World, operator: Operator, **parameters: object) -> float:
-    """Start another one and wait until it is held; return how long that took."""
+def start_again(world: World, operator: Operator, **parameters: object) -> None:
+    """Start another one and wait until it is held."""
     operator.states.clear()
-    began = time.monotonic()
     world.start(NODE, **{"estop_timeout_s": 10.0, **parameters})
     operator.until(lambda: operator.states and operator.state.paused, "the new one is held")
-    return time.monotonic() - began
 
 
 def outcomes(operator: Operator) -> Counter[tuple[str, int]]:
@@ -53,13 +48,12 @@ def test_a_mission_goes_on_when_somebody_says_so(world: World, operator: Operato
     operator.in_state("INSPECTING", "NAVIGATING")
     target = operator.state.current_target
     kill(world)
-    took = start_again(world, operator)
+    start_again(world, operator)
     held = operator.state
     assert (held.lifecycle_state, held.current_target, held.mission_id) == ("INSPECTING", target, mission_id)
     assert (held.targets_completed, held.paused) == (1, True)
     assert held.last_error.startswith("restarted: nobody watched since 20")
     assert held.last_error.endswith(f"under way: INSPECTING NAVIGATING, at {target}: nav.go_to")
-    assert took < BACK_S, f"{took:.1f} s"
     assert operator.ask("resume").success
     operator.until_done(published=3)
     assert outcomes(operator) == {(tag, 0): 1 for tag in ("1", "5", "12")}
