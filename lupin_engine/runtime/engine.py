@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
+from lupin_engine.errors import shortened
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import NOTHING, Act, Cancel, Command, Event, Start
 from lupin_engine.machine.machine import Machine
@@ -18,6 +19,9 @@ from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Driver, RecoveringDriver
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.declared import DRIVER_CODE, DRIVER_FAILED, as_declared
+
+#: How many letters of what a server says about an attempt are kept: it is logged, recorded and shown.
+MAX_DETAIL = 500
 
 #: By so much the robot's clock may come to differ from what the machine was told, in seconds.
 CLOCK_TOLERANCE_S = 0.5
@@ -282,7 +286,7 @@ class EngineOutlet:
 
     def progress(self, attempt: str, detail: str) -> None:
         """What the attempt waits for."""
-        self._post(events.progress(attempt, detail))
+        self._post(events.progress(attempt, shortened(detail, MAX_DETAIL)))
 
     def done(self, attempt: str, result: Mapping[str, Any]) -> None:
         """The attempt succeeded."""
@@ -290,7 +294,7 @@ class EngineOutlet:
 
     def failed(self, attempt: str, code: str, detail: str = "") -> None:
         """The attempt failed."""
-        self._post(events.failed(attempt, code, detail))
+        self._post(events.failed(attempt, code, shortened(detail, MAX_DETAIL)))
 
     def cancelled(self, attempt: str, result: Mapping[str, Any] | None = None) -> None:
         """The attempt ended as asked."""

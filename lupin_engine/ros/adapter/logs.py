@@ -11,6 +11,11 @@ import structlog
 from rclpy.node import Node
 from structlog.typing import EventDict, FilteringBoundLogger
 
+from lupin_engine.errors import shortened
+
+#: How many letters a line may have: some of them are others' words. A traceback is not cut.
+MAX_LINE = 4000
+
 
 def guarded(callback: Callable[..., Any], log: FilteringBoundLogger) -> Callable[..., Any]:
     """Return `callback` with its exceptions logged with a traceback instead of raised into the spin."""
@@ -55,7 +60,7 @@ def _as_line(_: Any, __: str, event: EventDict) -> str:
     text = str(event.pop("event", ""))
     traceback = event.pop("exception", None)
     details = " ".join(f"{key}={value!r}" for key, value in event.items())
-    line = f"{text} ({details})" if details else text
+    line = shortened(f"{text} ({details})" if details else text, MAX_LINE)
     return f"{line}\n{traceback}" if traceback else line
 
 
