@@ -6,20 +6,29 @@ look costs a fraction of a millisecond. A change that has errors is told once an
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from lupin_engine.bindings.reader import check_definition
 from lupin_engine.chart.findings import Findings
 from lupin_engine.errors import ChartError, LupinError
-from lupin_engine.missions.folders import default_missions_folder, find_mission, lifecycle_in, mission_files
+from lupin_engine.missions.folders import (
+    PARTS,
+    default_missions_folder,
+    find_mission,
+    lifecycle_in,
+    mission_files,
+)
 from lupin_engine.missions.load import LoadedMissions, load_files
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.ros.bindings.definitions import interface_types
 
 #: How often the folder is looked at while no mission runs, in seconds.
 LOOK_PERIOD_S = 1.0
+#: How many missions a folder may have, and how many bytes they and their parts: to understand more takes
+#: seconds, in which the robot's state is not told.
+MAX_FILES, MAX_BYTES = 200, 1_000_000
 
 
 class MissionsFolder:
@@ -46,6 +55,7 @@ class MissionsFolder:
         if not files:
             where = "say where they are with -p missions_path:=FOLDER"
             raise LupinError(f"no missions in {self._path}; {where}")
+        _check_sizes(self._path, files)
         loaded = load_files(lifecycle_in(self._path), files, self._catalog)
         findings = Findings()
         for binding in loaded.bindings.values():
@@ -79,3 +89,25 @@ class MissionsFolder:
     def refuse(self, loaded: LoadedMissions, reason: str) -> None:
         """Note that these missions cannot be used here, so that it is not tried again and again."""
         self._refused, self.problem = loaded, reason
+
+
+def _check_sizes(folder: Path, files: Sequence[Path]) -> None:
+    """Refuse what is too much to be read, before it is.
+
+    Raises:
+        LupinError: there are too many missions, or too many bytes.
+    """
+    if len(files) > MAX_FILES:
+        raise LupinError(
+            f"{len(files)} missions in {folder}; at most {MAX_FILES} are offered: "
+            "name some with -p missions:=[NAME, ...], or move others elsewhere"
+        )
+    sizes = {
+        file: file.stat().st_size for file in (*files, *folder.glob(f"{PARTS}/*.yaml")) if file.is_file()
+    }
+    if sum(sizes.values()) > MAX_BYTES:
+        largest = max(sizes, key=lambda file: sizes[file])
+        raise LupinError(
+            f"the missions and parts in {folder} have {sum(sizes.values())} bytes; at most {MAX_BYTES} are "
+            f"read; the largest is {largest.name} with {sizes[largest]}"
+        )
