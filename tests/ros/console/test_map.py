@@ -15,7 +15,7 @@ import pytest
 
 pytest.importorskip("playwright", reason="playwright is not installed here")
 
-from geometry_msgs.msg import Quaternion, TransformStamped
+from geometry_msgs.msg import Point, Point32, Quaternion, TransformStamped
 from nav_msgs.msg import OccupancyGrid
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 from tf2_msgs.msg import TFMessage
@@ -23,7 +23,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_greenhouse.readings import SENSOR_UNITS
-from lupin_msgs.msg import SensorReading, TwinState, TwinTagState
+from lupin_msgs.msg import FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
 from tests.ros.console.conftest import PATIENCE_MS, Served
 from tests.ros.gateway.conftest import gateway
 from tests.ros.world import World
@@ -473,6 +473,35 @@ def test_the_robot_is_where_the_chain_of_transforms_leads(bare: tuple[MapCanvas,
 
 def _localized() -> TFMessage:
     return TFMessage(transforms=[transform("map", "odom", 1.0, 1.0, math.pi / 2)])
+
+
+def test_flowers_boxes_and_anomalies_tell_what_they_are(bare: tuple[MapCanvas, RosNode]) -> None:
+    seen, node = bare
+    node.publisher(OccupancyGrid, "/map", Qos.LATCHED).publish(grid_of((0.0, 0.0), (0, 0)))
+    tag = TwinTagState(tag_id="7", anomaly=True)
+    tag.pose.position.x, tag.pose.position.y, tag.pose.orientation.w = 0.5, 1.0, 1.0
+    corners = ((1.0, 0.8), (2.0, 0.8), (2.0, 1.4), (1.0, 1.4))
+    tag.box_footprint.points = [Point32(x=x, y=y) for x, y in corners]
+    tag.flowers = [
+        FlowerPoint(position=Point(x=1.2, y=1.2), species="tulip_red", confidence=0.9, anomaly=True)
+    ]
+    report = Observation(kind=Observation.KIND_ANOMALY, status=Observation.STATUS_OK)
+    report.anomaly.description, report.anomaly.severity = "<img src=x onerror=alert(1)>", 2
+    report.anomaly.pose.pose.position.x, report.anomaly.pose.pose.position.y = 2.5, 0.5
+    states = node.publisher(TwinState, "/twin/state", Qos.LATCHED)
+    node.publisher(Observation, "/floranova/observations", Qos.BACKLOG).publish(report)
+    tip = seen.page.locator(".map-tip")
+    with telling(lambda: states.publish(TwinState(tags=[tag]))):
+        seen.until_colour(0.5, 1.0, ACCENT)
+        for x, y, told in (
+            (0.5, 1.0, "Tag 7nothing measured yet"),
+            (1.2, 1.2, "Bloom at tag 7tulip red (90 %)\N{WARNING SIGN} anomaly"),
+            (1.8, 1.0, "Planter box of tag 7"),
+            (2.5, 0.5, "\N{WARNING SIGN} anomaly<img src=x onerror=alert(1)>severity 2"),
+        ):
+            seen.hover(x, y)
+            expect(tip).to_contain_text(told)
+        seen.until_colour(1.2, 1.2, (193, 18, 31))
 
 
 def test_a_twin_that_falls_silent_has_grey_tags(bare: tuple[MapCanvas, RosNode]) -> None:
