@@ -184,7 +184,7 @@ export const en = {
     farther: "Zoom out",
     fit: "Show all",
     tag: (id: string) => `Tag ${id}`,
-    list: (count: number) => `${count} tags`,
+    list: (count: number) => (count === 1 ? "1 tag" : `${count} tags`),
     noTags: "No tag is known yet.",
     noPlace: "place not known",
     noReadings: "nothing measured yet",

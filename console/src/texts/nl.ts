@@ -186,7 +186,7 @@ export const nl: Texts = {
     farther: "Uitzoomen",
     fit: "Toon alles",
     tag: (id) => `Tag ${id}`,
-    list: (count) => `${count} tags`,
+    list: (count) => (count === 1 ? "1 tag" : `${count} tags`),
     noTags: "Er is nog geen tag bekend.",
     noPlace: "plek niet bekend",
     noReadings: "nog niets gemeten",
