@@ -22,7 +22,7 @@ function Bar() {
   const now = state.shown.value?.value;
   const linked = link.state.value;
   return (
-    <div class="bar">
+    <section class="bar" aria-label={t.now}>
       <Pill tone={linked === "open" ? "good" : linked === "lost" ? "bad" : "info"}>{t[linked]}</Pill>
       {now ? (
         <span class="where" role="status">
@@ -32,7 +32,7 @@ function Bar() {
       ) : (
         <span class="where">{t.noState}</span>
       )}
-    </div>
+    </section>
   );
 }
 
@@ -93,6 +93,7 @@ function Console() {
         <Bar />
       </div>
       <main id="content" tabIndex={-1} class={shown === control ? "alone" : ""}>
+        <h1 class="unseen">{shown.title(t)}</h1>
         <div class="view" key={shown.id}>
           <Contained>
             <shown.View />

@@ -12,6 +12,7 @@ export const en = {
     theme: "Colours",
     themes: { auto: "as the device", light: "light", dark: "dark" },
     modes: { robot: "robot", simulation: "SIMULATION", recording: "RECORDING" },
+    now: "Now",
     noState: "no mission state yet",
     paused: "paused",
     broken: "This view cannot be shown:",

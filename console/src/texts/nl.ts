@@ -14,6 +14,7 @@ export const nl: Texts = {
     theme: "Kleuren",
     themes: { auto: "zoals het apparaat", light: "licht", dark: "donker" },
     modes: { robot: "robot", simulation: "SIMULATIE", recording: "OPNAME" },
+    now: "Nu",
     noState: "nog geen toestand van de missie",
     paused: "gepauzeerd",
     broken: "Deze weergave kan niet worden getoond:",
