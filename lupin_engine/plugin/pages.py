@@ -41,8 +41,8 @@ class PageSource(Protocol):
     def about(self) -> Mapping[str, Any]:
         """What a page must know first: `mode`, `title`, and whatever else there is to say."""
 
-    def begin(self, tell: Callable[[PageMessage], None], now: float) -> None:
-        """Begin; `tell` is to be called with every message from now on."""
+    def begin(self, tell: Callable[[PageMessage], None], forget: Callable[[], None]) -> None:
+        """Begin; `tell` is to be called with every message from now on, `forget` when all of it is void."""
 
     def work(self, now: float) -> float | None:
         """Let happen what is due; return in how many seconds to come, None: when asked for something."""

@@ -256,6 +256,12 @@ class Hub:
                     later = asyncio.get_running_loop().call_later
                     channel.ending = later(LINGER_S, self._close, channel)
 
+    def forget(self) -> None:
+        """Keep nothing of what was told so far for later subscribers."""
+        self._last.clear()
+        for channel in self._channels.values():
+            channel.backlog.clear()
+
     def topics(self) -> dict[str, int]:
         """Return how many subscribers each topic has."""
         names = {name for name, _ in self._channels}

@@ -166,6 +166,10 @@ def test_it_begins_again_as_another_start_and_forgets_the_last_one(
     assert (now["time"], now["running"], now["operations"]) == (0.0, False, [])
     boots = {json.loads(one["msg"]["data"])["boot"] for one in served.history() if one["topic"] == STEPS}
     assert boots == {now["boot"]}
+    later = SimulationPage(served.port)
+    later.work_off()
+    assert {record["boot"] for record in later.told(STEPS)} == {now["boot"]}
+    later.close()
 
 
 def test_time_goes_by_at_the_speed_that_is_set_and_stands_when_paused(page: SimulationPage) -> None:

@@ -65,7 +65,7 @@ class RecordedPages:
         for topic, why in recording.unreadable.items():
             yield f"{topic} cannot be read: {why}"
 
-    def begin(self, tell: Callable[[PageMessage], None], now: float) -> None:
+    def begin(self, tell: Callable[[PageMessage], None], forget: Callable[[], None]) -> None:
         """See `PageSource`."""
 
     def work(self, now: float) -> float | None:

@@ -68,6 +68,7 @@ class SimulatedPages:
         self._hand = Hand(script, world, read, lambda: self._simulation)
         self._pace = Pace()
         self._page: Callable[[PageMessage], None] = lambda message: None
+        self._forget: Callable[[], None] = lambda: None
         self._kept: deque[PageMessage] = deque(maxlen=KEPT)
         self._picture = chart_record(loaded)
         self._stopped = False
@@ -109,9 +110,9 @@ class SimulatedPages:
         """See `PageSource`."""
         return {"mode": "simulation", "title": self._script.mission}
 
-    def begin(self, tell: Callable[[PageMessage], None], now: float) -> None:
+    def begin(self, tell: Callable[[PageMessage], None], forget: Callable[[], None]) -> None:
         """See `PageSource`."""
-        self._page = tell
+        self._page, self._forget = tell, forget
         for message in {message.topic: message for message in self._kept}.values():
             tell(message)
         self._tell_news(in_any_case=True)
@@ -260,6 +261,7 @@ class SimulatedPages:
         """Begin from the beginning; what was told is forgotten."""
         self._stand("")
         self._kept.clear()
+        self._forget()
         self._at_once = 0
         self._orchestrator = self._made()
         self._begin()

@@ -51,6 +51,7 @@ async def _serve(source: PageSource, sockets: Sequence[socket.socket]) -> None:
     side = SourceSide(source, time.monotonic)
     kept = {topic: Backlog(LAST_EVENTS, events=True) for topic in source.events}
     hub = Hub(side.listen, lambda topic: kept.get(topic, Backlog()))
+    side.forgotten = hub.forget
     gateway = Gateway(side, hub, Limits(), _rules(source, side), {}, SourceHistory(source))
     working = asyncio.ensure_future(side.work())
     working.add_done_callback(end)

@@ -40,6 +40,8 @@ class SourceSide:
         self._count = 0
         self._stopped = False
         self._asked = asyncio.Event()
+        #: Called when nothing is to be kept any more of what was told.
+        self.forgotten: Callable[[], None] = lambda: None
 
     @property
     def _types(self) -> Mapping[str, str]:
@@ -48,7 +50,7 @@ class SourceSide:
 
     async def work(self) -> None:
         """Let the source work, for ever."""
-        self._source.begin(self._tell, self._steady())
+        self._source.begin(self._tell, self._forget)
         while True:
             self._asked.clear()
             wait = self._source.work(self._steady())
@@ -67,6 +69,12 @@ class SourceSide:
             self._stopped = stopped
             self._source.stop(stopped)
             self._asked.set()
+
+    def _forget(self) -> None:
+        """Keep nothing of the source for pages that come later."""
+        for topic in self._source.topics:
+            self._last.pop(topic, None)
+        self.forgotten()
 
     def _tell(self, message: PageMessage) -> None:
         self._count += 1  # two messages that say the same are two
