@@ -71,7 +71,8 @@ def _reason(machine: Machine, rule: Transition, now: float) -> str:
         return considered.reason(_shown)
     if rule.source not in machine.memory.configuration:
         return f"{source.local_name} is not active"
-    told = considered.reason(_shown)
+    # A refusal answers whatever is held.
+    told = "" if rule.refuse and considered.holds else considered.reason(_shown)
     if told or rule.event.endswith("*"):
         return told
     if rule.event.partition(".")[0] in ENGINE_EVENTS:

@@ -63,6 +63,8 @@ def test_a_request_is_refused_in_the_words_of_its_answer() -> None:
     ended = bench()
     ended.send("go")
     assert reasons(ended, "END") == {"no": "dock refused: docked", "any": ""}
+    ended.send("operator.pause")
+    assert reasons(ended, "END") == {"no": "dock refused: docked", "any": "pause is engaged"}
 
 
 def test_what_is_not_active_says_so() -> None:

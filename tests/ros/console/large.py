@@ -32,8 +32,7 @@ def large_missions(folder: Path, states: int, *, seconds: float = 1.0, again: st
         lines += [
             f"  GROUP_{group}:",
             f"    summary: '{quoted}'",
-            f"    on_done: GROUP_{(2 * group + 1) % groups}",
-            f"    on: {{operator.skip_current: GROUP_{(2 * group + 2) % groups}}}",
+            f"    on_done: GROUP_{(group + 1) % groups}",
             "    initial: A_0",
             "    states:",
         ]

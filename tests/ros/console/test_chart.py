@@ -83,6 +83,7 @@ def test_states_fold_in_place_and_what_is_active_inside_lights_the_box(chart: Pa
     box = state(chart, "MISSION")
     chart.get_by_role("button", name="All", exact=True).click()
     command(chart, "start", "InspectionMission", tag_sequence=["1"])
+    command(chart, "pause")  # so that it is not over before it was looked at
     before = box.locator("> g > rect").first.bounding_box()
     chart.locator('[data-fold="MISSION"]').click()
     expect(state(chart, MISSION)).to_have_count(0)
@@ -117,6 +118,7 @@ def test_a_state_tells_its_lines_its_past_and_why_something_cannot_happen(chart:
     expect(detail.get_by_role("row")).to_contain_text("cannot MISSION is not active")
     expect(detail.locator("pre")).to_contain_text("operator.abort:")
     command(chart, "start", "InspectionMission", tag_sequence=["1"])
+    command(chart, "pause")
     expect(detail.get_by_role("row")).to_have_text(re.compile(r"abort.*✓ can"))
     detail.get_by_role("button", name="From MISSION").click()
     expect(start).to_contain_text("cannot start refused: a mission is already running")
