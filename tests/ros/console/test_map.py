@@ -30,6 +30,8 @@ from tests.ros.world import World
 
 __all__ = ["gateway"]
 
+expect.set_options(timeout=PATIENCE_MS)
+
 #: Tags of the simulated greenhouse.
 TAGS = 29
 #: The colours of a scale, at equal distances, and those of cells in the light theme.
@@ -132,14 +134,6 @@ def ramp(value: float, low: float, high: float) -> Rgb:
     place = min(1.0, max(0.0, (value - low) / (high - low))) * (len(RAMP) - 1)
     begin = min(int(place), len(RAMP) - 2)
     return [a + (b - a) * (place - begin) for a, b in zip(RAMP[begin], RAMP[begin + 1], strict=True)]
-
-
-@pytest.fixture(autouse=True)
-def patience() -> Iterator[None]:
-    """Whatever is expected may take its time on a busy machine."""
-    expect.set_options(timeout=PATIENCE_MS)
-    yield
-    expect.set_options(timeout=5000)
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ export function FieldChoice() {
   return (
     <label>
       {t.field}{" "}
-      <select value={sensor.value} onChange={(event) => (sensor.value = event.currentTarget.value)}>
+      <select class="map-field" value={sensor.value} onChange={(event) => (sensor.value = event.currentTarget.value)}>
         <option value="">{t.noField}</option>
         {offered().map((name) => (
           <option value={name}>
