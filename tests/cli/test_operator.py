@@ -183,7 +183,7 @@ def test_what_to_do_is_the_advice_of_the_holds_and_of_what_happened_last() -> No
     refused = [{"verb": "start", "code": "battery_low"}, {"verb": "pause", "code": "not_running"}]
     assert to_do({"held": ["estop", "pause"], "code": "nav_timeout"}, refused, TOLD[2]) == [
         "Release the stop, then resume.",
-        "Resume to go on with the same target.",
+        "Resume to let the mission go on.",
     ]
     assert to_do({"held": [], "code": "nav_timeout"}, refused, TOLD[2]) == [
         "Look whether the way is free; a longer way needs a larger nav_timeout_s.",
