@@ -25,14 +25,8 @@ export function goToBegin(): void {
 export function goStep(direction: 1 | -1): void {
   const at = moment.peek();
   if (at === null && direction > 0) return;
-  const { list } = steps.past.standing();
-  const next = direction > 0 ? steps.past.after(at!) : before(list, at ?? Infinity);
+  const next = direction > 0 ? steps.past.after(at!) : neighbour(steps.past.standing().list, at ?? Infinity, -1);
   moment.value = next?.at ?? (direction > 0 ? null : at);
-}
-
-/** The last of a list in the order of time that is earlier than a moment. */
-function before<T extends { readonly at: number }>(list: readonly T[], at: number): T | undefined {
-  return neighbour(list, at, -1);
 }
 
 /** Go to the warning or error before or after the moment. */

@@ -59,50 +59,50 @@ function Filters() {
     <details class="log-filters" open={isWide}>
       <summary>{t.filter}</summary>
       <div class="row">
-      <label>
-        {t.text} <input type="search" value={wantedText.value} onInput={({ currentTarget }) => (wantedText.value = currentTarget.value)} />
-      </label>
-      <label>
-        {t.columns.severity}{" "}
-        <select value={least.value} onChange={({ currentTarget }) => (least.value = Number(currentTarget.value) as Severity)}>
-          {t.severities.map((name, severity) => (
-            <option value={severity}>{name}</option>
+        <label>
+          {t.text} <input type="search" value={wantedText.value} onInput={({ currentTarget }) => (wantedText.value = currentTarget.value)} />
+        </label>
+        <label>
+          {t.columns.severity}{" "}
+          <select value={least.value} onChange={({ currentTarget }) => (least.value = Number(currentTarget.value) as Severity)}>
+            {t.severities.map((name, severity) => (
+              <option value={severity}>{name}</option>
+            ))}
+          </select>
+        </label>
+        <label>
+          {t.columns.target}{" "}
+          <select value={wantedTarget.value} onChange={({ currentTarget }) => (wantedTarget.value = currentTarget.value)}>
+            <option value="">{t.anyTarget}</option>
+            {targets.value.map((target) => (
+              <option value={target}>{target}</option>
+            ))}
+          </select>
+        </label>
+        <button disabled={!wantedTarget.value} title={t.goTargetHint} onClick={() => goTarget(wantedTarget.value)}>
+          {t.goTarget}
+        </button>
+        <details class="log-kinds">
+          <summary>
+            {t.columns.kind}
+            {hidden.value.size > 0 && ` (${KINDS.length - hidden.value.size}/${KINDS.length})`}
+          </summary>
+          <fieldset>
+            {KINDS.map((kind) => (
+              <label>
+                <input type="checkbox" checked={!hidden.value.has(kind)} onChange={() => toggle(kind)} /> {t.kind[kind]}
+              </label>
+            ))}
+          </fieldset>
+        </details>
+        <Jump />
+        <span class="row">
+          {(["csv", "json"] as const).map((kind) => (
+            <button disabled={!lines.value.length} onClick={() => save(lines.value, kind)}>
+              {t.export} {kind.toUpperCase()}
+            </button>
           ))}
-        </select>
-      </label>
-      <label>
-        {t.columns.target}{" "}
-        <select value={wantedTarget.value} onChange={({ currentTarget }) => (wantedTarget.value = currentTarget.value)}>
-          <option value="">{t.anyTarget}</option>
-          {targets.value.map((target) => (
-            <option value={target}>{target}</option>
-          ))}
-        </select>
-      </label>
-      <button disabled={!wantedTarget.value} title={t.goTargetHint} onClick={() => goTarget(wantedTarget.value)}>
-        {t.goTarget}
-      </button>
-      <details class="log-kinds">
-        <summary>
-          {t.columns.kind}
-          {hidden.value.size > 0 && ` (${KINDS.length - hidden.value.size}/${KINDS.length})`}
-        </summary>
-        <fieldset>
-          {KINDS.map((kind) => (
-            <label>
-              <input type="checkbox" checked={!hidden.value.has(kind)} onChange={() => toggle(kind)} /> {t.kind[kind]}
-            </label>
-          ))}
-        </fieldset>
-      </details>
-      <Jump />
-      <span class="row">
-        {(["csv", "json"] as const).map((kind) => (
-          <button disabled={!lines.value.length} onClick={() => save(lines.value, kind)}>
-            {t.export} {kind.toUpperCase()}
-          </button>
-        ))}
-      </span>
+        </span>
       </div>
     </details>
   );
