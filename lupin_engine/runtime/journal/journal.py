@@ -36,6 +36,7 @@ from lupin_engine.runtime.journal.records import (
     JournalHead,
     encoded,
     encoded_head,
+    encoded_value,
     read_head,
 )
 from lupin_engine.runtime.journal.writer import FrameWriter, JournalWriter
@@ -100,6 +101,7 @@ class Journal:
         self.problem = ""
         self._told = ""
         self._bytes = self._since_shot = self._shot = 0
+        self._names: dict[str, int] = {}
         self._outcomes = self._files = 0
 
     # -- files ------------------------------------------------------------------------------------------
@@ -109,6 +111,7 @@ class Journal:
         self.head = head = replace(head, outcomes=self._outcomes)
         self.problem = ""
         self._bytes = self._since_shot = 0
+        self._names = {}
         self._shot = len(head.snapshot)
         path = self.folder / self._name(head)
         self._writer.open(path)
@@ -129,6 +132,7 @@ class Journal:
         ahead = self.wall_ns() - round(now * 1e9)
         self.head = replace(found.head, time=now, ahead_ns=ahead, boot=boot)
         self._bytes, self._since_shot, self._shot = found.good, 0, len(found.head.snapshot)
+        self._names = {}
         self._writer.open(found.path, cut=found.good)
         self._put(encoded(RESUMED, now, {"boot": boot, "ahead_ns": ahead, "shift": shift}), urgent=True)
 
@@ -180,7 +184,7 @@ class Journal:
         """The machine gets an event; `origin` is who asked for it."""
         name, data = event.name, event.data
         if name == "value" and not flaw(event) and len(data) == _PARTS_OF_A_VALUE:
-            self._input(VALUE, now, data["name"], data["value"], data["stamp"], urgent=False)
+            self._input(VALUE, now, data, urgent=False)
         else:
             self._input(EVENT, now, name, data, *([origin] if origin else []))
 
@@ -255,9 +259,11 @@ class Journal:
             self.head = replace(head, ahead_ns=ahead)
             self._put(encoded(WALL, ahead), urgent=False)
         try:
-            content = encoded(kind, now, *data)
+            short = kind == VALUE
+            content = encoded_value(now, data[0], self._names) if short else encoded(kind, now, *data)
         except (TypeError, ValueError) as problem:
-            self.problem = f"{data[0] if data else kind} cannot be written: {problem}"
+            what = data[0]["name"] if kind == VALUE else data[0] if data else kind
+            self.problem = f"{what} cannot be written: {problem}"
             self._post(partial(self._on_failure, self.problem, []))  # not in the midst of a step
             return
         self._put(content, urgent=urgent)

@@ -20,6 +20,8 @@ from lupin_engine.machine.event import Event
 from lupin_engine.runtime.journal.frames import read_frames
 
 HEAD, START, EVENT, VALUE, TIMER = "head", "start", "event", "value", "timer"
+#: How a `value` is written: most records are some.
+_SHORT = "v"
 LOADED, RESUMED = "loaded", "resumed"
 OUTCOME, PUBLISHED, WALL, SNAPSHOT, END = "outcome", "published", "wall", "snapshot", "end"
 #: Those that are inputs of the machine, or make another one.
@@ -123,6 +125,26 @@ def encoded(kind: str, *data: Any) -> bytes:
     return _ENCODER.encode((kind, *data)).encode()
 
 
+def encoded_value(now: float, data: Mapping[str, Any], names: dict[str, int]) -> bytes:
+    """Return the content of a `value`: a name is written once, then its number; a stamp as how old it is.
+
+    Args:
+        now: the machine's time, in seconds.
+        data: of the event.
+        names: those that stand in the file already, with their numbers; a new one is added.
+
+    Raises:
+        TypeError: the value is no plain data.
+        ValueError: it contains itself.
+    """
+    name, stamp = data["name"], data["stamp"]
+    written = names.get(name, name)
+    names.setdefault(name, len(names))
+    age = round(now - stamp, 6)
+    rest = (age,) if round(now - age, 6) == stamp else (age, stamp)
+    return encoded(_SHORT, now, written, data["value"], *rest)
+
+
 def encoded_head(head: JournalHead) -> bytes:
     """Return the content of a head; errors as for `encoded`."""
     return encoded(HEAD, asdict(head))
@@ -175,18 +197,31 @@ def _head(record: Any) -> JournalHead:
 
 def _records(contents: list[bytes], ends: list[int], head: JournalHead) -> list[JournalRecord]:
     ahead, time = head.ahead_ns * 1e-9, head.time
-    records = []
+    records, names = [], list[str]()
     for number, (content, end) in enumerate(zip(contents, ends, strict=True)):
         kind, *data = json.loads(content)
         if kind == WALL:
             ahead = data[0] * 1e-9
         elif kind == RESUMED:
             time, ahead = data[0], data[1]["ahead_ns"] * 1e-9
-            data = data[1:]
+            data, names = data[1:], []
+        elif kind == _SHORT:
+            kind, time = VALUE, data[0]
+            data = _value(data, names)
         elif kind in INPUTS:
             time, *data = data
         records.append(JournalRecord(number, kind, time, time + ahead, tuple(data), end))
     return records
+
+
+def _value(data: list[Any], names: list[str]) -> list[Any]:
+    """Return name, value and stamp of a short record, and remember a name that is new."""
+    time, name, value, age, *stamp = data
+    if isinstance(name, str):
+        names.append(name)
+    else:
+        name = names[name]
+    return [name, value, stamp[0] if stamp else round(time - age, 6)]
 
 
 def _plain(value: Any) -> Any:
