@@ -120,7 +120,8 @@ def test_the_report_of_a_shift_is_counted_printed_and_saved(console: Page, tmp_p
     assert any(
         row[:1] == ["ExplorationMission"] and row[3] == "DONE" for row in rows[at + 2 :] if len(row) > 3
     )
-    console.emulate_media(media="print")
+    console.emulate_media(media="print", color_scheme="dark")
+    assert report.evaluate("each => getComputedStyle(each).color") == "rgb(0, 0, 0)"
     expect(console.locator("nav")).to_be_hidden()
     expect(console.get_by_role("button", name="Print")).to_be_hidden()
     expect(report.get_by_role("heading", name="Shift report")).to_be_visible()
