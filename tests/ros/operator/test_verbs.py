@@ -91,6 +91,7 @@ def test_a_mission_in_the_hands_of_an_operator(operator: Operator, lupin: Say) -
         "  done       none of 2 targets",
         "  paused     paused by the operator",
         "  last       paused by the operator (paused_by_operator), target 1",
+        "  to do      Resume to let the mission go on.",
         "  possible   abort, dock, resume, skip",
         "  not now    pause: pause refused: paused by the operator",
         "             reset: reset is not possible in INSPECTING NAVIGATING; it is possible in FAULT",
