@@ -2,6 +2,8 @@
 import type { Box, Picture } from "./picture";
 
 const LEAST = 0.05;
+/** What one looks at is never smaller, however large it is. */
+const READABLE = 0.4;
 const MOST = 4;
 /** A press that moves less, in pixels, is a click. */
 const CLICK = 5;
@@ -68,7 +70,7 @@ export class Camera {
   /** Look at a box: in the middle, and large enough to be read. */
   centre(box: Box): void {
     const fits = Math.min(this.width / (box.width + 80), this.height / (box.height + 80));
-    this.scale = Math.min(Math.max(this.scale, Math.min(0.8, fits)), Math.max(fits, LEAST), MOST);
+    this.scale = Math.min(Math.max(this.scale, Math.min(0.8, fits)), Math.max(fits, READABLE), MOST);
     const [left, top] = this.scene;
     this.x = this.width / 2 - (left + box.x + box.width / 2) * this.scale;
     this.y = this.height / 2 - (top + box.y + box.height / 2) * this.scale;

@@ -106,7 +106,7 @@ function Why(props: { chart: ChartRecord; element: string }) {
   if (!told || told.element !== props.element) return <p class="soft">{t.asking}</p>;
   if (!told.rules.length) return <p class="soft">{t.noRules}</p>;
   return (
-    <table class="why">
+    <table class="outcomes">
       <caption>{t.can}</caption>
       <tbody>
         {told.rules.map((rule) => (

@@ -103,7 +103,8 @@ export function Stage(props: { chart: ChartRecord; chosen: string }) {
     untracked(() => reveal(state));
     if (!picture || !marks) return;
     marks.select(name);
-    const box = state ? picture.box(picture.standsFor(state) ?? "") : undefined;
+    const arrow = picture.transitions.get(name)?.[0] as SVGGraphicsElement | undefined;
+    const box = arrow?.getBBox() ?? (state ? picture.box(picture.standsFor(state) ?? "") : undefined);
     if (box && name && !isSeen.has(name)) camera.current!.centre(box);
     isSeen.clear();
   });
