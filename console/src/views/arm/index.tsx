@@ -16,7 +16,7 @@ import { Why, whyNot } from "./why";
 function State() {
   const t = texts.value.arm;
   const now = armState.shown.value?.value;
-  const silent = isStale(joints, ARM_SILENT_S);
+  const silent = !joints.shown.value || isStale(joints, ARM_SILENT_S);
   const heard = joints.heardAt.value;
   return (
     <Panel title={t.state} class="arm-state">

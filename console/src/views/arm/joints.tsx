@@ -69,7 +69,7 @@ export function JointSliders() {
   const t = texts.value.arm;
   const known = library.value;
   const now = joints.shown.value?.value;
-  const why = whyNot("operator") || (isStale(joints, ARM_SILENT_S) ? t.silent : "");
+  const why = whyNot("operator") || (!now || isStale(joints, ARM_SILENT_S) ? t.silent : "");
   const degrees = (radians: number | undefined): number | undefined => (radians === undefined ? undefined : (radians * 180) / Math.PI);
   const jaw = known?.jaw;
   const atJaw = jaw && now?.[jaw.state];
