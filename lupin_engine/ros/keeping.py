@@ -15,6 +15,7 @@ from lupin_engine.plugin.profile import START, Fields, Profile, Publish
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, TEXT
 from lupin_engine.ros.adapter.node import RosNode
 from lupin_engine.ros.resuming import LookBack
+from lupin_engine.ros.slices import Slices
 from lupin_engine.runtime.journal.journal import Journal, Keep, journal_folder
 from lupin_engine.runtime.journal.records import JournalHead
 
@@ -49,6 +50,7 @@ class Keeping:
         self.folder = journal_folder(str(given["journal_path"] or ""))
         keep = Keep(int(given["journal_missions"]), float(given["journal_days"]))
         self.journal = Journal(self.folder, keep, self._post, self._changed)
+        self._slices = Slices(ros.post)
         self._loaded: LoadedMissions | None = None
         self._retry_at = 0.0
         self._part = 1
@@ -66,6 +68,7 @@ class Keeping:
 
     def close(self) -> None:
         """Have all that was noted on the disk, and end."""
+        self._slices.finish()
         self.journal.close()
 
     def when_kept(self, then: Callable[[], None]) -> None:
@@ -124,7 +127,7 @@ class Keeping:
             return
         counts = {outcome.counter: view.counts.get(outcome.name, 0) for outcome in profile.outcomes}
         self.journal.ended({"state": view.lifecycle, "code": view.code, "total": view.total, **counts})
-        self.journal.when_kept(lambda: self._rest(head.mission_id, machine))
+        self.journal.when_kept(lambda: self._slices.add(lambda: self._rest(head.mission_id, machine)))
 
     def _rest(self, mission_id: str, machine: Machine) -> None:
         """Write into a file about no mission, unless the next one has begun meanwhile."""
@@ -185,7 +188,7 @@ class Keeping:
             send(fields)
             self.journal.published(number)
 
-        self.journal.when_kept(kept)
+        self.journal.when_kept(lambda: self._slices.add(kept))
 
     # -- the disk -----------------------------------------------------------------------------------------
 

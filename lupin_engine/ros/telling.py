@@ -23,6 +23,7 @@ from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.ros import messages
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.names import CHART_TOPIC, MISSIONS_TOPIC, POSSIBLE_TOPIC, STEPS_TOPIC
+from lupin_engine.ros.slices import Slices
 from lupin_engine.ros.told import StepMoment, StepNews, ToldPossible, step_told
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.offer import missions_record
@@ -41,6 +42,7 @@ class Telling:
         self._missions = ros.publisher(String, MISSIONS_TOPIC, Qos.LATCHED)
         self._possible = ros.publisher(String, POSSIBLE_TOPIC, Qos.LATCHED)
         self._chart = ros.publisher(String, CHART_TOPIC, Qos.LATCHED)
+        self._slices = Slices(ros.post)
         self._offered = ""
         self._foreseen = ToldPossible(self.boot)
         self.is_news = StepNews().is_news
@@ -79,7 +81,8 @@ class Telling:
         counts = {outcome.counter: view.counts[outcome.name] for outcome in profile.outcomes}
         self._ros.log.info("mission ended", mission_id=report.mission_id, total=view.total, **counts)
         for visit in report.visits:
-            self._ros.log.info("target", **messages.visit_record(visit, profile))
+            record = messages.visit_record(visit, profile)
+            self._slices.add(partial(self._ros.log.info, "target", **record))
 
     # -- missions ---------------------------------------------------------------------------------------
 

@@ -1,0 +1,47 @@
+"""Much that is done at once leaves turns to others: the node's thread is a list here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from lupin_engine.ros.slices import SLICE, Slices
+
+
+def test_what_is_too_much_for_a_turn_is_done_in_the_next_ones_in_order() -> None:
+    posted: list[Callable[[], None]] = []
+    done: list[int] = []
+    slices = Slices(posted.append)
+    for number in range(2 * SLICE + 1):
+        slices.add(partial(done.append, number))
+    assert done == list(range(SLICE))
+    (turn,) = posted
+    posted.clear()
+    turn()
+    slices.add(partial(done.append, 2 * SLICE + 1))
+    assert done == list(range(2 * SLICE))
+    while posted:
+        posted.pop(0)()
+    assert done == list(range(2 * SLICE + 2))
+
+
+def test_a_few_are_done_at_once() -> None:
+    posted: list[Callable[[], None]] = []
+    done: list[int] = []
+    slices = Slices(posted.append)
+    for number in range(SLICE):
+        slices.add(partial(done.append, number))
+    assert done == list(range(SLICE))
+    posted.pop()()
+    assert not posted, "nothing waits, so the thread rests"
+    slices.add(partial(done.append, -1))
+    assert done[-1] == -1
+
+
+def test_the_end_waits_for_no_turn() -> None:
+    done: list[int] = []
+    slices = Slices(lambda _: None)
+    for number in range(2 * SLICE):
+        slices.add(partial(done.append, number))
+    slices.finish()
+    assert done == list(range(2 * SLICE))
