@@ -55,7 +55,7 @@ from lupin_engine.ros.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE
 from lupin_engine.ros.outlet import NodeClock, RosOutlet
 from lupin_engine.ros.readiness import Readiness
 from lupin_engine.ros.resuming import CONTINUE, RESUME_PARAMETERS, LookBack, look_back
-from lupin_engine.ros.single import other_orchestrator
+from lupin_engine.ros.single import listen_for_an_elder, other_orchestrator
 from lupin_engine.ros.telling import Telling
 from lupin_engine.ros.told import ToldState
 from lupin_engine.runtime.engine import Engine
@@ -133,6 +133,9 @@ class Orchestrator:
         self._offer()
         self._telling.chart()
         ros.steady_timer(LOOK_PERIOD_S, self._look)
+        #: The start of another orchestrator for which this one stands down; '' while there is none.
+        self.elder = ""
+        listen_for_an_elder(ros, self._telling.boot, self._stand_down)
 
     @property
     def _machine(self) -> Machine:
@@ -181,6 +184,10 @@ class Orchestrator:
     def _told_then(self, machine: Machine, record: JournalRecord) -> ToldState:
         """Return what was told of another process's machine at a record."""
         return ToldState(self._wire, lambda: machine, lambda: record.time, lambda: self._stamp(record.wall))
+
+    def _stand_down(self, elder: str) -> None:
+        self.elder = elder
+        self._ros.stop()
 
     def _close(self) -> None:
         for driver in self._drivers.values():
@@ -535,6 +542,11 @@ def main(arguments: Sequence[str] = ()) -> int:
                 f"{ros.name} stands down: {other} is the orchestrator of this ROS domain already; "
                 "stop that one, or start this one with another ROS_DOMAIN_ID"
             )
-        Orchestrator(ros, *loaded[-1])
+        orchestrator = Orchestrator(ros, *loaded[-1])
         ros.spin()
+    if orchestrator.elder:
+        raise LupinError(
+            f"{ros.name} stands down: another orchestrator of this ROS domain began before it "
+            f"(boot {orchestrator.elder}); stop that one, or start this one with another ROS_DOMAIN_ID"
+        )
     return 0

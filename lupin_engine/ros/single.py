@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import re
+import time
+import uuid
+from collections.abc import Callable
 from typing import Any
+
+from std_msgs.msg import String
 
 from lupin_engine.plugin.profile import Wire
 from lupin_engine.ros import messages
@@ -10,6 +16,10 @@ from lupin_engine.ros.adapter.network import NAMELESS, node_name
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.adapter.peers import service_channels
 from lupin_engine.ros.bindings.definitions import interface_class
+from lupin_engine.ros.names import CHART_TOPIC
+
+#: What a record of the chart begins with: the name of the start of an orchestrator.
+_BOOT = re.compile(r'\{"boot": "(\w+)"')
 
 #: How long another one is looked for, in seconds: one that runs is usually found within 0.3 s.
 LOOK_S = 1.0
@@ -36,3 +46,23 @@ def other_orchestrator(ros: RosNode, wire: Wire) -> str:
     others = ", ".join(sorted(found())) if heard else ""
     ros.node.destroy_subscription(subscription)
     return f"{others} ({wire.read_state(messages.read(heard[-1])).lifecycle})" if others else ""
+
+
+def new_boot() -> str:
+    """Return a name for a start of an orchestrator; of two names the smaller one is that of the earlier."""
+    return f"{time.time_ns():016x}{uuid.uuid4().hex[:16]}"
+
+
+def listen_for_an_elder(ros: RosNode, boot: str, found: Callable[[str], None]) -> None:
+    """Call `found` with the name of another start that was before `boot`.
+
+    Two that look for each other in the same second find nobody. Each tells its chart a moment after its start
+    and hears that of the other, so exactly one of the two is called.
+    """
+
+    def hear(message: String) -> None:
+        told = _BOOT.match(message.data)
+        if told and told[1] < boot:
+            found(told[1])
+
+    ros.subscribe(String, CHART_TOPIC, Qos.LATCHED, hear)

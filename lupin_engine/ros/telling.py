@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import threading
 import time
-import uuid
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -21,9 +20,10 @@ from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.step import Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.ros import messages
+from lupin_engine.ros.adapter.host import Slices
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.names import CHART_TOPIC, MISSIONS_TOPIC, POSSIBLE_TOPIC, STEPS_TOPIC
-from lupin_engine.ros.slices import Slices
+from lupin_engine.ros.single import new_boot
 from lupin_engine.ros.told import StepMoment, StepNews, ToldPossible, step_told
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.offer import missions_record
@@ -37,7 +37,7 @@ class Telling:
         self._clock = clock
         self._loaded = loaded
         #: The name of this start of the orchestrator: who keeps records knows by it that memory was lost.
-        self.boot = uuid.uuid4().hex
+        self.boot = new_boot()
         self._steps = ros.publisher(String, STEPS_TOPIC, Qos.BACKLOG)
         self._missions = ros.publisher(String, MISSIONS_TOPIC, Qos.LATCHED)
         self._possible = ros.publisher(String, POSSIBLE_TOPIC, Qos.LATCHED)

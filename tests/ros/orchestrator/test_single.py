@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import sys
 from pathlib import Path
@@ -37,6 +38,29 @@ def test_the_second_one_stands_down(world: World, operator: Operator, tmp_path: 
     assert first.poll() is None
     assert operator.start(mission="Ask").accepted
     operator.in_state("ASKING", "ASKING")
+
+
+def test_of_two_that_miss_each_other_the_younger_stands_down(
+    world: World, operator: Operator, tmp_path: Path
+) -> None:
+    """They start within the same second: neither looks, here."""
+    missions = folder(tmp_path)
+    blind = "import lupin_engine.ros.single as single; single.LOOK_S = 0.0"
+    run = f"{blind}; from lupin_engine.cli.main import main; import sys; sys.exit(main(sys.argv[1:]))"
+    words = ["node", "mission_orchestrator", "--ros-args", "-p", f"missions_path:={missions}"]
+    both = [world.run(name, [sys.executable, "-c", run, *words]) for name in ("one", "other")]
+    operator.until(lambda: any(process.poll() is not None for process in both), "one has ended")
+    (stays,) = (process for process in both if process.poll() is None)
+    ended = next(name for name, process in zip(("one", "other"), both, strict=True) if process is not stays)
+    assert world.processes[ended].returncode == 1
+    assert re.fullmatch(
+        r"lupin: mission_orchestrator stands down: another orchestrator of this ROS domain began before it "
+        r"\(boot \w{32}\); stop that one, or start this one with another ROS_DOMAIN_ID",
+        world.log(ended).read_text(encoding="utf-8").splitlines()[-1],
+    )
+    assert operator.start(mission="Ask").accepted
+    operator.in_state("ASKING", "ASKING")
+    assert stays.poll() is None
 
 
 def test_one_that_was_killed_is_replaced_at_once(world: World, operator: Operator, tmp_path: Path) -> None:
