@@ -79,6 +79,11 @@ MORE = {
     "missions",  # which missions are offered, and where their files are
     "missions_path",
     "amcl_pose_must_live",  # a pose seeded once is one without a publisher
+    "journal_path",  # what enters the machine is on disk before it counts
+    "journal_required",
+    "journal_missions",
+    "journal_days",
+    "resume_policy",
     "max_targets",  # a request of 65,535 targets held the node up for 43 s
     "estop_timeout_s",  # a stop that was told steadily and falls silent is engaged
     "other_battery_topic",  # robots tell their battery here or there
