@@ -283,7 +283,10 @@ class _InMemory:
 
 
 class Simulation:
-    """One run of a script; `listener` is told of every step while the machine is as it left it."""
+    """One run of a script; `listener` is told of every step while the machine is as it left it.
+
+    With `crashes` the orchestrator can be gone without the script saying so.
+    """
 
     def __init__(
         self,
@@ -292,6 +295,7 @@ class Simulation:
         parameters: Mapping[str, Any],
         world: World | None = None,
         log: InputLog | None = None,
+        crashes: bool = False,
     ) -> None:
         self._script = script
         self.listener: Callable[[Step], None] = lambda step: None
@@ -308,9 +312,8 @@ class Simulation:
             self._clock.now,
             lambda: target_of(self._machine.memory),
         )
-        self._journal = (
-            _InMemory(self) if any(isinstance(h.effect, Restart) for h in script.happenings) else None
-        )
+        crashes = crashes or any(isinstance(h.effect, Restart) for h in script.happenings)
+        self._journal = _InMemory(self) if crashes else None
         self._log = log or (self._journal.journal if self._journal else None)
         self._engine = self._make_engine()
         self._is_away = False

@@ -125,6 +125,8 @@ def test_the_stop_of_a_page_is_the_robots_and_everything_it_senses_can_be_set(pa
 def test_a_crash_of_the_orchestrator_forgets_nothing(page: SimulationPage) -> None:
     under_way(page, "nav.go_to")
     assert page.do("crash") == (True, "")
+    assert page.do("step") == (True, "")  # another one comes back, and holds the mission
+    assert page.command("resume")["accepted"]
     assert page.do("until", "DONE") == (True, "")
     page.reaches(lambda now: now["note"] == "DONE was entered", "the end")
 

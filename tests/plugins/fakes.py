@@ -61,6 +61,7 @@ class FakeGoal:
     feedback: Callable[[Any], None]
     ended: Callable[[int, Any], None]
     rejected: Callable[[], None]
+    key: str = ""
     cancels: int = 0
 
     def cancel(self) -> None:
@@ -149,6 +150,7 @@ class FakeRos:
 
     def __init__(self) -> None:
         self.node = FakeGraph()
+        self.lineage = "test"
         self.log = FakeLog()
         self.server = FakeAction()
         self.remote = FakeService()

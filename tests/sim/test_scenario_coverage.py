@@ -83,10 +83,7 @@ def test_an_end_that_nobody_waits_for_is_none(tmp_path: Path) -> None:
     """What a server says of a cancelled attempt reaches nothing; a timeout is an end of its own."""
     text = "mocks: [{do: bridge.read_tag, then: {after: 10 s, cancel: ignored}}]\nexpect: {dropped: 1}\n"
     state = f"{INSPECTING}.SCANNING.READING"
-    counts = result(
-        tmp_path,
-        text + "limit: 1 h\n",
-    ).counts
+    counts = result(tmp_path, text + "limit: 1 h\nwhen: [{at: 20 s, value: {battery: 90 %}}]\n").counts
     assert counts[OUTCOME, state, "bridge.read_tag timeout"] == 1
     assert counts[OUTCOME, state, "bridge.read_tag done"] == 0
 

@@ -52,7 +52,7 @@ class VirtualOrchestrator:
         self._wire = messages.wire_of(loaded.chart.profile)
         self._tell = tell
         self._listener = stepped
-        self.simulation = Simulation(loaded.chart, script, {}, world)
+        self.simulation = Simulation(loaded.chart, script, {}, world, crashes=True)
         self.simulation.listener = self._stepped
         self._began_ms = self._told_at = self.simulation.wall * 1000.0
         self._origin: tuple[Event | None, Mapping[str, str]] = (None, NOTHING)
