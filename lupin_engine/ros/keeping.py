@@ -202,6 +202,7 @@ class Keeping:
     def _changed(self, problem: str) -> None:
         """Tell that the journal cannot be written, or can again."""
         where = f"{problem}: {self.folder}"
+        self._ros.trouble("journal", problem and f"the journal cannot be written: {where}")
         if not problem:
             self._ros.log.info("the journal is written again", folder=str(self.folder))
             self._tell(Event(TOLD, {"code": RECORDED_CODE, "detail": ""}))

@@ -381,6 +381,14 @@ class RosNode:
             self.log.error(finding)
         self._told_findings, self._seen_rivals = found, rivals
 
+    def trouble(self, about: str, problem: str) -> None:
+        """Tell of a trouble with every report on /diagnostics from now on; '' when it is over."""
+        if self._vitals is None:
+            return
+        self._vitals.troubles.pop(about, None)
+        if problem:
+            self._vitals.troubles[about] = problem
+
     # --- running ----------------------------------------------------------------------------------------
 
     def guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:

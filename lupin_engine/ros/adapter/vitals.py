@@ -61,6 +61,8 @@ class Vitals:
         self._at, self._used, self._machine = started, time.process_time(), machine_ticks()
         self._sent: dict[str, int] = {}
         self._ended = False
+        #: What the node itself has to say of its troubles, by what they are about.
+        self.troubles: dict[str, str] = {}
 
     def report(self, now: float) -> None:
         """Tell how the node is, at a time of a clock that never goes back, in seconds."""
@@ -75,7 +77,7 @@ class Vitals:
             "disk free (GB)": f"{disk.free / 1e9:.1f}",
             "disk (GB)": f"{disk.total / 1e9:.1f}",
         }
-        warnings = list(shortages(memory, disk.free))
+        warnings = [*self.troubles.values(), *shortages(memory, disk.free)]
         level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
         self._tell(level, "; ".join(warnings) or "running", values)
 

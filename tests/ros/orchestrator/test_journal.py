@@ -6,9 +6,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 
 from lupin_engine.missions.folders import lifecycle_in
 from lupin_engine.missions.load import load_chart
+from lupin_engine.ros.adapter.node import Qos
 from lupin_engine.runtime.journal.journal import CHARTS, journal_files
 from lupin_engine.runtime.journal.records import JournalFile, read_journal
 from lupin_engine.runtime.journal.replay import replay
@@ -65,11 +67,20 @@ def test_a_full_disk_is_told_and_the_mission_goes_on(world: World, operator: Ope
     world.start("greenhouse_bridge")
     world.start("lupin_sim", speed=10.0)
     limited(world)
+    health: list[str] = []
+    operator.ros.subscribe(
+        DiagnosticArray,
+        "/diagnostics",
+        Qos.EVENT,
+        lambda told: health.extend(s.message for s in told.status if s.name == "/mission_orchestrator"),
+    )
     operator.in_state("READY")
     assert operator.start("1", "5", "12").accepted
     operator.until_done(published=3)
     codes = {state.last_error.partition(":")[0] for state in operator.states}
     assert "journal_failed" in codes
+    said = "the journal cannot be written: File too large: "
+    operator.until(lambda: any(said in message for message in health), "that it is told on /diagnostics")
     assert "the journal cannot be written (problem='File too large'" in log_of(world)
 
 
