@@ -48,6 +48,7 @@ def serve(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Se
             logs = tmp_path_factory.mktemp("logs")
             # A robot that is silent for 2 s counts as stopped; on a busy machine it is only not let work.
             more = ("--hmi", "--set", f"lupin_gateway.port={port}", "--set", "estop_timeout_s=20 s")
+            more += ("--set", f"lupin_arm.library_path={logs / 'arm_library.json'}")
             started.append(Lupin(*arguments, *more, domain=domain, log_dir=logs / "run"))
             started[-1].until_line("Ctrl-C stops everything")
             return Served(started[-1], f"http://127.0.0.1:{port}/")
