@@ -21,8 +21,8 @@ ROOT = Path(__file__).parents[1]
 CORES = min(os.cpu_count() or 1, 8)
 #: What a test needs beside Python; see `markers` in pyproject.toml.
 MORE = "ros or node or browser or broker"
-# A file stays with one worker: what a module makes once, nodes above all, is made once.
-PYTEST = ["pytest", "--durations=10", "--dist=loadfile", "--no-loadscope-reorder"]
+# A file stays with one worker (tests/conftest.py): what a module makes once, nodes above all, is made once.
+PYTEST = ["pytest", "--durations=10", "--dist=loadgroup", "--no-loadscope-reorder"]
 LINT = ["ruff", "check"]
 TYPES = ["mypy"]
 QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE})", "--ignore=tests/ros"]

@@ -151,7 +151,7 @@ function PressedPanel() {
     <Panel title={t.pressed}>
       {why && <p class="note warn">{why}</p>}
       {isAllowed && pressed.value.length === 0 && <p class="soft">{t.nothingPressed}</p>}
-      <div class="scroll" role="region" tabIndex={0} aria-label={t.pressed}>
+      <div class="scroll" role="group" tabIndex={0} aria-label={t.pressed}>
         <table>
           <tbody>
             {pressed.value
