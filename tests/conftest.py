@@ -17,7 +17,7 @@ settings.register_profile("search", **_SLOW, max_examples=2_000, derandomize=Fal
 settings.load_profile("suite")
 
 
-@pytest.hookimpl(trylast=True)
+@pytest.hookimpl(tryfirst=True)  # before xdist looks at the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files that may take longest, by their timeout: else workers wait for the last one.
 
@@ -25,7 +25,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     items.sort(key=lambda item: -max((mark.args[0] for mark in item.iter_markers("timeout")), default=0.0))
     for item in items:
-        group = "browser" if item.get_closest_marker("browser") else str(item.path)
+        group = "browser" if "console" in item.path.parts else str(item.path)
         item.add_marker(pytest.mark.xdist_group(group))
 
 
