@@ -17,16 +17,9 @@ settings.register_profile("search", **_SLOW, max_examples=2_000, derandomize=Fal
 settings.load_profile("suite")
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist looks at the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that may take longest, by their timeout: else workers wait for the last one.
-
-    A file stays with one worker, and all that needs a browser too: several at once would starve everything.
-    """
+    """Begin with the files that may take longest, by their timeout: else workers wait for the last one."""
     items.sort(key=lambda item: -max((mark.args[0] for mark in item.iter_markers("timeout")), default=0.0))
-    for item in items:
-        group = "browser" if "console" in item.path.parts else str(item.path)
-        item.add_marker(pytest.mark.xdist_group(group))
 
 
 #: Workers of pytest-xdist are told a width, and what the verbs print would be folded by it.

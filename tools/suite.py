@@ -1,7 +1,7 @@
 """The test suite by parts, with the time of each at its end.
 
 python tools/suite.py check [pytest arguments]   lint, types, and the tests that need nothing but Python
-python tools/suite.py test [pytest arguments]    these, then the tests over ROS 2, Node.js and a broker
+python tools/suite.py test [pytest arguments]    these, then those over ROS 2 and in a browser
 """
 
 from __future__ import annotations
@@ -21,13 +21,15 @@ ROOT = Path(__file__).parents[1]
 CORES = min(os.cpu_count() or 1, 8)
 #: What a test needs beside Python; see `markers` in pyproject.toml.
 MORE = "ros or node or browser or broker"
-# A file stays with one worker (tests/conftest.py): what a module makes once, nodes above all, is made once.
-PYTEST = ["pytest", "--durations=10", "--dist=loadgroup", "--no-loadscope-reorder"]
+# A file stays with one worker: what a module makes once, nodes above all, is made once.
+PYTEST = ["pytest", "--durations=10", "--dist=loadfile", "--no-loadscope-reorder"]
 LINT = ["ruff", "check"]
 TYPES = ["mypy"]
 QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE})", "--ignore=tests/ros"]
 # Tests over ROS 2 mostly wait.
-ROS = [*PYTEST, f"-n{2 * CORES + 1}", "-m", MORE]
+ROS = [*PYTEST, f"-n{2 * CORES}", "-m", f"({MORE}) and not browser"]
+# One browser at a time: several starve everything else.
+BROWSER = ["pytest", "--durations=10", "-m", "browser"]
 
 NO_TESTS = 5
 _CLOSING = re.compile(r"^(\x1b\[\d+m)*=+ .* in [\d.]+s.* =+(\x1b\[\d+m)*$")
@@ -86,8 +88,12 @@ def main() -> int:
         if part.process.returncode:
             print(*part.lines, sep="\n")
     if sys.argv[1] == "test":
-        tests.append(start("ROS tests", [*ROS, *given]))
+        tests += [start("ROS tests", [*ROS, *given]), start("browser", [*BROWSER, *given])]
+        pages = threading.Thread(target=tests[2].read, args=(None,))
+        pages.start()
         tests[1].read(sys.stdout)
+        pages.join()
+        print(*tests[2].lines, sep="\n")
     print("\nTime by part")
     for part in [*beside, *tests]:
         print(f"{part.name:12} {part.seconds:6.1f} s   {part.closing.strip(' =')}")
