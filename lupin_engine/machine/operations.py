@@ -150,15 +150,7 @@ class Operations:
         for invocation in self._scope.memory.invocations.values():
             invoke = self._invoke(invocation)
             if invoke.operation.on_hold is OnHold.CANCEL and invocation.attempt:
-                attempt = self._scope.memory.attempts[invocation.attempt]
-                if invoke.on_hold and attempt.phase is not Phase.WAITING:
-                    cut = CutShort(attempt.id, CANCELLED_CODE, "cut short by a hold", invoke.on_hold)
-                    self._cut_short(invocation, cut, step)
-                    continue
-                self._cancel_current(invocation, step)
-                invocation.tries -= 1
-                self._count(invocation, -1)
-                invocation.begun = False
+                self._interrupt(invocation, "hold", step)
 
     def recover(self, step: Macrostep) -> None:
         """Another process goes on: have all that the old one began ended, and begin it again later.
@@ -175,14 +167,7 @@ class Operations:
             begun = attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED)
             if begun and invoke.operation.adopts and invoke.operation.on_hold is OnHold.FINISH:
                 continue
-            if invoke.on_hold and attempt.phase is not Phase.WAITING:
-                cut = CutShort(attempt.id, CANCELLED_CODE, "cut short by a restart", invoke.on_hold)
-                self._cut_short(invocation, cut, step)
-                continue
-            self._cancel_current(invocation, step)
-            invocation.tries -= 1
-            self._count(invocation, -1)
-            invocation.begun = False
+            self._interrupt(invocation, "restart", step)
         for attempt in memory.attempts.values():
             if attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED):
                 attempt.phase = Phase.ACCEPTED  # or the server does not know it, and will say so
@@ -194,6 +179,19 @@ class Operations:
                 step.commands.append(Cancel(attempt.id, attempt.operation))
             attempt.phase, attempt.uses = Phase.CANCELLING, (EVERYTHING,)
         self._scope.touch(OPERATIONS)
+
+    def _interrupt(self, invocation: Invocation, why: str, step: Macrostep) -> None:
+        """Cancel the attempt: it is begun again later and its try refunded, or fails as `on_hold` says."""
+        attempt = self._scope.memory.attempts[invocation.attempt or ""]
+        on_hold = self._invoke(invocation).on_hold
+        if on_hold and attempt.phase is not Phase.WAITING:
+            cut = CutShort(attempt.id, CANCELLED_CODE, f"cut short by a {why}", on_hold)
+            self._cut_short(invocation, cut, step)
+            return
+        self._cancel_current(invocation, step)
+        invocation.tries -= 1
+        self._count(invocation, -1)
+        invocation.begun = False
 
     def _cut_short(self, invocation: Invocation, cut: CutShort, step: Macrostep) -> None:
         """Cancel the attempt, and wait for what it gives where its operation says that it does."""
