@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import re
 import sys
@@ -178,6 +179,7 @@ class Bench:
         self.ros = RosNode(f"harness_{self.plugin.name}")
         self._open: list[Driver] = []
         self._declared = as_told(self.plugin)
+        self._numbers = itertools.count(1)
         try:
             self.referee, self.driver = self.make_driver()
         except ContractBroken:
@@ -186,7 +188,8 @@ class Bench:
 
     def make_driver(self) -> tuple[Referee, Driver]:
         """Make a driver with a referee of its own."""
-        referee = Referee(self.plugin, lambda attempt: self.ros.post(lambda: self._cancel_again(attempt)))
+        again = lambda attempt: self.ros.post(lambda: self._cancel_again(attempt))  # noqa: E731
+        referee = Referee(self.plugin, again, self._numbers)
         try:
             driver = make_client(self.plugin, self.ros, referee, self._setting.parameter_values())
         except PluginError as problem:

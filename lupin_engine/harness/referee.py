@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -45,12 +46,19 @@ class Referee:
     """The engine's side of a driver: see `Outlet` for the calls; `problems` has what breaks the contract.
 
     Like the engine it asks once more for the end of an attempt that is accepted although it was cancelled:
-    `again` is called with its name.
+    `again` is called with its name. No two attempts of a node have the same name: `numbers` is one for all
+    its drivers.
     """
 
-    def __init__(self, plugin: Plugin, again: Callable[[str], None] = lambda _: None) -> None:
+    def __init__(
+        self,
+        plugin: Plugin,
+        again: Callable[[str], None] = lambda _: None,
+        numbers: Iterator[int] | None = None,
+    ) -> None:
         self._plugin = plugin
         self._again = again
+        self._numbers = numbers or itertools.count(1)
         self.attempts: dict[str, RefereedAttempt] = {}
         self.values: list[tuple[str, Any]] = []
         self.events: list[tuple[str, Mapping[str, Any]]] = []
@@ -59,7 +67,7 @@ class Referee:
 
     def begin(self, operation: str) -> str:
         """Return the name of a new attempt."""
-        name = f"{operation}_{len(self.attempts) + 1}"
+        name = f"{operation}_{next(self._numbers)}"
         self.attempts[name] = RefereedAttempt(operation)
         return name
 

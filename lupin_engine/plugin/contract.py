@@ -316,7 +316,7 @@ class Driver(Protocol):
         """Name what this plugin waits for before it can work (servers, topics); empty when ready."""
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        """Begin an attempt of one of the plugin's operations (local name)."""
+        """Begin an attempt of one of the plugin's operations (local name); its name never comes twice."""
 
     def cancel(self, attempt: str) -> None:
         """Ask that an attempt ends; unknown attempts are ignored."""
