@@ -39,8 +39,7 @@ def state(watch: bool, as_json: bool, domain: int | None) -> int:
             found = _look(orchestrator)
             click.echo(json.dumps(found, indent=2) if as_json else _text(found))
         else:
-            with contextlib.suppress(KeyboardInterrupt):
-                _watch(orchestrator, as_json)
+            _watch(orchestrator, as_json)
     return ACCEPTED
 
 
@@ -63,16 +62,20 @@ def _text(found: Mapping[str, Any]) -> str:
 
 
 def _watch(orchestrator: Attendant, as_json: bool) -> None:
-    """Show it again and again, also when the orchestrator goes and comes back; never returns."""
+    """Show it again and again until Ctrl-C, also when the orchestrator goes and comes back."""
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
 
+    from lupin_engine.ros.launch.interrupts import Interrupts
+
     console = Console(highlight=False)
     in_place = console.is_terminal and not console.is_dumb_terminal and not as_json
     shown: Any = None
-    with Live(console=console, auto_refresh=False) if in_place else contextlib.nullcontext() as live:
-        while True:
+    screen = Live(console=console, auto_refresh=False) if in_place else contextlib.nullcontext()
+    # Counted: an exception that comes while an object is being freed would be lost.
+    with Interrupts() as interrupts, screen as live:
+        while not interrupts.count:
             found = _look(orchestrator) if orchestrator.is_there() else None
             text = _text(found) if found else str(nobody())
             news = _lasting(found) if live is None else text
