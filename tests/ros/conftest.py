@@ -30,8 +30,15 @@ def ros_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     with claimed_domain() as domain, pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
         patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield domain
+
+
+@pytest.fixture(scope="module", autouse=True)
+def state_of_a_module(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep the journals of what several tests share apart from those of other files."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -92,6 +92,10 @@ class Operator:
             f"{lifecycle}/{phase or '*'}",
         )
 
+    def held(self) -> None:
+        """Wait until the mission is held."""
+        self.until(lambda: self.states and self.state.paused, "held")
+
     def until_done(self, published: int) -> None:
         """Wait until the mission has ended and so many observations have come: two topics keep no order."""
         self.in_state("DONE")

@@ -302,7 +302,7 @@ def test_a_mission_file_with_errors_ends_the_node_with_all_of_them(world: World,
 
 
 def test_an_orchestrator_that_crashed_leaves_no_robot_driving(world: World, operator: Operator) -> None:
-    """The next one cancels the goals that its predecessor left behind before it is ready."""
+    """The next one cancels the goals that its predecessor left behind, and is held."""
     statuses: list[int] = []
     operator.ros.subscribe(
         GoalStatusArray,
@@ -317,10 +317,12 @@ def test_an_orchestrator_that_crashed_leaves_no_robot_driving(world: World, oper
     world.processes["mission_orchestrator"].kill()
     world.processes["mission_orchestrator"].wait(10.0)
     assert statuses[-1] == GoalStatus.STATUS_EXECUTING
+    operator.states.clear()
     world.start("mission_orchestrator")
     over = (
         GoalStatus.STATUS_CANCELED,
         GoalStatus.STATUS_ABORTED,
     )  # by the next one, or by the robot's watchdog
     operator.until(lambda: statuses[-1] in over, "the old goal has ended")
-    operator.in_state("READY")
+    operator.held()
+    assert operator.state.last_error.startswith("restarted: ")

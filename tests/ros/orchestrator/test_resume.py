@@ -28,7 +28,7 @@ def start_again(world: World, operator: Operator, **parameters: object) -> None:
     """Start another one and wait until it is held."""
     operator.states.clear()
     world.start(NODE, **{"estop_timeout_s": 10.0, **parameters})
-    operator.until(lambda: operator.states and operator.state.paused, "the new one is held")
+    operator.held()
 
 
 def outcomes(operator: Operator) -> Counter[tuple[str, int]]:

@@ -72,5 +72,6 @@ def test_one_that_was_killed_is_replaced_at_once(world: World, operator: Operato
     operator.in_state("ASKING", "ASKING")
     killed.send_signal(signal.SIGKILL)
     killed.wait(PATIENCE)
+    operator.states.clear()
     world.start("mission_orchestrator", missions_path=missions)
-    operator.in_state("READY")
+    operator.held()
