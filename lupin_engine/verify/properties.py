@@ -1,0 +1,418 @@
+"""Properties that hold in every step of every machine, each with a name and a sentence.
+
+One interface for whoever makes steps, in whatever order: exploration, random runs, scenarios, a recorded run.
+
+    seen = glance(machine.memory)                     # before the step
+    step = machine.handle(event, now)
+    passage = Passage(seen, step, machine.scope)      # its memory is the one after the step
+    for each property: state, verdict = property.watch(state, passage)
+
+A property of `BUILT_IN` is a pure function of a passage: its state is `()` for ever. One that an author wrote
+may remember something: its state is a tuple of numbers, each a time of the machine's clock at which it is
+due, `math.inf` where nothing is. So states can be compared, hashed, shifted to another time, and ordered
+together with the deadlines of the memory. `due(state)` says when a breach can come of time alone; who makes
+steps should look again then. A watcher reads of the passage only: of `before` what `Glance` has, of the
+memory after the step `held`, `attempts`, `invocations`, `timers`, `frozen`, `itineraries`, `asked`, `broken`,
+`mission_id`, `configuration` (an author's conditions: what they read), of the step all but its `sequence`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
+
+from lupin_engine.chart.model import Chart, Kind, State, Transition
+from lupin_engine.machine.event import Act, Cancel, Report, Start
+from lupin_engine.machine.holds import OWN_HOLDS
+from lupin_engine.machine.memory import Invocation, Memory, Phase, Traversal
+from lupin_engine.machine.scope import EvaluationScope
+from lupin_engine.machine.step import Step
+from lupin_engine.plugin.builtin import BUILTIN
+from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE, OnHold
+from lupin_engine.plugin.profile import ANSWER, START, Publish
+
+#: What a watcher remembers: times at which something is due.
+Remembered = tuple[float, ...]
+
+
+class Glance(NamedTuple):
+    """What properties must know of a memory as it was before a step; hashable, a function of the memory.
+
+    `speaking` are the attempts that somebody listens to, `over` the invocations whose operation has ended for
+    good, `closed` how many visits of the mission `mission_id` have their outcome, over all sweeps.
+    """
+
+    held: tuple[str, ...] = ()
+    speaking: frozenset[str] = frozenset()
+    over: tuple[str, ...] = ()
+    closed: int = 0
+    mission_id: str = ""
+    broken: tuple[str, ...] = ()
+
+
+class Passage(NamedTuple):
+    """One step as it is judged: what was before, the step, and the scope with the memory after it."""
+
+    before: Glance
+    step: Step
+    scope: EvaluationScope
+
+    @property
+    def after(self) -> Memory:
+        """The memory after the step."""
+        return self.scope.memory
+
+    @property
+    def chart(self) -> Chart:
+        """The chart that the machine runs."""
+        return self.scope.chart
+
+
+class Verdict(NamedTuple):
+    """What a property says of a step: whether it was about it, and how it was broken, '' if it was not."""
+
+    relevant: bool
+    breach: str = ""
+
+
+NOT_ABOUT, HOLDS = Verdict(False), Verdict(True)
+
+
+@dataclass(frozen=True)
+class Property:
+    """Something that always holds: `says` is the sentence for people.
+
+    `watch` gives what is remembered from now on and the verdict; `first` is what is remembered before the
+    first step. `end` judges what is still open when a run is over at a time, where nothing follows.
+    """
+
+    name: str
+    says: str
+    watch: Callable[[Remembered, Passage], tuple[Remembered, Verdict]]
+    first: Remembered = ()
+    end: Callable[[Remembered, float], Verdict] = field(default=lambda _, __: NOT_ABOUT)
+
+
+def due(state: Remembered) -> float:
+    """Return when a property can be broken by time alone; `math.inf`: never."""
+    return min(state, default=math.inf)
+
+
+def glance(memory: Memory) -> Glance:
+    """Return what properties must know of a memory before a step is made with it."""
+    speaking = [a.id for a in memory.attempts.values() if a.phase in (Phase.REQUESTED, Phase.ACCEPTED)]
+    cut = [found.cut.attempt for found in memory.invocations.values() if found.cut is not None]
+    return Glance(
+        tuple(memory.held),
+        frozenset(speaking + cut),
+        tuple(found.id for found in memory.invocations.values() if _is_over(found, memory)),
+        sum(map(_closed, memory.itineraries.values())),
+        memory.mission_id,
+        tuple(memory.broken),
+    )
+
+
+def _is_over(invocation: Invocation, memory: Memory) -> bool:
+    """Say whether an operation has ended and none of its tries will follow."""
+    if not invocation.begun or invocation.attempt is not None or invocation.cut is not None:
+        return False
+    timers = (*memory.timers, *memory.frozen)
+    return not any(kind == "retry" and owner == invocation.id for _, _, kind, (owner, _) in timers)
+
+
+def _closed(walk: Traversal) -> int:
+    return sum(walk.past.values()) + sum(1 for visit in walk.visits if visit.status)
+
+
+@dataclass
+class Monitor:
+    """Watches the steps of one machine: `relevant` counts by property, `breaches` has the first of each.
+
+    What has been broken once is not looked at again: one breach is one story.
+    """
+
+    properties: tuple[Property, ...]
+    relevant: dict[str, int] = field(default_factory=dict)
+    breaches: dict[str, tuple[Step | None, str]] = field(default_factory=dict)
+    before: Glance = field(default_factory=Glance)
+    _states: dict[str, Remembered] = field(default_factory=dict)
+
+    def take(self, step: Step, scope: EvaluationScope) -> None:
+        """Judge a step that has just been made by the machine with this scope."""
+        passage = Passage(self.before, step, scope)
+        for one in self.properties:
+            state = self._states.get(one.name, one.first)
+            self._states[one.name], verdict = one.watch(state, passage)
+            self._count(one, verdict, step)
+        self.before = glance(scope.memory)
+
+    def end(self, now: float) -> None:
+        """Judge what is open when the run is over."""
+        for one in self.properties:
+            self._count(one, one.end(self._states.get(one.name, one.first), now), None)
+
+    def _count(self, one: Property, verdict: Verdict, step: Step | None) -> None:
+        if verdict.relevant:
+            self.relevant[one.name] = self.relevant.get(one.name, 0) + 1
+        if verdict.breach and one.name not in self.breaches:
+            self.breaches[one.name] = step, verdict.breach
+
+
+# -- what every chart keeps ------------------------------------------------------------------------------
+
+#: Judges one passage: None: not about it; '': it holds; else how it is broken.
+_Rule = Callable[[Passage], "str | None"]
+_found: list[Property] = []
+
+
+def _built_in(name: str, says: str) -> Callable[[_Rule], _Rule]:
+    def add(rule: _Rule) -> _Rule:
+        def watch(state: Remembered, passage: Passage) -> tuple[Remembered, Verdict]:
+            told = rule(passage)
+            return state, NOT_ABOUT if told is None else HOLDS if not told else Verdict(True, told)
+
+        _found.append(Property(name, says, watch))
+        return rule
+
+    return add
+
+
+@_built_in("hold_starts_nothing", "While a hold is engaged nothing that moves is started.")
+def _hold_starts_nothing(passage: Passage) -> str | None:
+    held = passage.after.held
+    if not held:
+        return None
+    own = next((hold for hold in held if hold in OWN_HOLDS), None)
+    for command in passage.step.commands:
+        if isinstance(command, Start):
+            name = command.operation
+            if _moves(passage.chart, name) or (own and name.partition(".")[0] != BUILTIN):
+                return f"{name} ({command.attempt}) is started while {own or held[0]} is engaged"
+        elif isinstance(command, Act) and _was_held(passage) and _acts(passage.chart, command.action):
+            return f"{command.action} is carried out while {held[0]} is engaged"
+    return ""
+
+
+def _was_held(passage: Passage) -> bool:
+    """Say whether one hold was engaged all through the step."""
+    released = [note for note in passage.step.notes if note.endswith(" released")]
+    return not released and not set(passage.before.held).isdisjoint(passage.after.held)
+
+
+@_built_in(
+    "hold_stops_all",
+    "While a hold is engaged everything that moves is cancelled, and waited for no longer than its deadline.",
+)
+def _hold_stops_all(passage: Passage) -> str | None:
+    memory = passage.after
+    if not memory.held:
+        return None
+    moving = [found for found in memory.attempts.values() if _moves(passage.chart, found.operation)]
+    for attempt in moving:
+        if attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED):
+            name, phase = f"{attempt.operation} ({attempt.id})", attempt.phase.value
+            return f"{name} is {phase} while {memory.held[0]} is engaged"
+        deadlines = {owner for _, _, kind, (owner, _) in memory.timers if kind == "cancel"}
+        if attempt.phase is Phase.CANCELLING and attempt.id not in deadlines:
+            return f"{attempt.operation} ({attempt.id}) is cancelled without a deadline"
+    return "" if moving else None
+
+
+def _moves(chart: Chart, operation: str) -> bool:
+    return operation in _moving(chart)
+
+
+@_built_in("no_false_start", "No operation is started and cancelled in one step.")
+def _no_false_start(passage: Passage) -> str | None:
+    commands = passage.step.commands
+    started = {c.attempt: c.operation for c in commands if isinstance(c, Start)}
+    for command in commands if started else ():
+        if isinstance(command, Cancel) and command.attempt in started:
+            return f"{command.operation} ({command.attempt}) is started and cancelled in the same step"
+    return "" if started else None
+
+
+@_built_in(
+    "closed_once", "A target gets its result once: each is told when its visit is closed, and no second time."
+)
+def _closed_once(passage: Passage) -> str | None:
+    memory, told = passage.after, [c for c in passage.step.commands if isinstance(c, Publish)]
+    if not told:
+        return None
+    begun = [walk for walk in memory.itineraries.values() if walk.begun]
+    visited = {visit.target for walk in begun for visit in (*walk.visits, *walk.earlier.values())}
+    same = passage.before.mission_id == memory.mission_id
+    closed = sum(map(_closed, memory.itineraries.values())) - (passage.before.closed if same else 0)
+    # What is published outside of a visit is about a target that has none.
+    if sum(1 for command in told if command.target in visited) > closed:
+        return f"{', '.join(c.target for c in told)} told, but {closed} closed"
+    return ""
+
+
+@_built_in(
+    "all_closed", "When a mission ends every target has its result, but those that are left open on purpose."
+)
+def _all_closed(passage: Passage) -> str | None:
+    step, memory, states = passage.step, passage.after, passage.chart.states
+    over = passage.chart.profile.stages.over
+    told = any(isinstance(command, Report) for command in step.commands)
+    if not told and not any(states[name].label in over for name in step.entered):
+        return None
+    walks = [walk for walk in memory.itineraries.values() if not walk.leaves_open]
+    # One of several sweeps may be cut short: the result of the sweep before is a result.
+    visits = [visit for walk in walks if walk.begun for visit in walk.outcomes]
+    ahead = {id(visit) for walk in walks for visit in walk.visits}
+    visits += [visit for visit in memory.ahead if id(visit) in ahead]
+    still = [visit.target for visit in visits if not visit.closed]
+    if still:
+        return f"the mission is over, and nothing was told of {', '.join(still)}"
+    return "" if visits else None
+
+
+@_built_in("former_attempts", "What a server says of an attempt that nobody waits for changes nothing.")
+def _former_attempts(passage: Passage) -> str | None:
+    event = passage.step.event
+    if event.name not in ("attempt.done", "attempt.failed", "attempt.cancelled"):
+        return None
+    if event.data.get("attempt") in passage.before.speaking:
+        return None
+    for rule in _taken(passage):
+        if rule.event in ("done", "error"):
+            return f"{event.name} of {event.data.get('attempt')}, which nobody waits for, leads to {rule.id}"
+    codes = [code.code for code in passage.step.codes if code.code == event.data.get("code")]
+    return f"{event.name} that nobody waits for reports {codes[0]}" if codes else ""
+
+
+@_built_in("no_execution_error", "No expression and no action fails, and the chart comes to rest.")
+def _no_execution_error(passage: Passage) -> str | None:
+    found = [code.detail for code in passage.step.codes if code.code == EXECUTION_CODE]
+    return found[0] if found else "" if passage.step.changed else None
+
+
+@_built_in("invariants", "No invariant is broken.")
+def _invariants(passage: Passage) -> str | None:
+    if not passage.chart.invariants:
+        return None
+    found = [code.detail for code in passage.step.codes if code.code == INVARIANT_CODE]
+    new = [name for name in passage.after.broken if name not in passage.before.broken]
+    return found[0] if found else f"invariant {new[0]} does not hold" if new else ""
+
+
+@_built_in("ends_are_handled", "Every end of an operation and every error leads to something.")
+def _ends_are_handled(passage: Passage) -> str | None:
+    unheard = [note for note in passage.step.notes if note.startswith("nobody handles the error")]
+    if unheard:
+        return unheard[0]
+    memory = passage.after
+    ended = [
+        i for i in memory.invocations.values() if i.id not in passage.before.over and _is_over(i, memory)
+    ]
+    for invocation in ended:
+        rules = [rule for rule in _taken(passage) if rule.event in ("done", "error")]
+        if not any(rule.source == invocation.state for rule in rules):
+            return f"the end of the operation of {invocation.state} leads to nothing"
+    return "" if ended or _ends_something(passage.step) else None
+
+
+def _ends_something(step: Step) -> bool:
+    return step.event.name in ("attempt.done", "attempt.failed", "attempt.cancelled", "timer.timeout")
+
+
+@_built_in("no_deaf_wait", "A mission under way never waits for what cannot come.")
+def _no_deaf_wait(passage: Passage) -> str | None:
+    memory, chart = passage.after, passage.chart
+    if memory.held or memory.asked or not _is_on_its_way(chart, memory.configuration):
+        return None
+    if memory.attempts or any(kind not in ("fresh", "cancel") for _, _, kind, _ in memory.timers):
+        return ""
+    if _hears(chart, memory.configuration):
+        return ""
+    return f"nothing is under way in {memory.configuration[-1]}, and nothing it listens to comes by itself"
+
+
+@_built_in("refusals_have_reasons", "Every request is accepted, or refused with a reason.")
+def _refusals_have_reasons(passage: Passage) -> str | None:
+    step = passage.step
+    if not step.event.is_request:
+        return None
+    if step.accepted is None:
+        return f"{step.event.name} is not answered"
+    if step.accepted:
+        return ""
+    told = step.refusal is not None and step.refusal.code.strip() and step.refusal.text.strip()
+    return "" if told else f"{step.event.name} is refused without a reason"
+
+
+#: All of them, in the order in which they are told.
+BUILT_IN: tuple[Property, ...] = tuple(_found)
+
+
+# -- what is asked of a chart ----------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=32)
+def _rules(chart: Chart) -> Mapping[str, Transition]:
+    return {rule.id: rule for state in chart.states.values() for rule in state.transitions}
+
+
+@lru_cache(maxsize=32)
+def _moving(chart: Chart) -> frozenset[str]:
+    """Return the operations of a chart that move the robot."""
+    states = chart.states.values()
+    invokes = [state.invoke for state in states if state.invoke is not None]
+    invokes += [state.for_each.invoke for state in states if state.for_each is not None]
+    return frozenset(one.name for one in invokes if one.operation.on_hold is OnHold.CANCEL)
+
+
+def _acts(chart: Chart, action: str) -> bool:
+    """Say whether an action moves the robot."""
+    found = chart.catalog.actions.get(action)
+    return found is not None and found.moves
+
+
+def _taken(passage: Passage) -> Iterator[Transition]:
+    """Yield the transitions of a step that the chart has; the engine's own are not among them."""
+    known = _rules(passage.chart)
+    return (known[name] for name in passage.step.taken if name in known)
+
+
+@lru_cache(maxsize=4096)
+def _is_on_its_way(chart: Chart, configuration: tuple[str, ...]) -> bool:
+    """Say whether a mission is under way and does not wait for its operator."""
+    states = [chart.states[name] for name in configuration]
+    label = next((state.label for state in states if state.label), "")
+    if label in chart.profile.stages.without_mission or any(state.paused for state in states):
+        return False
+    rules = [rule for state in states for rule in state.transitions if rule.event == START]
+    return not any(rule.refuse is None for rule in rules)  # where a mission can be started none is under way
+
+
+@lru_cache(maxsize=4096)
+def _hears(chart: Chart, configuration: tuple[str, ...]) -> bool:
+    """Say whether something listens to what can still come: the lifecycle around all missions left out.
+
+    A person is waited for only where an innermost state says so itself.
+    """
+    states = [chart.states[name] for name in configuration]
+    if any(_listens(state) for state in states if state.parent is not None and not state.slot):
+        return True
+    leaves = [state for state in states if not state.children]
+    rules = [rule for state in leaves for rule in state.transitions if rule.refuse is None]
+    return any(rule.event.startswith(("operator.", ANSWER)) for rule in rules)
+
+
+def _listens(state: State) -> bool:
+    """Say whether a state takes in what the world does by itself."""
+    if state.for_each is not None or state.kind is Kind.FINAL:
+        return True
+    return any(rule.event.partition(".")[0] not in _NOT_BY_ITSELF for rule in state.transitions)
+
+
+#: First words of events that people cause, or the state's own operation and clocks.
+_NOT_BY_ITSELF = frozenset(
+    {"done", "error", "after", "every", "at", "budget", "operator"}
+    | {START.partition(".")[0], ANSWER.partition(".")[0]}
+)
