@@ -28,6 +28,10 @@ WATCH_PERIOD_S = 1.0
 #: How long a closed client, and the end of a node, waits for the answers of its cancels, in seconds.
 CANCEL_LIMIT_S = 2.0
 
+#: How long a server keeps the result of a goal that has ended, in seconds: its client may have been cut off,
+#: or be started again. With rclpy's 900 every status message tells of all goals of a quarter of an hour.
+RESULT_KEPT_S = 120
+
 #: What the ids of goals with a key are made in.
 _GOALS = uuid.UUID("6c7570696e20676f616c20696473202e")
 
@@ -348,6 +352,7 @@ class ActionHost:
             goal_service_qos_profile=services,
             result_service_qos_profile=services,
             cancel_service_qos_profile=services,
+            result_timeout=RESULT_KEPT_S,
         )
 
     def close(self) -> None:

@@ -539,13 +539,14 @@ class Journey:
         )
         return server
 
-    def send(self, tree: str = "") -> Any:
+    def send(self, tree: str = "", key: str = "") -> Any:
         return self.caller.send(
             NavigateToPose.Goal(behavior_tree=tree),
             accepted=lambda: self.heard.append("accepted"),
             feedback=lambda message: self.heard.append(message.distance_remaining),
             ended=lambda status, result: self.heard.append((status, result.error_msg)),
             rejected=lambda: self.heard.append("rejected"),
+            key=key,
         )
 
     def until(self, condition: Callable[[], Any]) -> None:
@@ -630,6 +631,28 @@ def test_a_restarted_server_does_not_know_the_goal(make_node: MakeNode) -> None:
     journey.server = journey.serve()
     journey.until(lambda: len(journey.heard) == 2)
     assert journey.heard == ["accepted", (0, "")]
+
+
+def test_a_result_is_kept_for_a_while_and_then_forgotten(
+    make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever goes on with another process's work may ask for it; memory does not grow with goals."""
+    monkeypatch.setattr("lupin_engine.ros.adapter.actions.RESULT_KEPT_S", 2)
+    journey = Journey(make_node)
+    journey.send(key="one")
+    journey.until(lambda: journey.heard and journey.held)
+    journey.held[0].succeed(NavigateToPose.Result(error_msg="there"))
+    journey.until(lambda: len(journey.heard) == 2)
+    ends: list[int] = []
+
+    def asked() -> int:
+        before = len(ends)
+        journey.caller.adopt("one", lambda _: None, lambda status, _: ends.append(status))
+        journey.until(lambda: len(ends) > before)
+        return ends[-1]
+
+    assert asked() == 4
+    journey.until(lambda: asked() == 0)
 
 
 def test_a_goal_that_the_server_never_answered_ends_as_rejected(make_node: MakeNode) -> None:
