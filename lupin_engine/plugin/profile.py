@@ -64,9 +64,10 @@ class RequestField:
 class OperatorRequest:
     """Something that an operator may ask for at any time.
 
-    `however_late`: it is carried out even when it seems old. How old a request is can only be said by two
-    wall clocks, the caller's and ours, and these may disagree. So whatever stops the robot, ends its mission
-    or sends it home has this: stopping late is better than not at all. What lets it go on has it not.
+    `however_late`: it is carried out even when it seems old. How old a request is can often only be said by
+    two wall clocks, the caller's and ours, and these may disagree. So whatever stops the robot, ends its
+    mission or sends it home has this: stopping late is better than not at all. What lets it go on has it not.
+    Where it would end a hold it is refused all the same when it is old: the robot stands, and would drive.
     The command line's verb is `verb`, where that is not its name; `key` is its letter in `lupin run`.
     """
 

@@ -5,10 +5,11 @@ Pure: nothing of ROS is imported, and time is an argument.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from lupin_engine.chart.model import Chart
@@ -25,15 +26,11 @@ MAX_REQUEST, MAX_WORD = 65_536, 200
 #: How long an id is remembered, in seconds, and how many are: see `CommandMemory.once`.
 REMEMBERED_S, MAX_REMEMBERED = 60.0, 1000
 
-#: Seconds after which a request is not carried out: whoever sent it has given up.
-STALE_AFTER_S = 5.0
-
 #: What JSON can write and UTF-8 cannot: halves of characters beyond the first 65536.
 _LONE_SURROGATE = frozenset(map(chr, range(0xD800, 0xE000)))
 
 #: Codes of commands that never reach the machine, beside `bad_request`.
-UNKNOWN_VERB, ID_IN_USE, STALE = "unknown_verb", "command_id_in_use", "stale"
-TOO_MANY = "too_many_commands"
+UNKNOWN_VERB, ID_IN_USE, TOO_MANY = "unknown_verb", "command_id_in_use", "too_many_commands"
 
 
 @dataclass(frozen=True)
@@ -72,8 +69,14 @@ _BROKEN_OFF = CommandAnswer(False, "broken_off", "it was begun and broken off: l
 class CommandMemory:
     """The commands of the last minute, by id, each with its answer."""
 
-    def __init__(self) -> None:
-        self._known: dict[str, tuple[float, int, CommandAnswer]] = {}
+    def __init__(self, keep: Callable[[str, str, Mapping[str, Any]], None] = lambda *_: None) -> None:
+        """`keep` writes down an answer, with the id and what was commanded, for the next process."""
+        self._known: dict[str, tuple[float, str, CommandAnswer]] = {}
+        self._keep = keep
+
+    def remember(self, command_id: str, when: float, what: str, answer: Mapping[str, Any]) -> None:
+        """Know what a process that is gone was commanded; without an answer it was broken off there."""
+        self._known[command_id] = when, what, CommandAnswer(**answer) if answer else _BROKEN_OFF
 
     def once(
         self,
@@ -98,7 +101,7 @@ class CommandMemory:
         if known is None:
             return self._first(asked, now, carry_out)
         _, what, answer = known
-        if what == _what(asked):
+        if what in ("", _what(asked)):
             return replace(answer, repeated=True)
         name = shortened(asked.command_id)
         return CommandAnswer(False, ID_IN_USE, f"refused: the command id {name!r} was another command's")
@@ -108,17 +111,18 @@ class CommandMemory:
     ) -> CommandAnswer:
         if not asked.command_id or len(asked.command_id) > MAX_WORD:
             return carry_out(asked)
-        self._known[asked.command_id] = now, _what(asked), _BROKEN_OFF  # until there is an answer
+        what = _what(asked)
+        self._known[asked.command_id] = now, what, _BROKEN_OFF  # until there is an answer
         answer = carry_out(asked)
-        self._known[asked.command_id] = now, _what(asked), answer
+        self._known[asked.command_id] = now, what, answer
+        self._keep(asked.command_id, what, asdict(answer))
         return answer
 
-    def limit(self, asked: CommandRequest, chart: Chart, now: float) -> float | None:
-        """Return how old a command may be, in seconds; None where it is answered however late it comes."""
-        is_late = event_name(asked.verb, chart) == ANSWER or _counts_however_late(asked, chart)
-        return None if is_late or self._recall(asked, now) is not None else STALE_AFTER_S
+    def knows(self, asked: CommandRequest, now: float) -> bool:
+        """Say whether a command is answered from memory, however late it comes."""
+        return self._recall(asked, now) is not None
 
-    def _recall(self, asked: CommandRequest, now: float) -> tuple[float, int, CommandAnswer] | None:
+    def _recall(self, asked: CommandRequest, now: float) -> tuple[float, str, CommandAnswer] | None:
         for command_id, (kept, _, _) in list(self._known.items()):  # the oldest come first
             if now - kept <= REMEMBERED_S:
                 break
@@ -127,8 +131,12 @@ class CommandMemory:
 
 
 def _counts_however_late(asked: CommandRequest, chart: Chart) -> bool:
-    name = (event_name(asked.verb, chart) or "").removeprefix("operator.")
-    request = chart.profile.requests.get(name)
+    return counts_however_late(event_name(asked.verb, chart) or "", chart)
+
+
+def counts_however_late(event: str, chart: Chart) -> bool:
+    """Say whether an event is a request that is carried out also where it seems old, unless all is held."""
+    request = chart.profile.requests.get(event.removeprefix("operator."))
     return request is not None and request.however_late
 
 
@@ -137,8 +145,10 @@ def _printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in text[:MAX_WORD])
 
 
-def _what(asked: CommandRequest) -> int:
-    return hash((asked.verb, asked.mission, asked.request))
+def _what(asked: CommandRequest) -> str:
+    """Return a name for what is commanded, which the next process makes of the same command as well."""
+    text = json.dumps([asked.verb, asked.mission, asked.request])
+    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
 
 # -- reading ----------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Mapping
 
 from lupin_engine import __version__
@@ -15,9 +16,11 @@ from lupin_engine.plugin.profile import START, Fields, Profile, Publish
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, TEXT
 from lupin_engine.ros.adapter.host import Slices
 from lupin_engine.ros.adapter.node import RosNode
+from lupin_engine.ros.commands import CommandMemory
 from lupin_engine.ros.resuming import LookBack
 from lupin_engine.runtime.journal.journal import Journal, Keep, journal_folder
 from lupin_engine.runtime.journal.records import JournalHead
+from lupin_engine.runtime.journal.recovery import Leftover
 
 #: The node's parameters about its journal.
 JOURNAL_PARAMETERS: Mapping[str, Parameter] = {
@@ -172,6 +175,12 @@ class Keeping:
             self._send_when_kept(number, fields, send)
         for told, fields in new:
             self.publish(told, fields, send)
+
+    def remember(self, left: Leftover, commands: CommandMemory) -> None:
+        """Have commands known that another process was given: none is carried out twice."""
+        ahead = self.journal.wall_ns() * 1e-9 - time.monotonic()
+        for command_id, kept in left.commands.items():
+            commands.remember(command_id, kept.wall - ahead, kept.what, kept.answer)
 
     def closed(self, why: str) -> None:
         """Write why the mission ends that was under way."""

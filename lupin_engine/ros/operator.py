@@ -35,6 +35,7 @@ from lupin_engine.ros.names import (
     POSSIBLE_TOPIC,
     STEPS_TOPIC,
 )
+from lupin_engine.runtime.client_clocks import APART_S, STALE
 
 if TYPE_CHECKING:
     from lupin_engine.runtime.record import OpenQuestion
@@ -70,6 +71,7 @@ class Answer:
     mission_id: str = ""
     reached: bool = True
     found: bool = True
+    code: str = ""
 
 
 class Commander:
@@ -91,7 +93,8 @@ class Commander:
     ) -> Answer:
         """Command something; what is not answered in `timeout` seconds is asked once more.
 
-        Both have the same id, so that nothing is done twice.
+        So is what seems old: of a second one it can be said whether our clock is only another. Both have the
+        same id, so that nothing is done twice.
 
         Raises:
             UsageError: the interface of commands is not installed.
@@ -105,7 +108,11 @@ class Commander:
         if not self._until(self._commands.ready, timeout):
             return Answer(False, f"{COMMAND_SERVICE}: no server", reached=False, found=False)
         answer = self._call(self._commands, asked, timeout, _of_command)
-        return answer if answer.reached else self._call(self._commands, asked, timeout, _of_command)
+        if answer.code == STALE:
+            self.spin(APART_S)
+        elif answer.reached:
+            return answer
+        return self._call(self._commands, asked, timeout, _of_command)
 
     def spin(self, seconds: float) -> None:
         """Work for at least `seconds`: a wait that is cut short by a message goes on."""
@@ -155,7 +162,7 @@ def _of_trigger(response: Any) -> Answer:
 
 
 def _of_command(response: Any) -> Answer:
-    return Answer(response.accepted, response.message, response.mission_id)
+    return Answer(response.accepted, response.message, response.mission_id, code=response.code)
 
 
 class Attendant(Commander):

@@ -47,7 +47,7 @@ from lupin_engine.ros.adapter.node import Qos, RosNode, RosTimer
 from lupin_engine.ros.adapter.process import signals_call
 from lupin_engine.ros.bindings.client import BoundClient
 from lupin_engine.ros.bindings.definitions import interface_class
-from lupin_engine.ros.commands import STALE, STALE_AFTER_S, CommandAnswer, CommandMemory, CommandRequest
+from lupin_engine.ros.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_engine.ros.displays import Displays
 from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
 from lupin_engine.ros.keeping import JOURNAL_PARAMETERS, Keeping
@@ -58,6 +58,7 @@ from lupin_engine.ros.resuming import CONTINUE, RESUME_PARAMETERS, LookBack, loo
 from lupin_engine.ros.single import listen_for_an_elder, other_orchestrator
 from lupin_engine.ros.telling import Telling
 from lupin_engine.ros.told import ToldState
+from lupin_engine.runtime.client_clocks import STALE, STALE_AFTER_S, ClientClocks
 from lupin_engine.runtime.engine import Engine
 from lupin_engine.runtime.journal.records import JournalRecord
 from lupin_engine.runtime.journal.recovery import resumed_event
@@ -109,6 +110,7 @@ class Orchestrator:
         self._outlet = RosOutlet(self._engine, self._clock, self._work)
         self._wire = messages.wire_of(chart.profile)
         self._state = _Publisher(ros, self._wire.state)
+        ros.lifeline = ros.node.resolve_topic_name(self._wire.state.name)
         self._outcomes = _Publisher(ros, self._wire.outcomes)
         self._told = ToldState(self._wire, lambda: self._machine, self._clock.now, self._stamp)
         self._deadline: tuple[float, RosTimer] | None = None
@@ -120,7 +122,10 @@ class Orchestrator:
         self._prepared: Machine | None = None
         ros.on_parameter(self._prepare, self._set)
         self._answers: set[str] = set()
-        self._commands = CommandMemory()
+        self._clients = ClientClocks()
+        self._commands = CommandMemory(self._keeping.journal.answered)
+        if back is not None:
+            self._keeping.remember(back.left, self._commands)
         self._origin: tuple[Event | None, Mapping[str, str]] = (None, {})
         self._serve()
         self._serve_commands()
@@ -202,16 +207,38 @@ class Orchestrator:
             interface_class(start.type),
             start.name,
             self._start,
-            stale_after=STALE_AFTER_S,
+            stale_after=partial(self._too_old, START),
             refuse=lambda response, reason: self._answer(response, StartAnswer(False, reason=reason)),
         )
-        for name, request in self._chart.profile.requests.items():
-            limit = None if request.however_late else STALE_AFTER_S
-            answer = _answering(self._ask, f"operator.{name}")
+        for name in self._chart.profile.requests:
+            event = f"operator.{name}"
             refuse = partial(_refuse, field="message")
+            judge = partial(self._too_old, event)
             self._answer_when_kept(
-                Trigger, self._wire.requests.format(name), answer, stale_after=limit, refuse=refuse
+                Trigger,
+                self._wire.requests.format(name),
+                _answering(self._ask, event),
+                stale_after=judge,
+                refuse=refuse,
             )
+
+    def _too_old(self, event: str, _: Any, sent: float) -> float | None:
+        """Return the age of a request that is too old; None where it is to be carried out."""
+        age = self._age("", sent)
+        return age if age > STALE_AFTER_S and not self._counts_however_late(event) else None
+
+    def _age(self, client: str, sent: float) -> float:
+        return self._clients.age(client, sent, time.time_ns() * 1e-9, time.monotonic())
+
+    def _counts_however_late(self, event: str) -> bool:
+        """Say whether a request is carried out that may be old.
+
+        One that would end a hold is not: the robot stands already, and would begin to drive.
+        """
+        if not commands.counts_however_late(event, self._chart):
+            return False
+        self._work()
+        return not self._machine.foresee(Event(event), self._clock.now(), dry=True).releases
 
     def _answer_when_kept(
         self,
@@ -246,8 +273,13 @@ class Orchestrator:
     def _serve_commands(self) -> None:
         """Serve what takes every request there is, carries each out once, and notes who asked."""
 
-        def limit(request: Any) -> float | None:
-            return self._commands.limit(_asked(request), self._chart, time.monotonic())
+        def too_old(request: Any, sent: float) -> float | None:
+            asked = _asked(request)
+            age = self._age(asked.by[: commands.MAX_WORD], sent)
+            event = commands.event_name(asked.verb, self._chart) or ""
+            if age <= STALE_AFTER_S or event == ANSWER or self._commands.knows(asked, time.monotonic()):
+                return None
+            return None if self._counts_however_late(event) else age
 
         def command(request: Any, response: Any) -> Any:
             answer = self._commands.once(_asked(request), self._chart, time.monotonic(), self._carry_out)
@@ -261,7 +293,7 @@ class Orchestrator:
         except LupinError as problem:  # a workspace that was built before there was one
             self._ros.log.error("no commands can be taken", problem=str(problem))
         else:
-            self._answer_when_kept(kind, COMMAND_SERVICE, command, stale_after=limit, refuse=refuse)
+            self._answer_when_kept(kind, COMMAND_SERVICE, command, stale_after=too_old, refuse=refuse)
 
     def _carry_out(self, asked: CommandRequest) -> CommandAnswer:
         if asked.verb == START_VERB:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -18,12 +19,12 @@ from lupin_engine.ros.commands import (
     MAX_REQUEST,
     MAX_WORD,
     REMEMBERED_S,
-    STALE_AFTER_S,
     TOO_MANY,
     CommandAnswer,
     CommandMemory,
     CommandRequest,
     answered,
+    counts_however_late,
     read_command,
 )
 from tests import shipped
@@ -244,15 +245,35 @@ def test_the_memory_is_bounded() -> None:
     assert desk.ask(REMEMBERED_S + 0.1, "new", "resume").accepted
 
 
-def test_how_old_a_command_may_be() -> None:
+def test_the_next_process_knows_what_was_commanded() -> None:
+    """With its answer; what was broken off is not done again either, whatever is commanded under its id."""
+    kept: dict[str, tuple[str, Mapping[str, Any]]] = {}
+    first, desk = Desk(), Desk()
+    first.memory = CommandMemory(lambda name, what, answer: kept.update({name: (what, answer)}))
+    first.ask(0.0, "a")
+    first.ask(1.0, "", "dock")
+    assert list(kept) == ["a"]
+    desk.memory.remember("a", 100.0, *kept["a"])
+    desk.memory.remember("b", 101.0, "", {})
+    again = CommandAnswer(True, "", "pause accepted", step=1, repeated=True)
+    assert desk.ask(110.0, "a") == again
+    assert desk.ask(110.0, "a", "dock").code == ID_IN_USE
+    told = "it was begun and broken off: look at the state"
+    assert desk.ask(110.0, "b") == CommandAnswer(False, "broken_off", told, repeated=True)
+    assert desk.done == []
+    assert desk.ask(100.1 + REMEMBERED_S, "a").step == 1
+    assert desk.done == ["pause"]
+
+
+def test_what_counts_however_late() -> None:
     """Stopping late is better than not at all; what was done already is answered at any time."""
+    names = ("pause", "abort", "dock", "resume", "skip_current", "reset", "x")
+    late = [name for name in names if counts_however_late(f"operator.{name}", INSPECTION)]
+    assert late == ["pause", "abort", "dock"]
     desk = Desk()
-    verbs = ("pause", "abort", "dock", "answer", "start", "resume", "skip", "skip_current", "reset", "x")
-    limit = {verb: desk.memory.limit(CommandRequest(verb), INSPECTION, 0.0) for verb in verbs}
-    never = dict.fromkeys(("pause", "abort", "dock", "answer"))
-    assert limit == dict.fromkeys(verbs, STALE_AFTER_S) | never
     desk.ask(0.0, "a", "resume")
-    assert desk.memory.limit(CommandRequest("resume", command_id="a"), INSPECTION, 1.0) is None
+    assert desk.memory.knows(CommandRequest("resume", command_id="a"), 1.0)
+    assert not desk.memory.knows(CommandRequest("resume", command_id="b"), 1.0)
 
 
 # -- answering --------------------------------------------------------------------------------------------

@@ -20,8 +20,9 @@ from rclpy.service import Service
 from rclpy.task import Task
 from structlog.typing import FilteringBoundLogger
 
-#: How old a request may be, in seconds (None: any age), or what says that of a request.
-StaleAfter = float | None | Callable[[Any], float | None]
+#: How old a request may be, in seconds (None: any age), or what judges one: it gets the request and when it
+#: was sent, in POSIX time, and returns its age where that is too much.
+StaleAfter = float | None | Callable[[Any, float], float | None]
 
 
 @dataclass(frozen=True)
@@ -117,16 +118,17 @@ class Executor(SingleThreadedExecutor):
 
     def _staleness(self, srv: Service, header: Any, request: Any) -> str | None:
         """Say why a request is too old to be carried out; None when it is not."""
-        limit = self._served[srv].stale_after
-        stale_after = limit(request) if callable(limit) else limit
-        if stale_after is None or header.source_timestamp <= 0:
+        limit, sent_ns = self._served[srv].stale_after, header.source_timestamp
+        if limit is None or sent_ns <= 0:
             return None
-        age = (time.time_ns() - header.source_timestamp) * 1e-9
-        if age <= stale_after:
+        if callable(limit):
+            age = limit(request, sent_ns * 1e-9)
+        else:
+            age = (time.time_ns() - sent_ns) * 1e-9
+            age = age if age > limit else None
+        if age is None:
             return None
-        self._log.warning(
-            "request refused: it is stale", service=srv.srv_name, age=round(age, 3), allowed=stale_after
-        )
+        self._log.warning("request refused: it is stale", service=srv.srv_name, age=round(age, 3))
         return f"refused: the request is {age:.1f} s old, or the clocks of the two computers disagree"
 
     def _refused(self, srv: Service, reason: str) -> Any:

@@ -147,6 +147,8 @@ class RosNode:
         self._closed = self._stopping = False
         #: What the ids of goals are made of: who goes on with another process's work has the same.
         self.lineage = uuid.uuid4().hex
+        #: The topic by which those who work for this node hear that it is there; '' for none.
+        self.lifeline = ""
         self._stop_callbacks: list[Callable[[], None]] = []
         self._callers: list[ActionCaller] = []
         self._hosts: list[ActionHost] = []
@@ -310,8 +312,8 @@ class RosNode:
         """Answer requests with `callback(request, response)`, which returns the response.
 
         A request that was sent more than `stale_after` seconds ago is not carried out: its caller has
-        given up. Where that depends on the request, `stale_after` is a function of it. It is answered with
-        `refuse(response, reason)`, in case the caller waits all the same and only the hosts' wall clocks
+        given up. Where that depends on the request, `stale_after` judges it (see `StaleAfter`). It is
+        answered with `refuse(response, reason)`, in case the caller waits all the same and only the clocks
         disagree; without `refuse` not at all. When the callback fails nothing is answered, because an empty
         response may mean success; the caller's deadline tells it.
         """

@@ -21,6 +21,7 @@ from lupin_engine.plugin.files import ros_domain, user_folder
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.runtime.journal.frames import frame
 from lupin_engine.runtime.journal.records import (
+    ANSWERED,
     END,
     EVENT,
     LOADED,
@@ -215,6 +216,10 @@ class Journal:
         """Write that it was."""
         self._put(encoded(PUBLISHED, number), urgent=True)
 
+    def answered(self, command_id: str, what: str, answer: Mapping[str, Any]) -> None:
+        """Write what came of a command; `what` names what was commanded."""
+        self._put(encoded(ANSWERED, command_id, what, answer), urgent=True)
+
     def ended(self, about: Mapping[str, Any]) -> None:
         """Write that the mission is over."""
         self._put(encoded(END, about), urgent=True)
@@ -269,7 +274,7 @@ class Journal:
         self._put(content, urgent=urgent)
 
     def _put(self, content: bytes, urgent: bool) -> None:
-        if self.problem:
+        if self.problem or self.head is None:
             return
         data = frame(content)
         self._bytes += len(data)

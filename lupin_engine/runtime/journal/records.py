@@ -2,8 +2,9 @@
 
 What entered the machine, each with the machine's time: `start`, `event`, `value` (an event too, written
 shorter), `timer`, `loaded` (a machine of another chart goes on), `resumed` (another process goes on). What
-was told the world: `outcome` before it is published, `published` after. And for whoever reads: `head` first,
-`wall` when the clock on the wall was set, `snapshot`, `end`.
+was told the world: `outcome` before it is published, `published` after, `answered` what came of a
+command with an id. And for whoever reads: `head` first, `wall` when the clock on the wall was set,
+`snapshot`, `end`.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ HEAD, START, EVENT, VALUE, TIMER = "head", "start", "event", "value", "timer"
 #: How a `value` is written: most records are some.
 _SHORT = "v"
 LOADED, RESUMED = "loaded", "resumed"
-OUTCOME, PUBLISHED, WALL, SNAPSHOT, END = "outcome", "published", "wall", "snapshot", "end"
+OUTCOME, PUBLISHED, ANSWERED = "outcome", "published", "answered"
+WALL, SNAPSHOT, END = "wall", "snapshot", "end"
 #: Those that are inputs of the machine, or make another one.
 INPUTS = frozenset({START, EVENT, VALUE, TIMER, LOADED, RESUMED})
 

@@ -16,6 +16,7 @@ from lupin_engine.machine.step import Step
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.runtime.journal.journal import journal_files
 from lupin_engine.runtime.journal.records import (
+    ANSWERED,
     INPUTS,
     OUTCOME,
     PUBLISHED,
@@ -32,15 +33,25 @@ LOOKED_AT = 2
 
 
 @dataclass(frozen=True)
+class KeptCommand:
+    """A command with an id: when it came, in POSIX time, what was commanded, and its answer, if any."""
+
+    wall: float
+    what: str = ""
+    answer: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Leftover:
     """The newest file of a journal, and outcomes that were written and not published, by number.
 
-    `outcomes` is how many there were.
+    `outcomes` is how many there were. `commands` are those of the newest files, by id, in their order.
     """
 
     file: JournalFile
     unpublished: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     outcomes: int = 0
+    commands: Mapping[str, KeptCommand] = field(default_factory=dict)
 
     @property
     def last(self) -> JournalRecord | None:
@@ -85,7 +96,20 @@ def leftover(folder: Path) -> tuple[Leftover | None, list[str]]:
     marked = {record.data[0] for record in records if record.kind == PUBLISHED}
     told = {record.data[0]: record.data[2] for record in records if record.kind == OUTCOME}
     unpublished = {number: fields for number, fields in told.items() if number not in marked}
-    return Leftover(found[0], unpublished, max([found[0].head.outcomes, *told])), problems
+    outcomes = max([found[0].head.outcomes, *told])
+    return Leftover(found[0], unpublished, outcomes, _commands(records)), problems
+
+
+def _commands(records: list[JournalRecord]) -> dict[str, KeptCommand]:
+    """Return what was commanded; what has no answer may have been carried out all the same."""
+    found: dict[str, KeptCommand] = {}
+    for record in records:
+        if record.kind == ANSWERED:
+            command_id, what, answer = record.data
+            found[command_id] = KeptCommand(record.wall, what, answer)
+        elif command_id := record.origin.get("command_id", ""):
+            found[command_id] = KeptCommand(record.wall)
+    return found
 
 
 def recover(found: JournalFile, world: World) -> Recovered:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import signal
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
+from lupin_engine.ros.names import COMMAND_SERVICE
 from lupin_engine.runtime.journal.journal import journal_files
 from lupin_engine.runtime.journal.records import read_journal
+from lupin_engine_msgs.srv import Command
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)
@@ -60,6 +63,37 @@ def test_a_mission_goes_on_when_somebody_says_so(world: World, operator: Operato
     found = [read_journal(file) for file in journal_files(own_state)]
     (mission,) = [file for file in found if file.head.mission_id]
     assert [record.kind for record in mission.records].count("resumed") == 1
+
+
+def test_a_command_is_done_once_also_by_the_next_orchestrator(world: World, operator: Operator) -> None:
+    """A start under way, and one whose mission is over, are answered and not carried out; skip likewise."""
+    world.start_all(speed=20.0)
+    operator.in_state("READY")
+    start = Command.Request(verb="start", mission="InspectionMission", command_id="1", by="ann@desk")
+    start.request = json.dumps({"tag_sequence": ["1", "5", "12"]})
+    begun = operator.call(Command, COMMAND_SERVICE, start)
+    assert begun.accepted
+    operator.in_state("INSPECTING", "NAVIGATING")
+    skip = Command.Request(verb="skip", command_id="2", by="ann@desk")
+    skipped = operator.call(Command, COMMAND_SERVICE, skip)
+    assert skipped.message == "skip accepted"
+    kill(world)
+    start_again(world, operator)
+    again = operator.call(Command, COMMAND_SERVICE, skip)
+    assert (again.accepted, again.repeated, again.step) == (True, True, skipped.step)
+    other = operator.call(Command, COMMAND_SERVICE, Command.Request(verb="resume", command_id="2"))
+    assert other.code == "command_id_in_use"
+    assert operator.ask("resume").success
+    operator.until_done(published=3)
+    kill(world)
+    operator.states.clear()
+    world.start(NODE, estop_timeout_s=10.0)
+    operator.in_state("READY")
+    again = operator.call(Command, COMMAND_SERVICE, start)
+    assert (again.accepted, again.repeated, again.mission_id) == (True, True, begun.mission_id)
+    operator.ask("pause")
+    assert {state.lifecycle_state for state in operator.states} <= {"BOOT", "READY"}
+    assert sorted(outcomes(operator).items()) == [(("1", 3), 1), (("12", 0), 1), (("5", 0), 1)]
 
 
 def test_other_missions_than_before_close_it(world: World, operator: Operator, tmp_path: Path) -> None:
