@@ -13,7 +13,7 @@ from typing import Any
 
 from rcl_interfaces.msg import Parameter as RosParameter
 from rcl_interfaces.msg import ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 from std_srvs.srv import Trigger
 
 from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode
@@ -75,6 +75,16 @@ class Operator:
         """Let something go wrong with the next goals of the simulated robot, with each until it has ended."""
         self.set_parameter("lupin_sim", "fault_count", goals)
         self.set_parameter("lupin_sim", "fault", fault)
+
+    def struck(self) -> None:
+        """Wait until that has met the last of its goals: the state is told before the robot gets its goal."""
+        request = GetParameters.Request(names=["fault"])
+
+        def left() -> str:
+            values = self.call(GetParameters, "/lupin_sim/get_parameters", request).values
+            return str(values[0].string_value)
+
+        self.until(lambda: left() == "none", "the goal that is hit")
 
     @property
     def state(self) -> MissionState:

@@ -28,6 +28,7 @@ def start_and_stall(operator: Operator, *tags: str) -> None:
     operator.hit(1, "stall")
     assert operator.start(*tags).accepted
     operator.in_state("INSPECTING", "NAVIGATING")
+    operator.struck()
 
 
 def test_three_tags_are_visited_read_and_published(world: World, operator: Operator) -> None:
