@@ -177,6 +177,8 @@ file. The shipped ones in `missions/` are the best introduction; this page is fo
   its `entry` runs, its itineraries, budgets and history are new. Coming back by history, as from the dock,
   is no beginning. Variables of the lifecycle keep their values from mission to mission. While an invariant
   does not hold no mission begins.
+- *Properties* are for proofs, campaigns and tests: they say what is true of every run, and the robot does not
+  watch them. What must stop the robot is an invariant.
 - The itineraries of one mission are counted together, in what is published and in its summary; one that is
   begun anew adds its targets again. The targets of an itinerary that depends on the request alone are known
   from the start. `itinerary.close_rest` closes the itinerary around, else those inside the state that it

@@ -534,6 +534,26 @@ class InvariantNode(Node):
         return data if isinstance(data, Map) else {"that": data}
 
 
+class PropertyNode(Node):
+    """What is true of every way that a run can go: looked at by `lupin test`, `prove` and `campaign`."""
+
+    SHAPE = "a mapping with one of always, never and eventually"
+
+    always: Annotated[Condition, Meaning.CONDITION] = Field(None, description="holds at every moment")
+    never: Annotated[Condition, Meaning.CONDITION] = Field(None, description="holds at no moment")
+    eventually: Annotated[Condition, Meaning.CONDITION] = Field(None, description="holds at last, in time")
+    within: Annotated[Written, Meaning.VALUE] = Field(
+        None, description="time in which `eventually` comes true; holds do not stop this clock"
+    )
+    after: Annotated[Condition, Meaning.CONDITION] = Field(
+        None, description="from each moment on at which this holds; without it from the start"
+    )
+    until: Annotated[Condition, Meaning.CONDITION] = Field(
+        None, description="moment from which on nothing is asked, until `after` holds again"
+    )
+    summary: str = Field("", description="one sentence for people")
+
+
 class FileNode(Node):
     """What every kind of file may declare."""
 
@@ -556,6 +576,9 @@ class FileNode(Node):
         ],
         Named(Meaning.INVARIANT),
     ] = _by_name("conditions that hold at every moment; broken, they lead to FAULT, and nothing starts")
+    properties: Annotated[dict[str, PropertyNode], Named(Meaning.PROPERTY)] = _by_name(
+        "what is true of every run, by name; looked at before the robot runs, not while it does"
+    )
     initial: Annotated[str | None, Meaning.CHILD] = Field(
         None, description="state that is entered first; needed where several could be"
     )
@@ -677,6 +700,7 @@ __all__ = [
     "MissionNode",
     "ParameterNode",
     "PartNode",
+    "PropertyNode",
     "RaiseNode",
     "RequestFieldNode",
     "RetryNode",

@@ -381,6 +381,24 @@ class Invariant:
     summary: str = field(default="", metadata=said(Role.PLAIN, "summary"))
 
 
+@record(frozen=True)
+class TemporalProperty:
+    """What is true of every run; exactly one of `always`, `never` and `eventually`, which has a `within`.
+
+    With `after` it is asked from each moment on at which that holds, with `until` no longer from there on.
+    """
+
+    name: str
+    place: Place
+    always: Expression | None = field(default=None, metadata=said(Role.CONDITION, "always"))
+    never: Expression | None = field(default=None, metadata=said(Role.CONDITION, "never"))
+    eventually: Expression | None = field(default=None, metadata=said(Role.CONDITION, "eventually"))
+    within: Value | None = field(default=None, metadata=said(Role.VALUE, "within"))
+    after: Expression | None = field(default=None, metadata=said(Role.CONDITION, "after"))
+    until: Expression | None = field(default=None, metadata=said(Role.CONDITION, "until"))
+    summary: str = field(default="", metadata=said(Role.PLAIN, "summary"))
+
+
 @dataclass(frozen=True, eq=False)
 class Chart:
     """A lifecycle with its missions, checked. `states` are in document order, parents before children.
@@ -401,6 +419,7 @@ class Chart:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     codes: Mapping[str, Code] = field(default_factory=dict)
     invariants: Mapping[str, Invariant] = field(default_factory=dict)
+    properties: Mapping[str, TemporalProperty] = field(default_factory=dict)
     plugins: tuple[str, ...] = ()
     summary: str = ""
     catalog: Catalog = field(default_factory=Catalog)

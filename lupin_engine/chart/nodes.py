@@ -45,6 +45,7 @@ class Meaning(enum.Enum):
     VARIABLE = "variable"
     FIELD = "field"
     INVARIANT = "invariant"
+    PROPERTY = "property"
     FILE = "file"  #: the name that a file gives itself
     FUNCTION = "function"
     ROOT = "root"  #: what an expression begins to read: a record, a variable, an element

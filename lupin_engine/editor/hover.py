@@ -138,8 +138,9 @@ def _of_chart(folder: Folder, model: Model, path: Path, meaning: Meaning, mentio
             return docs.variable(declared.context[name], _summary(folder, "context", name))
         case Meaning.FIELD:
             return _field(folder, model, path, mention)
-        case Meaning.INVARIANT:
-            return docs.paragraphs(docs.code(f"invariant {name}"), _summary(folder, "invariants", name))
+        case Meaning.INVARIANT | Meaning.PROPERTY:
+            section = "invariants" if meaning is Meaning.INVARIANT else "properties"
+            return docs.paragraphs(docs.code(f"{meaning.value} {name}"), _summary(folder, section, name))
         case Meaning.ROOT | Meaning.ATTRIBUTE | Meaning.LEVEL | Meaning.VARIABLE:
             return _typed(folder, model, path, mention)
     return ""

@@ -167,7 +167,17 @@ class Model:
             return scope.with_names(names_when_failed(state.invoke if state else None))
         if key == "for_each":
             return self._in_for_each(draft, scope, path, rest, scan)
-        if key in ("params", "inputs", "context", "itinerary", "budget", "invariants", "request", "holds"):
+        if key in (
+            "params",
+            "inputs",
+            "context",
+            "itinerary",
+            "budget",
+            "invariants",
+            "properties",
+            "request",
+            "holds",
+        ):
             return scope
         return scope.with_names({"event": ANY})
 

@@ -40,6 +40,7 @@ _SECTIONS: Mapping[Meaning, str] = {
     Meaning.HOLD: "holds",
     Meaning.FIELD: "request",
     Meaning.INVARIANT: "invariants",
+    Meaning.PROPERTY: "properties",
 }
 #: The class of such a thing in a plugin's catalog, and its family among the owners of the registry.
 _MADE_BY: Mapping[Meaning, tuple[str, str]] = {

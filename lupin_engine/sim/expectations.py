@@ -27,6 +27,7 @@ from lupin_engine.sim.scenario_file import (
 )
 from lupin_engine.sim.scripted import contains
 from lupin_engine.sim.simulation import End, Happening, MomentView, Run, is_named
+from lupin_engine.verify.properties import INVARIANTS
 
 #: A difference at a moment: the key and its index, what was expected, what there was, the states concerned.
 Difference = tuple[str, int | None, Any, Any, Sequence[str]]
@@ -62,6 +63,7 @@ class Comparison:
         yield from self._refused()
         yield from self._appeared("holds", expect.holds, run.history.holds)
         yield from self._appeared("broken", expect.broken, run.history.broken)
+        yield from self._violated()
         yield from self._same("final", expect.final, run.view.lifecycle)
         yield from self._same("paused", expect.paused, run.view.paused)
         yield from self._same("last_error", expect.last_error, _error(run.view, expect.last_error))
@@ -186,6 +188,23 @@ class Comparison:
         what = "the hold" if word == "holds" else "the invariant"
         pieces = [(f"{what} {name}", known[name].place) for name in actual[first : first + 1]]
         yield self._maker.failure(place, word, list(expected), actual, around, pieces)
+
+    def _violated(self) -> Iterator[ScenarioFailure]:
+        """Compare the properties that were violated with what was expected; each is told with how."""
+        expected = self._expect.violated
+        # An invariant has a word of its own: `broken`.
+        violated = [one for one in self._run.violated if one[1] != INVARIANTS]
+        if expected == [name for _, name, _ in violated]:
+            return
+        place = self._expect.at("violated")
+        for step, name, text in violated:
+            if name not in expected:
+                known = self._chart.properties.get(name)
+                pieces = [(f"the property {name}", known.place)] if known else []
+                yield self._maker.failure(place, f"violated: {name}", "it holds", text, step, pieces)
+        missing = [name for name in expected if name not in [name for _, name, _ in violated]]
+        if missing:
+            yield self._maker.failure(place, "violated", missing, "they hold")
 
     def _notes(self) -> Iterator[ScenarioFailure]:
         noted = [note for step in self._run.steps for note in step.notes] if self._expect.notes else []

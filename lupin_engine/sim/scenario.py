@@ -8,12 +8,12 @@ what happened around it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.chart.source import Map, parse, read
 from lupin_engine.chart.validation import validate
 from lupin_engine.errors import ChartError, UsageError
@@ -33,7 +33,9 @@ from lupin_engine.sim.expectations import Comparison
 from lupin_engine.sim.failure import ScenarioFailure
 from lupin_engine.sim.scenario_file import ScenarioNode
 from lupin_engine.sim.scenario_reader import ScenarioNames, ScriptReader, check_names
-from lupin_engine.sim.simulation import Run, Script, simulate
+from lupin_engine.sim.simulation import Run, Script, Simulation
+from lupin_engine.verify.authored import properties_of
+from lupin_engine.verify.properties import Monitor
 
 
 class Missions:
@@ -85,6 +87,7 @@ class Scenario:
     parameters: Mapping[str, Any]
     node: ScenarioNode
     missions: Missions
+    properties: Mapping[str, TemporalProperty] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -102,7 +105,12 @@ class Scenario:
         """Simulate it, its seed shifted; errors as for `simulate`."""
         script = replace(self.script, seed=self.script.seed + shift) if shift else self.script
         world = self.missions.world(self.chart, self.parameters)
-        return simulate(self.chart, script, self.parameters, world)
+        simulation = Simulation(self.chart, script, self.parameters, world)
+        monitor = Monitor(properties_of(self.chart, self.properties))
+        simulation.listener = lambda step: monitor.take(step, simulation.machine.scope)
+        run = simulation.run()
+        monitor.end(run.seconds)
+        return replace(run, violated=tuple((step, name, text) for name, text, step in monitor.told))
 
     def failures(self, run: Run) -> list[ScenarioFailure]:
         """Return every expectation that `run` does not meet, in the order of the file's words."""
@@ -159,6 +167,7 @@ def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -
     chart = missions.chart(mission)
     misshapen, named = bool(findings.errors), Findings()
     words = ScenarioNames(chart, named)
+    properties = words.read_properties(node)
     check_names(node, words)
     reader = ScriptReader(node, words)
     script, parameters = reader.script(), reader.parameters()
@@ -166,7 +175,7 @@ def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -
     findings.extend(found for found in named.all if not misshapen or found.rule != "wrong-shape")
     if findings.errors:
         raise ChartError(findings.errors)
-    return Scenario(path, node.scenario, mission, chart, script, parameters, node, missions)
+    return Scenario(path, node.scenario, mission, chart, script, parameters, node, missions, properties)
 
 
 def _folders(scenario: Path) -> list[Path]:

@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, WithJsonSchem
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from lupin_engine.chart.documents import Written
+from lupin_engine.chart.documents import PropertyNode, Written
 from lupin_engine.chart.nodes import Node
 
 #: The moment at which a simulation is over.
@@ -357,8 +357,8 @@ class RefusedNode(ShortNode):
 
 
 class ExpectNode(Node):
-    """What must come of it. What is not named is not looked at, with two exceptions: no request is refused
-    and no invariant broken unless it is said.
+    """What must come of it. What is not named is not looked at, with three exceptions: no request is refused,
+    no invariant broken and no property violated unless it is said.
     """
 
     lifecycle: Annotated[list[str] | None, NameOf("published state", "expect.lifecycle")] = Field(
@@ -387,6 +387,9 @@ class ExpectNode(Node):
     )
     broken: Annotated[list[str], NameOf("invariant", "expect.broken")] = Field(
         default_factory=list, description="invariants that were broken, all of them, in order"
+    )
+    violated: Annotated[list[str], NameOf("property", "expect.violated")] = Field(
+        default_factory=list, description="properties that were violated, all of them, in order"
     )
     final: Annotated[str | None, NameOf("published state", "expect.final")] = Field(
         None, description="published state at the end"
@@ -431,4 +434,7 @@ class ScenarioNode(Node):
     limit: Duration = Field(None, description="virtual time after which the simulation stops")
     mocks: list[MockNode] = Field(default_factory=list, description="what operations come to")
     when: list[WhenNode] = Field(default_factory=list, description="what happens meanwhile")
+    properties: dict[str, PropertyNode] = Field(
+        default_factory=dict, description="what is true all the time, as missions write it, beside theirs"
+    )
     expect: ExpectNode = Field(description="what must come of it")

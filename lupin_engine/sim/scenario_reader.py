@@ -8,9 +8,10 @@ from functools import cache, lru_cache
 from types import MappingProxyType
 from typing import Any
 
+from lupin_engine.chart.compose.timeless import read_property, scope_of
 from lupin_engine.chart.expressions.values import is_expression, read_constant
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.errors import Place
@@ -51,6 +52,7 @@ from lupin_engine.sim.simulation import (
     Tell,
     is_named,
 )
+from lupin_engine.verify.authored import properties_of
 
 #: The keys of an outcome that say how it ends; one of them at most.
 _ENDS = ("done", "fail", "never", "any_of")
@@ -75,6 +77,7 @@ _RULES: Mapping[str, str] = MappingProxyType(
         "invariant": "unknown-name",
         "operation or action": "unknown-operation",
         "phase": "unknown-name",
+        "property": "unknown-name",
         "published state": "unknown-state",
         "request": "unknown-event",
         "status": "unknown-name",
@@ -93,6 +96,8 @@ class ScenarioNames:
         self.catalog = chart.catalog
         self.findings = findings
         operations, actions = self.catalog.operations, self.catalog.actions
+        #: Those that a scenario may name: the built-in ones, the mission's and its own.
+        self.properties = {one.name for one in properties_of(chart)}
         #: What is looked up -> what it may be called.
         self._allowed: Mapping[str, Callable[[], Collection[str]]] = {
             "hold": lambda: all_holds(chart),
@@ -100,6 +105,7 @@ class ScenarioNames:
             "operation": lambda: operations,
             "operation or action": lambda: (*operations, *actions),
             "phase": lambda: self._published("phase"),
+            "property": lambda: self.properties,
             "published state": lambda: self._published("label"),
             "status": lambda: chart.profile.statuses,
             "status of a visit": lambda: (*chart.profile.statuses, OPEN),
@@ -169,6 +175,20 @@ class ScenarioNames:
             if name in self.chart.context:
                 kind, place = self.chart.context[name].type, node.value_at("variables", name)
                 self.value(place, f"expect.variables.{name}", value, kind)
+
+    def read_properties(self, node: ScenarioNode) -> dict[str, TemporalProperty]:
+        """Read the properties that a scenario adds to its mission's; their names are known from then on."""
+        found, scope = {}, scope_of(self.chart) if node.properties else None
+        for name, one in node.properties.items():
+            place = node.key_at("properties", name)
+            if name in self.properties:
+                problem = f"there is a property {name!r} already"
+                self.findings.add(place, "conflicting-definition", f"properties.{name}", problem, "rename it")
+            read = read_property(name, one, place, scope, self.findings) if scope else None
+            if read is not None:
+                found[name] = read
+        self.properties |= node.properties.keys()
+        return found
 
     def parts(self, what: str, given: Map, declared: Mapping[str, Type], path: str) -> dict[str, Any]:
         """Read what some of the declared arguments or fields must be, written as missions write them."""

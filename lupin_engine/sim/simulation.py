@@ -195,7 +195,7 @@ class Run:
     `unfired`: happenings that never came to pass; `idle`: those that found nothing to end or to bring back,
     with the time. `views` is what was seen, by number. `parameters` are the settings that were given.
     `unspent` says for each rule of which not all outcomes were used, by its number, how many attempts fell
-    under it.
+    under it. `violated` are the properties that were: the step (None: at the end), the name, and how.
     """
 
     chart: Chart
@@ -211,6 +211,7 @@ class Run:
     stopped: bool = False
     parameters: Mapping[str, Any] = field(default_factory=dict)
     unspent: Mapping[int, int] = field(default_factory=dict)
+    violated: tuple[tuple[Step | None, str, str], ...] = ()
 
     @property
     def steps(self) -> Sequence[Step]:

@@ -34,6 +34,8 @@ from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE, OnHold
 from lupin_engine.plugin.profile import ANSWER, START, Publish
 
+#: The property that invariants hold.
+INVARIANTS = "invariants"
 #: What a watcher remembers: times at which something is due.
 Remembered = tuple[float, ...]
 
@@ -148,6 +150,11 @@ class Monitor:
             self._states[one.name], verdict = one.watch(state, passage)
             self._count(one, verdict, step)
         self.before = glance(scope.memory)
+
+    @property
+    def told(self) -> list[tuple[str, str, Step | None]]:
+        """Name, text and step of each breach, in the order in which they came."""
+        return [(name, text, step) for name, (step, text) in self.breaches.items()]
 
     def end(self, now: float) -> None:
         """Judge what is open when the run is over."""
@@ -292,7 +299,7 @@ def _no_execution_error(passage: Passage) -> str | None:
     return found[0] if found else "" if passage.step.changed else None
 
 
-@_built_in("invariants", "No invariant is broken.")
+@_built_in(INVARIANTS, "No invariant is broken.")
 def _invariants(passage: Passage) -> str | None:
     if not passage.chart.invariants:
         return None

@@ -49,11 +49,14 @@ BECOMES: dict[type[Node], type] = {
     d.LevelNode: m.Level,
     d.InputNode: m.Input,
     d.InvariantNode: m.Invariant,
+    d.PropertyNode: m.TemporalProperty,
     d.RaiseNode: m.ActionCall,
     d.IfNode: m.ActionCall,
 }
 #: Words that make a type narrower.
 IN_TYPES = ("unit", "max", "distinct")
+#: Those whose `summary` the chart keeps, because it is told.
+TOLD = (d.StateNode, d.InvariantNode, d.PropertyNode)
 #: Words that become something else than a field of that name.
 ELSEWHERE = {
     (d.TransitionNode, "use"): "the other state's transitions are composed again",
@@ -66,7 +69,7 @@ ELSEWHERE = {
     (d.StateNode, "with"): "is built into the part's expressions",
     (d.StateNode, "history"): "a child",
     (d.InvariantNode, "that"): "the record has one expression",
-    **{(node, "summary"): "for the editor" for node in BECOMES if node not in (d.StateNode, d.InvariantNode)},
+    **{(node, "summary"): "for the editor" for node in BECOMES if node not in TOLD},
     (d.RaiseNode, "event"): "one of the arguments",
     (d.InputNode, "unit"): "for the reader",
     **{(node, key): "is in the type" for node in (d.VariableNode, d.RequestFieldNode) for key in IN_TYPES},
@@ -97,7 +100,7 @@ def chart() -> m.Chart:
 
 def records(chart: m.Chart, kind: type) -> Iterator[tuple[str, Any, Any]]:
     """Yield the places of a kind of record: field of the chart, what stands there, and the record in it."""
-    for family in ("states", "holds", "invariants", "inputs", "context", "missions"):
+    for family in ("states", "holds", "invariants", "properties", "inputs", "context", "missions"):
         for thing in getattr(chart, family).values():
             yield from ((family, thing, found) for found in inside(thing, kind))
 

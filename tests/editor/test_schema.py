@@ -41,8 +41,8 @@ SEEN = {"unknown-key", "missing-key", "wrong-shape"}
 NOT_SEEN = {
     "beginnings", "budgets", "carried_fields", "code_details", "contradictions", "copied_answers", "every",
     "for_each_beside", "holds", "inputs", "invoke_with_states", "level_without_target", "lifecycle_names",
-    "no_slot", "not_a_mission", "plugin_events", "request_carried", "request_fields", "retries", "slots",
-    "unused_and_unfilled", "words_in_their_place",
+    "no_slot", "not_a_mission", "plugin_events", "properties", "request_carried", "request_fields", "retries",
+    "slots", "unused_and_unfilled", "words_in_their_place",
 }  # fmt: skip
 
 

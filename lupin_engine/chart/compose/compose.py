@@ -10,6 +10,7 @@ Every step goes on after a finding. What comes out is a chart only when there ar
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
@@ -18,6 +19,7 @@ from lupin_engine.chart.compose.actions import ActionReader, raised_events
 from lupin_engine.chart.compose.carried import Carried, carries_something, end_of
 from lupin_engine.chart.compose.declare import Declared, Declarer, level_events
 from lupin_engine.chart.compose.invoke import InvokeReader
+from lupin_engine.chart.compose.timeless import read_property, timeless
 from lupin_engine.chart.compose.transitions import CompositionContext, TransitionReader, any_event, path_of
 from lupin_engine.chart.compose.tree import Draft, Forest, UsedNode, each_once, texts_of
 from lupin_engine.chart.compose.used import UsedMissionReader
@@ -25,7 +27,6 @@ from lupin_engine.chart.documents import (
     ActionNode,
     BudgetNode,
     FileNode,
-    InvariantNode,
     ItineraryNode,
     LifecycleNode,
     MissionNode,
@@ -34,7 +35,7 @@ from lupin_engine.chart.documents import (
     written_in,
 )
 from lupin_engine.chart.expressions.checker import check_expression
-from lupin_engine.chart.expressions.evaluation import Expression, Value
+from lupin_engine.chart.expressions.evaluation import Value
 from lupin_engine.chart.expressions.scope import Scope, Typed, Usage, fragment_of, literal
 from lupin_engine.chart.expressions.texts import check_text
 from lupin_engine.chart.expressions.units import with_article
@@ -58,6 +59,7 @@ from lupin_engine.chart.model import (
     Kind,
     Mission,
     State,
+    TemporalProperty,
     Timer,
 )
 from lupin_engine.chart.semantics import MIN_PERIOD
@@ -79,9 +81,6 @@ ITINERARY = Type(
 PERIOD = Type("number", "duration", unit="s", minimum=MIN_PERIOD)
 #: How often a chart is looked at for what its events carry, if one follows from another.
 MAX_LEARNED = 4
-#: What an invariant does not see, because it is told of every moment.
-_MOMENTARY = ("event", "error", "request", "target", "itinerary")
-_AT_ALL_TIMES = "an invariant holds at every moment, with and without a mission"
 
 
 @dataclass
@@ -200,6 +199,7 @@ class _Composer:
             parameters={},
             codes=self._codes,
             invariants=self._invariants(files),
+            properties=self._properties(files),
             summary=self._lifecycle.summary,
             catalog=self._catalog,
         )
@@ -331,7 +331,7 @@ class _Composer:
                 )
         return found
 
-    # -- invariants ----------------------------------------------------------------------------------------
+    # -- at all times --------------------------------------------------------------------------------------
 
     def _invariants(self, files: Iterable[FileNode]) -> dict[str, Invariant]:
         """Read the invariants of all files; each has a name of its own in the whole chart."""
@@ -339,32 +339,51 @@ class _Composer:
         for file in files:
             for name, node in file.invariants.items():
                 place, path = file.key_at("invariants", name), f"invariants.{name}"
-                if not self._declarer.good_name("invariant", name, place, path):
+                if not self._is_new("invariant", name, place, path, found):
                     continue
-                if name in found:
-                    problem = f"a second invariant is called {name!r}, after {found[name].place}"
-                    self._findings.add(place, "conflicting-definition", path, problem, "rename one")
-                    continue
-                that = self._always_true(file, node, file.value_at("invariants", name), path)
+                at = node.at("that") if node.written else file.value_at("invariants", name)
+                with self._at_all_times(file, "invariant", at, path) as scope:
+                    that = read_guard(node.that, at, scope, self._findings, path)
                 if that is not None:
                     found[name] = Invariant(name, that, place, node.summary)
         return found
 
-    def _always_true(self, file: FileNode, node: InvariantNode, place: Place, path: str) -> Expression | None:
-        """Read the condition of an invariant; it may not read what every use of its part sets otherwise."""
-        scope, usage = self._scope_of(file), Usage()
-        for name in _MOMENTARY:
-            scope = scope.without(name, _AT_ALL_TIMES)
-        place = node.at("that") if node.written else place
-        that = read_guard(node.that, place, replace(scope, usage=usage), self._findings, path)
+    def _properties(self, files: Iterable[FileNode]) -> dict[str, TemporalProperty]:
+        """Read the properties of all files; each has a name of its own in the whole chart."""
+        found: dict[str, TemporalProperty] = {}
+        for file in files:
+            for name, node in file.properties.items():
+                place, path = file.key_at("properties", name), f"properties.{name}"
+                if self._is_new("property", name, place, path, found):
+                    with self._at_all_times(file, "property", node.place, path) as scope:
+                        read = read_property(name, node, place, scope, self._findings)
+                    if read is not None:
+                        found[name] = read
+        return found
+
+    def _is_new(
+        self, what: str, name: str, place: Place, path: str, known: Mapping[str, Invariant | TemporalProperty]
+    ) -> bool:
+        if not self._declarer.good_name(what, name, place, path):
+            return False
+        if name not in known:
+            return True
+        problem = f"a second {what} is called {name!r}, after {known[name].place}"
+        self._findings.add(place, "conflicting-definition", path, problem, "rename one")
+        return False
+
+    @contextmanager
+    def _at_all_times(self, file: FileNode, what: str, place: Place, path: str) -> Iterator[Scope]:
+        """Give what such a condition sees; it may not read what every use of its part sets otherwise."""
+        usage = Usage()
+        yield replace(timeless(self._scope_of(file), what), usage=usage)
         for family in ("parameters", "functions", "inputs"):
             getattr(self._usage, family).update(getattr(usage, family))
         given = set().union(*self._bound.get(file.title, []))
         for name in sorted(given & usage.parameters):
             problem = f"param.{name} is given by a use of the part, so it has no value outside of it"
-            hint = "write the invariant without it, or let no use of the part set it"
+            hint = f"write the {what} without it, or let no use of the part set it"
             self._findings.add(place, "unknown-parameter", path, problem, hint)
-        return that
 
     # -- scopes --------------------------------------------------------------------------------------------
 

@@ -69,7 +69,7 @@ def sayings_of(chart: Chart) -> list[Saying]:
         found += [Saying(reader, state, *said) for said in walk(state, _ROLES, (state.name,))]
     for mission in chart.missions.values():
         found += [Saying(mission.name, None, *said) for said in walk(mission, _ROLES)]
-    for word in ("holds", "invariants", "inputs", "context"):
+    for word in ("holds", "invariants", "properties", "inputs", "context"):
         for name, thing in getattr(chart, word).items():
             found += [Saying("", None, *said) for said in walk(thing, _ROLES, (word, name))]
     return found
