@@ -4,7 +4,7 @@
 #   ARGS="..."                   further arguments, for run, check, test and mutants
 
 .DEFAULT_GOAL := help
-.PHONY: help run check test mutants soak docs environment environment-dev clean
+.PHONY: help run check test mutants soak faults docs environment environment-dev clean
 
 # Paths stay relative, so that a checkout may lie in a folder with blanks in its name.
 VENV_PYTHON := .venv/bin/python
@@ -17,6 +17,7 @@ help:
 	@echo "make test    the same, and all other tests"
 	@echo "make mutants how many small changes to the code the tests notice (ARGS=\"machine sim\" for some rooms only)"
 	@echo "make soak    real nodes for HOURS=2, mission after mission: what they hold, into the folder soak"
+	@echo "make faults  real nodes, a run with faults for each of SEEDS=1-20: the table, and runs.csv in the folder faults"
 	@echo "make docs    build the documentation as a site: open site/index.html"
 	@echo "make clean   remove .venv and all caches of this checkout"
 	@echo "The first run prepares .venv, the first test adds to it; that takes a few minutes, later ones start at once."
@@ -43,6 +44,9 @@ mutants: environment-dev
 
 soak: environment-dev
 	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) benchmarks/soak.py --hours $(or $(HOURS),2) $(ARGS)
+
+faults: environment-dev
+	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) -m tests.faults.campaign --seeds $(or $(SEEDS),1-20) $(ARGS)
 
 # The pages for authors are brought up to date first: what they show is what the commands print.
 docs: environment-dev

@@ -3,77 +3,35 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
-import uuid
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from lupin_engine.ros.adapter.dds.profile import RANGE, VARIABLES
+from tests.ros.computers import ADDRESSES, Computers, NoComputers, connected
 from tests.ros.world import PATIENCE, World
 
 pytestmark = pytest.mark.timeout(240)
 
 STRANGER = Path(__file__).with_name("stranger.py")
-#: Addresses of ours and of the stranger.
-OURS, THEIRS = "10.213.77.1", "10.213.77.2"
 #: Seconds for which the stranger looks around where nobody is to be found: an open node is found within 3.
 LOOKS_S = 8.0
 #: How the orchestrator's answer begins: it lacks a robot.
 ANSWERED = "start refused: "
 
 
-def ip(*arguments: str) -> None:
-    """Run `ip`; skip the test where that is not allowed."""
-    done = subprocess.run(["ip", *arguments], capture_output=True, text=True)
-    if done.returncode:
-        pytest.skip(f"no network namespaces here: ip {' '.join(arguments)}: {done.stderr.strip()}")
-
-
-class Computers:
-    """Two computers with a cable between them; the second has a shared memory of its own."""
-
-    def __init__(self) -> None:
-        mark = uuid.uuid4().hex[:6]
-        self.names = [f"lupin-{mark}-{side}" for side in "ab"]
-        self._ends = [f"lu{mark}{side}" for side in "ab"]
-
-    def connect(self) -> None:
-        """Make them."""
-        for name in self.names:
-            ip("netns", "add", name)
-        ip("link", "add", self._ends[0], "type", "veth", "peer", "name", self._ends[1])
-        for name, end, address in zip(self.names, self._ends, (OURS, THEIRS), strict=True):
-            ip("link", "set", end, "netns", name)
-            ip("-n", name, "address", "add", f"{address}/24", "dev", end)
-            ip("-n", name, "link", "set", end, "up")
-            ip("-n", name, "link", "set", "lo", "up")
-
-    def remove(self) -> None:
-        """Take them away, and the cable with them."""
-        for name in self.names:
-            subprocess.run(["ip", "netns", "delete", name], capture_output=True)
-
-    def on(self, number: int, *command: str) -> list[str]:
-        """Return the command line that runs a command on one of them."""
-        there = ["ip", "netns", "exec", self.names[number]]
-        memory = 'mount -t tmpfs tmpfs /dev/shm && exec "$@"'
-        return [*there, *(["unshare", "-m", "sh", "-c", memory, "-"] if number else []), *command]
-
-
 @pytest.fixture(scope="module")
 def computers() -> Iterator[Computers]:
-    if os.geteuid() or not shutil.which("ip") or not shutil.which("unshare"):
-        pytest.skip("no network namespaces here: they need root, ip and unshare")
-    found = Computers()
-    try:
-        found.connect()
+    with ExitStack() as stack:
+        try:
+            found = stack.enter_context(connected(Computers()))
+        except NoComputers as problem:
+            pytest.skip(str(problem))
         yield found
-    finally:
-        found.remove()
 
 
 def stranger(computers: Computers, number: int, seconds: float, **shell: str) -> str:
@@ -95,7 +53,9 @@ def orchestrator(world: World, computers: Computers, doors: str) -> None:
         world.run("mission_orchestrator", computers.on(0, lupin, "node", "mission_orchestrator"))
 
 
-@pytest.mark.parametrize("shell", [{}, {"ROS_STATIC_PEERS": OURS}], ids=["by the subnet", "by our address"])
+@pytest.mark.parametrize(
+    "shell", [{}, {"ROS_STATIC_PEERS": ADDRESSES[0]}], ids=["by the subnet", "by our address"]
+)
 def test_nobody_on_another_computer_finds_us(
     world: World, computers: Computers, shell: dict[str, str]
 ) -> None:
