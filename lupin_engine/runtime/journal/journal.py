@@ -5,6 +5,8 @@ Everything is called on the loop's thread; only `JournalWriter` has one of its o
 
 from __future__ import annotations
 
+import calendar
+import contextlib
 import os
 import re
 import shutil
@@ -56,6 +58,8 @@ KEPT_IDLE = 3
 PATIENCE_S = 2.0
 #: The clock on the wall was set when it moved by so much against the machine's, in nanoseconds.
 _WALL_NS = 5_000_000
+#: How the name of a file begins: UTC and milliseconds.
+_MOMENT, _STAMP = "%Y%m%dT%H%M%S", re.compile(r"(\d{8}T\d{6})\.(\d{3})Z")
 #: Name, value and stamp.
 _PARTS_OF_A_VALUE = 3
 
@@ -103,7 +107,9 @@ class Journal:
         self._told = ""
         self._bytes = self._since_shot = self._shot = 0
         self._names: dict[str, int] = {}
-        self._outcomes = self._files = 0
+        self._outcomes = 0
+        #: The stamp of the newest file; None as long as nobody has looked.
+        self._newest: int | None = None
 
     # -- files ------------------------------------------------------------------------------------------
 
@@ -150,11 +156,13 @@ class Journal:
         self._writer.close()
 
     def _name(self, head: JournalHead) -> str:
+        """Name a file by its time in milliseconds, but after all that are there: clocks are set back, too."""
         wall = (round(head.time * 1e9) + head.ahead_ns) // 1_000_000
-        moment = time.strftime("%Y%m%dT%H%M%S", time.gmtime(wall // 1000))
+        newest = _newest_stamp(self.folder) if self._newest is None else self._newest
+        self._newest = stamp = max(wall, newest + 1)
+        moment = time.strftime(_MOMENT, time.gmtime(stamp // 1000))
         about = re.sub(r"[^A-Za-z0-9_.-]", "_", head.mission_id)[:80] or IDLE
-        self._files += 1  # two in one millisecond
-        return f"{moment}.{wall % 1000:03d}Z{self._files:03d}_{about}{SUFFIX}"
+        return f"{moment}.{stamp % 1000:03d}Z_{about}{SUFFIX}"
 
     def _make_room(self, current: Path) -> None:
         """Remove what is older or more than is kept, but never the file that is written."""
@@ -292,6 +300,15 @@ def _save(folder: Path, files: Mapping[str, bytes]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
     making.rename(folder)
+
+
+def _newest_stamp(folder: Path) -> int:
+    """Return the milliseconds in the name of the newest file; 0 where there is none."""
+    for file in reversed(journal_files(folder)):
+        if match := _STAMP.match(file.name):
+            with contextlib.suppress(ValueError):  # no date, so none of ours
+                return calendar.timegm(time.strptime(match[1], _MOMENT)) * 1000 + int(match[2])
+    return 0
 
 
 def journal_folder(path: str = "", domain: int | None = None) -> Path:

@@ -114,6 +114,37 @@ def test_the_wall_clock_of_each_record_is_known(tmp_path: Path) -> None:
     assert second.event == Event("value", {"name": "x", "value": 1, "stamp": 2.5})
 
 
+@pytest.mark.parametrize("another_process", [False, True])
+def test_the_newest_file_is_the_newest_whatever_the_clock_says(tmp_path: Path, another_process: bool) -> None:
+    """The clock was an hour ahead once: what was written then must not hide the mission of now."""
+    clock = VirtualClock(0.0, 1.8e9)
+    keeper, machine = Keeper(tmp_path, clock), Machine(World(chart({"A": {}}), {}, {}, {}))
+    keeper.begin(machine)
+    clock.set_wall(1.8e9 + 3600.0)
+    keeper.begin(machine)
+    clock.set_wall(1.8e9 + 1.0)
+    if another_process:
+        keeper.settle()
+        keeper.journal.close()
+        keeper = Keeper(tmp_path, clock)
+    for mission_id in ("m1", "m2"):
+        keeper.begin(machine, mission_id)
+    keeper.settle()
+    keeper.journal.close()
+    heads = [read_head(file) for file in journal_files(tmp_path)]
+    assert [head.mission_id for head in heads if head] == ["", "", "m1", "m2"]
+
+
+def test_a_file_with_a_name_of_no_date_is_nobodys_newest(tmp_path: Path) -> None:
+    """Somebody else put it there."""
+    (tmp_path / "20269999T000000.000Z_x.journal").write_bytes(b"")
+    keeper = Keeper(tmp_path, VirtualClock(0.0, 1.8e9))
+    keeper.begin(Machine(World(chart({"A": {}}), {}, {}, {})))
+    keeper.settle()
+    keeper.journal.close()
+    assert (tmp_path / "20270115T080000.000Z_idle.journal").exists()
+
+
 def test_so_many_missions_are_kept(tmp_path: Path) -> None:
     """The oldest go first, the idle times between them as well."""
     clock = VirtualClock(0.0, 1.8e9)
