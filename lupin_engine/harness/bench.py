@@ -36,6 +36,8 @@ AT_ONCE_S = 1.0
 SCHEDULED = Path("/proc/thread-self/schedstat")
 #: Seconds between two looks at the network while a driver misses somebody.
 LOOK_S = 1.0
+#: For how long a process that was killed is still seen on the network, at most, in seconds.
+FORGOTTEN_S = 4.0
 #: Seconds after which an attempt that may have no server is cancelled.
 TRY_S = 5.0
 #: What a process gets that is killed as a crash would.
@@ -266,13 +268,16 @@ class Bench:
     def until_ready(self) -> None:
         """Wait until the driver misses nothing, or something on the network keeps it from its servers."""
         apart: list[str] = []
+        since: dict[str, float] = {}
         look_at = time.monotonic() + LOOK_S
 
         def is_ready_or_apart() -> bool:
-            nonlocal look_at
-            if time.monotonic() > look_at:
-                apart.extend(self.network_problems())
-                look_at = time.monotonic() + LOOK_S
+            nonlocal look_at, since
+            now = time.monotonic()
+            if now > look_at:
+                since = {problem: since.get(problem, now) for problem in self.network_problems()}
+                apart.extend(problem for problem, begun in since.items() if now - begun > FORGOTTEN_S)
+                look_at = now + LOOK_S
             return bool(apart) or not self.missing()
 
         self.until(is_ready_or_apart, f"missing() is to become empty; it names {self.missing()}")
