@@ -530,7 +530,8 @@ def shape_of(annotation: Any) -> str:
 
 def _plural(shape: str) -> str:
     """Return the shape of several; a link's text comes first in brackets."""
-    return re.sub(r"^(\[?[a-z ]*[a-rt-z])(?=$|\])", r"\1s", shape)
+    several = re.sub(r"^(\[?[a-z ]*[a-rt-z])(?=$|\])", r"\1s", shape)
+    return re.sub(r"(?<=[^aeiou ])ys(?=$|\])", "ies", several)
 
 
 def _schema_shape(annotation: Any) -> str | None:
