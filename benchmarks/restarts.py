@@ -79,17 +79,24 @@ class Timed:
         return timed
 
 
+def in_memory() -> tuple[Journal, MemoryWriter]:
+    """Return a journal that keeps its file in memory, and that file."""
+    writer = MemoryWriter()
+    return Journal(Path(), Keep(), lambda call: call(), print, writer=writer), writer
+
+
 def inspected(log: Any, journal: Journal) -> Simulation:
     """Run an inspection of all targets with live values as on the robot, and keep its journal."""
     folder = default_missions_folder()
     chart = load_chart(folder / LIFECYCLE, [folder / "inspection.yaml"], load_catalog())
     poses = [
-        Happening(Tell("robot.pose", {"x": t / 7, "y": 1 / (t + 1), "yaw": 0.1 * t}), 0.2 * t)
+        Happening(Tell("robot.pose", {"x": t / 7, "y": 1 / (t + 1), "yaw": 0.1 * t}), round(0.2 * t, 6))
         for t in range(1500)
     ]
-    stops = [Happening(Tell("robot.estop", False), 0.1 * t) for t in range(3000)]
+    stops = [Happening(Tell("robot.estop", False), round(0.1 * t, 6)) for t in range(3000)]
     script = Script("InspectionMission", {"tag_sequence": TARGETS}, happenings=(*poses, *stops))
     run = Simulation(chart, script, {}, log=log)
+    journal.wall_ns = lambda: round(run.wall * 1e9)
     journal.begin(head_of(run.machine, VirtualClock(0.0, run.wall)))
     run.begin()
     while not run.is_over and run.go_on():
@@ -105,8 +112,7 @@ def measure_journal() -> None:
         inspected(timed, disk)
         disk.close()
         print(f"a record on this disk's journal, without the commit's wait: {quantiles(timed.taken)}")
-    writer = MemoryWriter()
-    journal = Journal(Path(), Keep(), lambda call: call(), print, writer=writer)
+    journal, writer = in_memory()
     run = inspected(journal, journal)
     hour = 3600.0 / run.now * len(writer.data) / 1e6
     print(f"{len(run.steps)} steps in {run.now:.0f} s are {len(writer.data)} bytes: {hour:.1f} MB an hour")
@@ -122,8 +128,7 @@ def measure_journal() -> None:
 
 def crash() -> None:
     """Cut every record at every byte; what is left are the records before it, and nothing else."""
-    writer = MemoryWriter()
-    journal = Journal(Path(), Keep(), lambda call: call(), print, writer=writer)
+    journal, writer = in_memory()
     run = inspected(journal, journal)
     whole = journal_of(Path("x"), writer.data)
     ends = [len(MAGIC), *(record.end for record in whole.records)]

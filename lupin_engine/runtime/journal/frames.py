@@ -12,7 +12,7 @@ import zlib
 from dataclasses import dataclass
 
 #: What every file begins with; the number is raised when the form changes.
-MAGIC = b"lupin journal 1\n"
+MAGIC = b"lupin journal 2\n"
 #: No content is longer, in bytes: a length beyond it is no length.
 MAX_CONTENT = 64 * 1024 * 1024
 _HEADER = struct.Struct("<II")

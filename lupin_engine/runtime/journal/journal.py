@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.machine.event import Event, flaw
+from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
 from lupin_engine.plugin.files import ros_domain, user_folder
 from lupin_engine.plugin.profile import Publish
@@ -33,15 +33,14 @@ from lupin_engine.runtime.journal.records import (
     SNAPSHOT,
     START,
     TIMER,
-    VALUE,
     WALL,
     JournalFile,
     JournalHead,
     encoded,
     encoded_head,
-    encoded_value,
     read_head,
 )
+from lupin_engine.runtime.journal.shorthand import Shorthand
 from lupin_engine.runtime.journal.writer import FrameWriter, JournalWriter
 
 #: What files of a journal end with, and what those begin with that are about no mission.
@@ -60,8 +59,6 @@ PATIENCE_S = 2.0
 _WALL_NS = 5_000_000
 #: How the name of a file begins: UTC and milliseconds.
 _MOMENT, _STAMP = "%Y%m%dT%H%M%S", re.compile(r"(\d{8}T\d{6})\.(\d{3})Z")
-#: Name, value and stamp.
-_PARTS_OF_A_VALUE = 3
 
 
 @dataclass(frozen=True)
@@ -106,7 +103,7 @@ class Journal:
         self.problem = ""
         self._told = ""
         self._bytes = self._since_shot = self._shot = 0
-        self._names: dict[str, int] = {}
+        self._short = Shorthand()
         self._outcomes = 0
         #: The stamp of the newest file; None as long as nobody has looked.
         self._newest: int | None = None
@@ -118,7 +115,7 @@ class Journal:
         self.head = head = replace(head, outcomes=self._outcomes)
         self.problem = ""
         self._bytes = self._since_shot = 0
-        self._names = {}
+        self._short = Shorthand()
         self._shot = len(head.snapshot)
         path = self.folder / self._name(head)
         self._writer.open(path)
@@ -139,7 +136,7 @@ class Journal:
         ahead = self.wall_ns() - round(now * 1e9)
         self.head = replace(found.head, time=now, ahead_ns=ahead, boot=boot)
         self._bytes, self._since_shot, self._shot = found.good, 0, len(found.head.snapshot)
-        self._names = {}
+        self._short = Shorthand()
         self._writer.open(found.path, cut=found.good)
         self._put(encoded(RESUMED, now, {"boot": boot, "ahead_ns": ahead, "shift": shift}), urgent=True)
 
@@ -187,23 +184,25 @@ class Journal:
 
     def started(self, now: float, ahead: float | None) -> None:
         """The machine is started."""
-        self._input(START, now, ahead)
+        self._input((START, now, ahead), now)
 
     def handled(self, now: float, event: Event, origin: Mapping[str, str]) -> None:
         """The machine gets an event; `origin` is who asked for it."""
-        name, data = event.name, event.data
-        if name == "value" and not flaw(event) and len(data) == _PARTS_OF_A_VALUE:
-            self._input(VALUE, now, data, urgent=False)
+        if self.head is None:
+            return
+        short = None if origin else self._short.written(now, event)
+        if short is not None:
+            self._input(short, now, urgent=event.name != "value")
         else:
-            self._input(EVENT, now, name, data, *([origin] if origin else []))
+            self._input((EVENT, now, event.name, event.data, *([origin] if origin else [])), now)
 
     def fired(self, now: float) -> None:
         """The machine fires its earliest deadline."""
-        self._input(TIMER, now)
+        self._input((TIMER, now), now)
 
     def loaded(self, now: float) -> None:
         """The machine goes on from another one's memory."""
-        self._input(LOADED, now)
+        self._input((LOADED, now), now)
 
     def when_kept(self, then: Callable[[], None]) -> None:
         """Call `then` when all that was written is on the disk; at once when that cannot be."""
@@ -263,7 +262,7 @@ class Journal:
         self._told = ""
         self._changed("")
 
-    def _input(self, kind: str, now: float, *data: Any, urgent: bool = True) -> None:
+    def _input(self, record: tuple[Any, ...], now: float, urgent: bool = True) -> None:
         head = self.head
         if head is None:
             return
@@ -272,13 +271,12 @@ class Journal:
             self.head = replace(head, ahead_ns=ahead)
             self._put(encoded(WALL, ahead), urgent=False)
         try:
-            short = kind == VALUE
-            content = encoded_value(now, data[0], self._names) if short else encoded(kind, now, *data)
+            content = encoded(*record)
         except (TypeError, ValueError) as problem:
-            what = data[0]["name"] if kind == VALUE else data[0] if data else kind
-            self.problem = f"{what} cannot be written: {problem}"
+            self.problem = f"{self._short.name_in(record)} cannot be written: {problem}"
             self._post(partial(self._on_failure, self.problem, []))  # not in the midst of a step
             return
+        self._short.time = now
         self._put(content, urgent=urgent)
 
     def _put(self, content: bytes, urgent: bool) -> None:

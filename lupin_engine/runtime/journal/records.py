@@ -1,10 +1,10 @@
 """The records of a journal: JSON lists that begin with their kind.
 
-What entered the machine, each with the machine's time: `start`, `event`, `value` (an event too, written
-shorter), `timer`, `loaded` (a machine of another chart goes on), `resumed` (another process goes on). What
-was told the world: `outcome` before it is published, `published` after, `answered` what came of a
-command with an id. And for whoever reads: `head` first, `wall` when the clock on the wall was set,
-`snapshot`, `end`.
+What entered the machine, each with the machine's time: `start`, `event`, `value` (an event too; `shorthand`
+says how these and progress are written), `timer`, `loaded` (a machine of another chart goes on), `resumed`
+(another process goes on). What was told the world: `outcome` before it is published, `published` after,
+`answered` what came of a command with an id. And for whoever reads: `head` first, `wall` when the clock on
+the wall was set, `snapshot`, `end`.
 """
 
 from __future__ import annotations
@@ -19,10 +19,9 @@ from typing import Any
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Event
 from lupin_engine.runtime.journal.frames import read_frames
+from lupin_engine.runtime.journal.shorthand import SHORT_PROGRESS, SHORT_VALUE, Shorthand, progress_of
 
 HEAD, START, EVENT, VALUE, TIMER = "head", "start", "event", "value", "timer"
-#: How a `value` is written: most records are some.
-_SHORT = "v"
 LOADED, RESUMED = "loaded", "resumed"
 OUTCOME, PUBLISHED, ANSWERED = "outcome", "published", "answered"
 WALL, SNAPSHOT, END = "wall", "snapshot", "end"
@@ -127,26 +126,6 @@ def encoded(kind: str, *data: Any) -> bytes:
     return _ENCODER.encode((kind, *data)).encode()
 
 
-def encoded_value(now: float, data: Mapping[str, Any], names: dict[str, int]) -> bytes:
-    """Return the content of a `value`: a name is written once, then its number; a stamp as how old it is.
-
-    Args:
-        now: the machine's time, in seconds.
-        data: of the event.
-        names: those that stand in the file already, with their numbers; a new one is added.
-
-    Raises:
-        TypeError: the value is no plain data.
-        ValueError: it contains itself.
-    """
-    name, stamp = data["name"], data["stamp"]
-    written = names.get(name, name)
-    names.setdefault(name, len(names))
-    age = round(now - stamp, 6)
-    rest = (age,) if round(now - age, 6) == stamp else (age, stamp)
-    return encoded(_SHORT, now, written, data["value"], *rest)
-
-
 def encoded_head(head: JournalHead) -> bytes:
     """Return the content of a head; errors as for `encoded`."""
     return encoded(HEAD, asdict(head))
@@ -199,31 +178,25 @@ def _head(record: Any) -> JournalHead:
 
 def _records(contents: list[bytes], ends: list[int], head: JournalHead) -> list[JournalRecord]:
     ahead, time = head.ahead_ns * 1e-9, head.time
-    records, names = [], list[str]()
+    records, short = [], Shorthand()
     for number, (content, end) in enumerate(zip(contents, ends, strict=True)):
         kind, *data = json.loads(content)
         if kind == WALL:
             ahead = data[0] * 1e-9
         elif kind == RESUMED:
             time, ahead = data[0], data[1]["ahead_ns"] * 1e-9
-            data, names = data[1:], []
-        elif kind == _SHORT:
-            kind, time = VALUE, data[0]
-            data = _value(data, names)
+            data, short = data[1:], Shorthand()
+        elif kind == SHORT_VALUE:
+            time = short.read_time(data[0])
+            kind, data = VALUE, short.read_value(time, data[1:])
+        elif kind == SHORT_PROGRESS:
+            time = short.read_time(data[0])
+            kind, data = EVENT, progress_of(data[1:])
         elif kind in INPUTS:
             time, *data = data
+        short.time = time
         records.append(JournalRecord(number, kind, time, time + ahead, tuple(data), end))
     return records
-
-
-def _value(data: list[Any], names: list[str]) -> list[Any]:
-    """Return name, value and stamp of a short record, and remember a name that is new."""
-    time, name, value, age, *stamp = data
-    if isinstance(name, str):
-        names.append(name)
-    else:
-        name = names[name]
-    return [name, value, stamp[0] if stamp else round(time - age, 6)]
 
 
 def _plain(value: Any) -> Any:
