@@ -1,7 +1,8 @@
 """A valve with a flow meter, as a node: `python valve.py --ros-args -p ledger:=/var/lib/valve.json`.
 
 It never gives a tag water twice a day, whoever asks and whatever dies meanwhile: a dose is in the ledger
-before the valve opens, with all that it may become, and corrected when the valve is shut.
+before the valve opens, with all that it may become, and corrected when the valve is shut. No water flows for
+an orchestrator that is gone: it tells its state five times a second; when it falls silent the valve shuts.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
+from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import SetArmPreset
 
 
@@ -31,11 +33,14 @@ class Valve(Node):
         super().__init__("valve")
         self.flow = self.declare_parameter("flow", 2.0).value / 60.0  # l/min, kept in l/s
         self.file = Path(self.declare_parameter("ledger", "valve.json").value)
+        self.timeout = self.declare_parameter("orchestrator_timeout_s", 2.0).value
         self.chosen = ""
         self.open_for = ""
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.meter = self.create_publisher(JointState, "/valve/meter", latched)
         group = ReentrantCallbackGroup()
+        self.heard = time.monotonic()
+        self.create_subscription(MissionState, "/mission/state", self.hear, 10, callback_group=group)
         self.create_service(SetArmPreset, "/valve/choose", self.choose, callback_group=group)
         self.server = ActionServer(
             self,
@@ -87,19 +92,28 @@ class Valve(Node):
         self.open_for = tag
         return GoalResponse.ACCEPT
 
+    def hear(self, _: MissionState) -> None:
+        """Note that the orchestrator is there."""
+        self.heard = time.monotonic()
+
+    def is_watched(self, begun: float) -> bool:
+        """Say whether somebody was heard lately who would shut the valve."""
+        return time.monotonic() - max(self.heard, begun) < self.timeout
+
     def give(self, goal: Any) -> Any:
-        """Let water flow until the meter says enough, or the dose is cancelled."""
+        """Let water flow until the meter says enough, the dose is cancelled, or nobody watches any more."""
         tag, wanted, flowed = self.open_for, goal.request.command.position, 0.0
         begun = time.monotonic()
         self.get_logger().info(f"open for tag {tag}")
-        while flowed < wanted and not goal.is_cancel_requested:
+        while flowed < wanted and not goal.is_cancel_requested and self.is_watched(begun):
             time.sleep(0.02)
             flowed = min(wanted, (time.monotonic() - begun) * self.flow)
             goal.publish_feedback(GripperCommand.Feedback(position=flowed))
         self.enter(tag, flowed)
         self.open_for = ""
         self.get_logger().info(f"shut after {flowed:.3f} l for tag {tag}")
-        goal.canceled() if flowed < wanted else goal.succeed()
+        end = goal.succeed if flowed >= wanted else goal.canceled if goal.is_cancel_requested else goal.abort
+        end()
         return GripperCommand.Result(position=flowed, reached_goal=flowed >= wanted)
 
 

@@ -92,6 +92,7 @@ class OperationCall:
     told: Mapping[str, Value]
     moves: bool
     cut_short: bool
+    watched: bool
 
     def given(self, answer: Mapping[str, Any], around: Around) -> Mapping[str, Any] | None:
         """Return what a goal that was cancelled comes to, if it is said that it comes to anything."""

@@ -190,6 +190,16 @@ class BoundOperationNode(Node):
         description="`cancel`: it moves the robot, a hold ends it and calls again on release; "
         "`finish`: its answer waits for the release",
     )
+    on_restart: Literal["cancel", "finish"] = Field(
+        "cancel",
+        description="when another orchestrator goes on: `cancel`: what is under way is ended and begun anew; "
+        "`finish`: an action goes on, and its result counts",
+    )
+    watch: Literal["client"] | None = Field(
+        None,
+        description="`client`: its server hears whether the orchestrator is there, and ends the order "
+        "when it falls silent; to a server that does not listen no order is given",
+    )
     mock: BoundMockNode | None = Field(None, description="how it is simulated; needed where it has a result")
 
 

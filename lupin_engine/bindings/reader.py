@@ -312,6 +312,7 @@ class _BindingReader:
                 read.told,
                 moves=node.on_hold == "cancel",
                 cut_short=node.cut_short,
+                watched=node.watch is not None,
             )
         if isinstance(node, BoundActionNode):
             return MessageSent(endpoint, read.sending)
@@ -393,7 +394,22 @@ class _BindingReader:
             OnHold(node.on_hold),
             self._cut_short(node, path),
             self._mock(node, path, result, values),
+            adopts=self._adopts(node, path),
         )
+
+    def _adopts(self, node: BoundOperationNode, path: str) -> bool:
+        if node.on_restart != "finish":
+            return False
+        problem = ""
+        if node.action is None:
+            problem = "only an action goes on: the answer to a call is lost with the process that has called"
+        elif node.on_hold == "cancel":
+            problem = "a restart is a hold, and on_hold cancels it"
+        elif node.watch is not None:
+            problem = "its server ends it when the client falls silent, which a restart does"
+        if problem:
+            self._findings.add(node.key_at("on_restart"), "wrong-shape", path, problem, "leave it out")
+        return True
 
     def _cut_short(self, node: BoundOperationNode, path: str) -> bool:
         if node.cut_short and (node.action is None or not node.result):

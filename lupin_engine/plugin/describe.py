@@ -63,6 +63,8 @@ def _operation_facts(operation: Operation) -> Iterator[tuple[str, str]]:
     yield "when held", HOLDS[operation.on_hold]
     if operation.cut_short:
         yield "when cancelled", "it gives what it gives as far as it came"
+    if operation.adopts:
+        yield "when restarted", "it goes on"
     if operation.uses:
         yield "uses", ", ".join(operation.uses)
 

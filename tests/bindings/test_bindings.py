@@ -115,6 +115,36 @@ def test_a_good_binding_is_without_a_word(catalog: Catalog) -> None:
     assert chart.plugins == ("bridge", "survey")  # the lifecycle reads the state of the robot from there
     assert "survey" not in catalog.plugins
     assert chart.catalog.operations["survey.ask"].doc == "Ask for the field around a place."
+    assert chart.catalog.operations["survey.walk"].adopts
+
+
+@pytest.mark.parametrize(
+    ("more", "line", "why"),
+    [
+        ("on_hold: cancel", 57, "a restart is a hold, and on_hold cancels it"),
+        ("watch: client", 57, "its server ends it when the client falls silent, which a restart does"),
+    ],
+)
+def test_what_cannot_go_on_after_a_restart(
+    more: str, line: int, why: str, folder: Path, catalog: Catalog
+) -> None:
+    file = folder / "bindings" / "survey.yaml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(
+        text.replace("    on_restart: finish\n", f"    on_restart: finish\n    {more}\n"), "utf-8"
+    )
+    _, found = check_chart(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog)
+    (told,) = found
+    assert (told.place.line, told.rule, told.problem, told.hint) == (line, "wrong-shape", why, "leave it out")
+
+
+def test_a_call_cannot_go_on_after_a_restart(folder: Path, catalog: Catalog) -> None:
+    file = folder / "bindings" / "survey.yaml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("    watch: client\n", "    on_restart: finish\n"), "utf-8")
+    _, found = check_chart(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog)
+    why = "only an action goes on: the answer to a call is lost with the process that has called"
+    assert [told.problem for told in found] == [why]
 
 
 def test_every_word_of_a_binding_is_said() -> None:

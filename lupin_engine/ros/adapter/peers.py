@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from lupin_engine.ros.adapter.host import Host
-from lupin_engine.ros.adapter.network import NAMELESS, node_name, type_name
+from lupin_engine.ros.adapter.network import NAMELESS, UNKNOWN, node_name, type_name
 
 #: What an action's server tells of its goals.
 _STATUS = "/_action/status"
@@ -41,6 +41,17 @@ def peer_mismatches(ros: Host) -> list[str]:
     """
     me = (ros.node.get_name(), ros.node.get_namespace())
     return [finding for channel in ros.channels() for finding in _channel_findings(ros.node, channel, me)]
+
+
+def is_listened_to(ros: Host, topic: str, server: str) -> bool:
+    """Say whether all nodes that serve a service, or an action by `NAME/_action/send_goal`, hear a topic.
+
+    Both are full names. A node that is not discovered as a whole yet does not.
+    """
+    _, replies = service_channels(server)
+    serving = {node_name(e) for e in ros.node.get_publishers_info_by_topic(replies, no_mangle=True)}
+    hearing = {node_name(e) for e in ros.node.get_subscriptions_info_by_topic(topic)} - {UNKNOWN}
+    return bool(serving) and serving <= hearing
 
 
 def rival_servers(ros: Host) -> list[str]:

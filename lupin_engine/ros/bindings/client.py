@@ -17,6 +17,7 @@ from lupin_engine.bindings.data import Binding, Endpoint, MessageHeard, MessageS
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
 from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode, RosTimer, peer_mismatches
+from lupin_engine.ros.adapter.peers import is_listened_to
 from lupin_engine.ros.adapter.service_driver import (
     CALL_DEADLINE_S,
     Done,
@@ -43,6 +44,7 @@ _STATUS = {
     GoalStatus.STATUS_ABORTED: "aborted",
     GoalStatus.STATUS_CANCELED: "canceled",
 }
+_CALLED = {"srv": "service", "action": "action server"}
 _QOS = {"reliable": Qos.EVENT, "latched": Qos.LATCHED, "sensor": Qos.SENSOR}
 #: What expressions and values raise that do not come out as their author meant.
 _COMPUTING = (ValueError, ArithmeticError, LookupError, TypeError)
@@ -73,6 +75,14 @@ class _BindingContext:
         name = self.ros.node.resolve_service_name(endpoint.name)
         others = (found for found in peer_mismatches(self.ros) if f"{name}:" in found or f"{name}/" in found)
         return "; ".join([said, *sorted(others)[:1]])
+
+    def is_deaf(self, call: OperationCall) -> bool:
+        """Say whether a server that should watch us, as the file says, does not listen to what we tell."""
+        if not (call.watched and self.ros.lifeline):
+            return False
+        name = self.ros.node.resolve_service_name(call.endpoint.name)
+        server = f"{name}/_action/send_goal" if call.endpoint.kind == "action" else name
+        return not is_listened_to(self.ros, self.ros.lifeline, server)
 
 
 class BoundClient:
@@ -111,8 +121,11 @@ class BoundClient:
         return ActionOperation(server, outcome, told, call.rejected, call.unavailable, cut_short)
 
     def missing(self) -> list[str]:
-        """Name the services and action servers that cannot be reached."""
-        return [*self._services.missing(), *(m for s in self._servers.values() for m in s.missing())]
+        """Name the services and action servers that cannot be reached, or do not watch us as they should."""
+        unreached = [*self._services.missing(), *(m for s in self._servers.values() for m in s.missing())]
+        deaf = [call for call in self._bound.calls.values() if self._world.is_deaf(call)]
+        names = dict.fromkeys(f"{_CALLED[call.endpoint.kind]} {call.endpoint.name}" for call in deaf)
+        return unreached or [f"{name} to listen to {self._ros.lifeline}" for name in names]
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
         """Call the operation's service or send its goal, or wait a little for a server not found yet."""
@@ -123,6 +136,13 @@ class BoundClient:
             self._waiting[attempt] = self._ros.steady_timer(_LOOK_PERIOD_S, look)
             return
         call = self._bound.calls[operation]
+        if self._world.is_deaf(call):
+            deaf = (
+                f"{_CALLED[call.endpoint.kind]} {call.endpoint.name} does not listen to {self._ros.lifeline}"
+            )
+            why = f"{deaf}: nobody would end the order if this orchestrator were gone"
+            self._outlet.failed(attempt, call.unavailable, why)
+            return
         try:
             if operation in self._goals:
                 kind = interface_class(call.endpoint.type).Goal
@@ -136,7 +156,8 @@ class BoundClient:
     def _may_be_found(self, operation: str) -> bool:
         goal = self._goals.get(operation)
         ready = goal.server.ready if goal is not None else self._called[operation].service.ready()
-        return not ready and time.monotonic() < self._patient_until
+        found = ready and not self._world.is_deaf(self._bound.calls[operation])
+        return not found and time.monotonic() < self._patient_until
 
     def _look(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
         if not self._may_be_found(operation):

@@ -175,6 +175,27 @@ def test_a_hold_stops_the_cart_and_gives_the_order_again(desk: Desk, spraying: C
     assert spraying.goals[0].request.pose.pose == spraying.goals[1].request.pose.pose
 
 
+def test_an_order_goes_on_when_the_orchestrator_is_started_again(
+    world: World, desk: Desk, missions: Path
+) -> None:
+    """`on_restart: finish`: no second one is given, and the result of the first counts."""
+    put(missions / "bindings" / "sprayer.yaml", ("    on_hold: cancel", "    on_restart: finish"))
+    cart = desk.switch_on()
+    world.start_all(missions_path=missions)
+    desk.begin("1")
+    desk.until(desk.order_is_taken, "the order is taken")
+    world.processes["mission_orchestrator"].kill()
+    world.processes["mission_orchestrator"].wait(10.0)
+    desk.states.clear()
+    world.start("mission_orchestrator", missions_path=missions, estop_timeout_s=10.0)
+    desk.until(lambda: desk.states and desk.state.paused, "the new one is held")
+    succeed(cart.goals[0])
+    assert desk.ask("resume").success
+    desk.until_done(published=1)
+    assert [(o.tag_reading.tag_id, o.status) for o in desk.observations] == [("1", 0)]
+    assert (len(cart.goals), cart.cancelled) == (1, [])
+
+
 def test_a_cart_that_will_not(desk: Desk, spraying: Cart) -> None:
     """The reason stands in what is published of the plant."""
     spraying.willing = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 import sys
 from pathlib import Path
 
@@ -21,12 +22,14 @@ class Garden:
     def __init__(self, world: World, operator: Operator, ledger: Path) -> None:
         self.world = world
         self.operator = operator
-        self._ledger = ledger
+        self.ledger = ledger
 
-    def valve(self, flow: float = 6.0) -> None:
-        """Start the valve, with the ledger that it had before and so many litres a minute."""
-        script = [sys.executable, str(WATERING / "valve.py"), "--ros-args"]
-        self.world.run("valve", [*script, "-p", f"ledger:={self._ledger}", "-p", f"flow:={flow}"])
+    def valve(self, *program: str, **given: float) -> None:
+        """Start the valve, or another program for it, with the ledger that it had before."""
+        settings = {"ledger": self.ledger, "flow": 6.0, **given}
+        told = [part for name, value in settings.items() for part in ("-p", f"{name}:={value}")]
+        script = program or (str(WATERING / "valve.py"),)
+        self.world.run("valve", [sys.executable, *script, "--ros-args", *told])
 
     def kill(self, node: str) -> None:
         """End a process as `kill -9` does."""
@@ -75,11 +78,14 @@ def garden(world: World, operator: Operator, tmp_path: Path) -> Garden:
 
 
 def test_a_killed_orchestrator_waters_nothing_twice(garden: Garden) -> None:
-    """It dies while water flows; the next one goes on with the other tags, up to the cap."""
+    """It dies while water flows: the valve shuts, and the next one goes on with the others, up to the cap."""
+    garden.kill("valve")
+    garden.valve(flow=9.0)
     garden.start("1", "5", "12")
     garden.begun()
     garden.kill("mission_orchestrator")
     garden.operator.until(garden.shut, "the valve is shut")
+    assert 0.25 < garden.shut()[0] < 0.4
     garden.go_on(watering_cap=1.0)
     garden.operator.until_done(published=3)
     assert [(tag, status) for tag, status, _ in garden.told()] == [("1", 2), ("5", 0), ("12", 3)]
@@ -90,7 +96,7 @@ def test_a_killed_orchestrator_waters_nothing_twice(garden: Garden) -> None:
 def test_a_new_orchestrator_shuts_what_a_killed_one_opened(garden: Garden) -> None:
     """The dose is cancelled before anything else is done; what had flowed is all that the tag gets."""
     garden.kill("valve")
-    garden.valve(flow=0.6)  # 40 s for a dose
+    garden.valve(flow=0.6, orchestrator_timeout_s=60.0)  # 40 s for a dose
     garden.start("1")
     garden.begun()
     garden.kill("mission_orchestrator")
@@ -99,6 +105,41 @@ def test_a_new_orchestrator_shuts_what_a_killed_one_opened(garden: Garden) -> No
     assert garden.shut()[0] < 0.4
     assert [(tag, status) for tag, status, _ in garden.told()] == [("1", 2)]
     assert garden.doses() == ["1"]
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_the_valve_shuts_when_the_orchestrator_is_not_heard(garden: Garden, how: signal.Signals) -> None:
+    """It is killed, or it hangs; nobody else does anything."""
+    garden.kill("valve")
+    garden.valve(flow=0.6)
+    garden.start("1")
+    garden.begun()
+    process = garden.world.processes["mission_orchestrator"]
+    process.send_signal(how)
+    garden.operator.until(garden.shut, "the valve is shut")
+    assert garden.shut()[0] < 0.1, "10 s"
+    process.send_signal(signal.SIGCONT)
+
+
+#: A valve that hears nobody.
+DEAF = """
+import sys
+sys.path.insert(0, {folder!r})
+import valve
+valve.Valve.create_subscription = lambda *_, **__: None
+valve.main()
+"""
+
+
+def test_a_valve_that_does_not_watch_gets_no_order(garden: Garden) -> None:
+    """The robot is not ready, and says for what it waits."""
+    garden.operator.in_state("READY")
+    garden.kill("valve")
+    garden.operator.in_state("BOOT")
+    garden.valve("-c", DEAF.format(folder=str(WATERING)))
+    missing = "action server /valve/give to listen to /mission/state"
+    garden.operator.until(lambda: missing in garden.operator.state.last_error, "what is missing")
+    assert garden.operator.state.lifecycle_state == "FAULT"
 
 
 def test_a_released_hold_waters_nothing_again(garden: Garden) -> None:
