@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 from collections.abc import Callable
 
@@ -117,14 +118,19 @@ def test_a_bridge_that_stays_dead_fails_its_scan_and_nothing_else(lupin: Start) 
     assert "DONE: 1 visited, 1 failed of 2 targets" in run.lines[-1]
 
 
-def test_without_its_orchestrator_a_run_is_over(lupin: Start) -> None:
-    """The last lines of its log are told; exit code 2."""
-    run = lupin(*THREE)
+def test_a_run_whose_orchestrator_died_waits_for_somebody_who_resumes(lupin: Start) -> None:
+    """The last lines of its log are told; the next one is held; where nobody comes the run ends: code 2."""
+    run = lupin(*THREE, "--patience", "3")
     run.until_line("NAVIGATING  tag 1")
     os.kill(run.pid_of("mission_orchestrator"), signal.SIGKILL)
     assert run.end() == 2, run.output
     assert "mission_orchestrator was killed by SIGKILL" in run.errors[0]
     assert any(line.startswith("  | ") for line in run.errors)
+    assert re.search(r"will be held: look where the robot is, then `lupin resume`$", run.output, re.MULTILINE)
+    assert re.search(
+        r"waits for an operator \(restarted: .*; nobody came within 3 s$", run.output, re.MULTILINE
+    )
+    assert "DONE: 3 skipped of 3 targets" in run.output
 
 
 def test_an_absent_action_server_is_named(lupin: Start) -> None:
