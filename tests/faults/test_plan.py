@@ -126,7 +126,7 @@ def test_a_process_that_ended_by_itself_is_told() -> None:
 
 
 def test_a_robot_that_begins_elsewhere_has_not_driven_there() -> None:
-    track = [(0.0, 0.0, 0.0), (0.1, 0.1, 0.0), (2.0, 90.0, 0.0), (2.1, 90.0, 0.0)]
+    track = [(0.0, 0.0, 0.0), (0.1, 0.1, 0.0), (2.0, 0.5, 0.5), (2.1, 0.5, 0.5)]
     assert driven(track, 0.0, math.inf) == (pytest.approx(0.1), pytest.approx(0.1))
 
 

@@ -16,8 +16,8 @@ OK = 0
 BOUND_S, BUSY_S = 2.25, 1.0
 #: A robot that read a tag had been so near to it, in metres.
 NEAR_M = 1.6
-#: A robot that is started again is elsewhere: faster than this, in metres a second, is no drive.
-FASTEST = 20.0
+#: Where a simulated robot is that was started again, after as many seconds without a word at least: no drive.
+START, SILENT_S = [0.5, 0.5], 0.3
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def driven(track: Sequence[tuple[float, float, float]], begin: float, end: float
     within = [place for place in track if begin <= place[0] <= end]
     for (before, *here), (after, *there) in pairwise(within):
         step = math.dist(here, there)
-        if step <= FASTEST * max(after - before, 0.05):
+        if there != START or after - before < SILENT_S:
             far += step
             last = after - begin if step > 0.005 else last
     return far, last
