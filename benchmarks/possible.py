@@ -18,7 +18,7 @@ from pathlib import Path
 
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.chart_record import chart_record
+from lupin_engine.ros.chart_record import chart_picture, chart_record
 from lupin_engine.runtime.possible import Foresight
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario, scenario_files
 from lupin_engine.sim.simulation import Simulation
@@ -83,7 +83,7 @@ def main() -> None:
     loaded, taken = load_missions((), missions.catalog), []
     for _ in range(rounds):
         begun = time.process_time()
-        text = json.dumps(chart_record(loaded))
+        text = json.dumps({**chart_record(loaded), **chart_picture(loaded)})
         taken.append(time.process_time() - begun)
     print(f"the chart, {len(text) / 1e3:.0f} kB: {1e3 * statistics.median(taken):.0f} ms")
 

@@ -1,13 +1,13 @@
 // The console: a bar with what matters most, the views, and on wide screens the mission's buttons beside each of them.
 import { render } from "preact";
-import { startClock } from "./model/clock";
-import { startHistory } from "./model/history";
-import { startLog } from "./model/log";
-import { state } from "./model/mission";
+import { startClock } from "./model/time/clock";
+import { startHistory } from "./model/time/history";
+import { startLog } from "./model/story/log";
+import { state } from "./model/mission/mission";
 import { language, mode, open, route, startPage, texts, theme, type Language, type Theme } from "./model/page";
-import { startScrubbing } from "./model/scrub";
-import { startPlayback } from "./model/playback";
-import { startSimulation } from "./model/simulation";
+import { startScrubbing } from "./model/time/scrub";
+import { startPlayback } from "./model/time/playback";
+import { startSimulation } from "./model/mission/simulation";
 import { startPeople } from "./model/people";
 import { startTopics } from "./model/topics";
 import { MomentBar } from "./parts/moment";

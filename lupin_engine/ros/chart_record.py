@@ -11,19 +11,13 @@ from lupin_engine.missions.load import LoadedMissions
 
 
 def chart_record(loaded: LoadedMissions) -> dict[str, Any]:
-    """Return a chart with its hash, its picture, and the place of every state and transition in its files.
+    """Return a chart with its hash, and the place of every state and transition in its files; no picture yet.
 
     Files are named as in the folder of the missions. `id` is what the picture calls a state (`data-state`);
     transitions have their ids there as well (`data-transition`), except refusals, which are not drawn.
-    A chart that cannot be drawn has no picture, and `problem` says why.
     """
     chart, names = loaded.chart, loaded.short_names
     words = ElementTexts(chart)
-    picture = problem = ""
-    try:
-        picture = folded_svg(chart, frozenset())
-    except Exception as raised:  # all the rest is of use without it
-        problem = f"the chart cannot be drawn: {reason(raised)}"
 
     def where(place: Place) -> dict[str, Any]:
         return {"file": names[place.file], "line": place.line}
@@ -33,8 +27,8 @@ def chart_record(loaded: LoadedMissions) -> dict[str, Any]:
     return {
         "hash": loaded.hash,
         "missions": list(loaded.names),
-        "svg": picture,
-        "problem": problem,
+        "svg": "",
+        "problem": "",
         "states": {
             state.name: {"id": state.name, "summary": state.summary, **where(state.place)} for state in states
         },
@@ -50,6 +44,17 @@ def chart_record(loaded: LoadedMissions) -> dict[str, Any]:
         },
         "files": {names[name]: raw.decode(errors="replace") for name, raw in loaded.sources.items()},
     }
+
+
+def chart_picture(loaded: LoadedMissions) -> dict[str, str]:
+    """Return what the record of a chart says of its picture; that of a large one may take a minute.
+
+    A chart that cannot be drawn has none, and `problem` says why: all the rest is of use without it.
+    """
+    try:
+        return {"svg": folded_svg(loaded.chart, frozenset()), "problem": ""}
+    except Exception as raised:
+        return {"svg": "", "problem": f"the chart cannot be drawn: {reason(raised)}"}
 
 
 def check_chart(asked: str, loaded: LoadedMissions) -> None:

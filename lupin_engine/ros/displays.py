@@ -85,7 +85,7 @@ class Displays:
 
         svg = problem = ""
         try:
-            with self._pencil, _giving_way():
+            with self._pencil, giving_way():
                 svg = folded_svg(loaded.chart, folded)
         except LupinError as wrong:
             problem = str(wrong)
@@ -99,7 +99,7 @@ class Displays:
 
 
 @contextmanager
-def _giving_way() -> Iterator[None]:
+def giving_way() -> Iterator[None]:
     """Let other threads wait for the interpreter a tenth as long as they usually do: 0.5 ms, not 5 ms."""
     sys.setswitchinterval(_USUAL_INTERVAL / 10)
     try:

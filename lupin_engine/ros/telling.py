@@ -22,6 +22,7 @@ from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.ros import messages
 from lupin_engine.ros.adapter.host import Slices
 from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_engine.ros.displays import giving_way
 from lupin_engine.ros.names import CHART_TOPIC, MISSIONS_TOPIC, POSSIBLE_TOPIC, STEPS_TOPIC
 from lupin_engine.ros.single import new_boot
 from lupin_engine.ros.told import StepMoment, StepNews, ToldPossible, step_told
@@ -110,20 +111,26 @@ class Telling:
     # -- the chart --------------------------------------------------------------------------------------
 
     def chart(self) -> None:
-        """Tell which chart runs, a little later: to draw it takes longer than a stop may wait."""
+        """Tell which chart runs, a little later, and once more when it is drawn: that may take a minute."""
         threading.Thread(target=self._draw, args=[self._loaded], name="chart", daemon=True).start()
 
     def _draw(self, loaded: LoadedMissions) -> None:
         """Make the record of a chart; on a thread of its own."""
         # Drawing is nearly all that this imports, and the start of the node does not wait for it.
-        from lupin_engine.ros.chart_record import chart_record
+        from lupin_engine.ros.chart_record import chart_picture, chart_record
 
         try:
-            message = _text({"boot": self.boot, **chart_record(loaded)})
+            record = {"boot": self.boot, **chart_record(loaded)}
+            self._publish_chart(record, loaded)
+            with giving_way():
+                picture = chart_picture(loaded)
+            self._publish_chart({**record, **picture}, loaded)
         except Exception as problem:
             self._ros.post(partial(self._ros.log.error, "the chart cannot be told", problem=repr(problem)))
-        else:
-            self._ros.post(lambda: self._chart.publish(message) if loaded is self._loaded else None)
+
+    def _publish_chart(self, record: Mapping[str, Any], loaded: LoadedMissions) -> None:
+        message = _text(record)
+        self._ros.post(lambda: self._chart.publish(message) if loaded is self._loaded else None)
 
 
 def _text(data: Any) -> String:

@@ -10,7 +10,7 @@ import pytest
 
 from lupin_engine.missions.folders import default_missions_folder, lifecycle_in, mission_files
 from lupin_engine.missions.load import LoadedMissions, load_files
-from lupin_engine.ros.chart_record import chart_record
+from lupin_engine.ros.chart_record import chart_picture, chart_record
 from tests import shipped
 
 ROOT = Path(__file__).parents[2]
@@ -28,8 +28,9 @@ def loaded(request: pytest.FixtureRequest) -> LoadedMissions:
 
 def test_the_ids_of_the_picture_are_those_that_are_told(loaded: LoadedMissions) -> None:
     """Every state is drawn; every transition is, but for refusals, which lead nowhere."""
-    told = chart_record(loaded)
-    root = ElementTree.fromstring(told["svg"])
+    told, picture = chart_record(loaded), chart_picture(loaded)
+    assert (told["svg"], picture["problem"]) == ("", "")
+    root = ElementTree.fromstring(picture["svg"])
     drawn = [e.attrib["data-state"] for e in root.iter() if "data-state" in e.attrib]
     assert sorted(drawn) == sorted(state["id"] for state in told["states"].values())
     assert set(told["states"]) == set(loaded.chart.states) - {""}

@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 
 from lupin_engine.chart.model import Chart
+from lupin_engine.diagram.layout import compound
 from lupin_engine.diagram.layout.compound import CompoundEdge, CompoundNode, GraphLayout, Rect, lay_out
+from lupin_engine.diagram.layout.network_simplex import Effort
 from lupin_engine.diagram.layout.ranking import forward_edges, ranks
 from lupin_engine.diagram.layout.routing import ChannelNet, tracks
 from lupin_engine.diagram.outline import outline
@@ -145,10 +147,10 @@ def test_ways_run_downwards_and_back_ones_up() -> None:
     """What leads back to where one came from is turned round for the layers."""
     ways = [(0, 1), (1, 2), (2, 0), (1, 1)]
     assert forward_edges(3, ways, None) == [True, True, False, False]
-    assert ranks(3, [(0, 1), (1, 2)], [], 0) == [0, 1, 2]
+    assert ranks(3, [(0, 1), (1, 2)], [], 0, Effort(100)) == [0, 1, 2]
     # A box that a line leads to from below stands low.
-    assert ranks(3, [(0, 1)], [(2, True)], 0) == [0, 1, 1]
-    assert ranks(3, [(0, 1)], [(2, False)], 0) == [0, 1, 0]
+    assert ranks(3, [(0, 1)], [(2, True)], 0, Effort(100)) == [0, 1, 1]
+    assert ranks(3, [(0, 1)], [(2, False)], 0, Effort(100)) == [0, 1, 0]
 
 
 def test_lines_that_move_sideways_share_a_height_only_apart() -> None:
@@ -156,3 +158,19 @@ def test_lines_that_move_sideways_share_a_height_only_apart() -> None:
     assert tracks([ChannelNet(0, 0), ChannelNet(10, 50), ChannelNet(100, 60)]) == [None, 0, 0]
     assert tracks([ChannelNet(10, 50), ChannelNet(30, 70)]) == [1, 0]
     assert tracks([ChannelNet(50, 10), ChannelNet(70, 30)]) == [0, 1]
+
+
+def test_many_states_that_lead_across_can_be_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Groups with a way from each state into another group: what straight lines may cost is soon spent."""
+    monkeypatch.setattr(compound, "_MOST_EFFORT", 100_000)
+    chance = random.Random(1)
+    groups = [
+        CompoundNode(name, 80, 24, [CompoundNode(f"{name}.{state}", 60, 30) for state in range(9)])
+        for name in map(str, range(16))
+    ]
+    leaves = [state.name for group in groups for state in group.children]
+    links = [CompoundEdge(one, other, (50, 14)) for one, other in pairwise(leaves)]
+    across = [(leaf, chance.choice(leaves)) for leaf in leaves]
+    links += [CompoundEdge(one, other, (50, 14)) for one, other in across if one != other]
+    root = CompoundNode("", 0, 0, groups)
+    check(root, links, lay_out(root, links))

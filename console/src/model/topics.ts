@@ -2,9 +2,9 @@
 import { batch, signal, type ReadonlySignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { link } from "../wire/link";
-import { atRobotTime, robotNow } from "./clock";
+import { atRobotTime, robotNow } from "./time/clock";
 import { mode } from "./page";
-import { moment, Past, shown, type Known } from "./past";
+import { moment, Past, shown, type Known } from "./time/past";
 
 interface How<Message, T> {
   /** Values that are kept; the oldest are forgotten beyond. */

@@ -1,11 +1,11 @@
 // The moment that is shown: now, or one of the past. All views follow it.
-import { robotNow, shownNow } from "../model/clock";
-import { isLoading } from "../model/history";
-import { begin, gaps, problems, stepStory } from "../model/log";
+import { robotNow, shownNow } from "../model/time/clock";
+import { isLoading } from "../model/time/history";
+import { begin, gaps, problems, stepStory } from "../model/story/log";
 import { texts } from "../model/page";
-import { moment } from "../model/past";
-import { goLive, goProblem, goStep, hasProblem, scrubByKey, showMoment } from "../model/scrub";
-import { LIFECYCLE, type Span } from "../model/story";
+import { moment } from "../model/time/past";
+import { goLive, goProblem, goStep, hasProblem, scrubByKey, showMoment } from "../model/time/scrub";
+import { LIFECYCLE, type Span } from "../model/story/story";
 import { timeWithZone } from "./format";
 import "./moment.css";
 

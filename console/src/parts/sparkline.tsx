@@ -1,5 +1,5 @@
 // The past of a value as a small line.
-import type { Known } from "../model/past";
+import type { Known } from "../model/time/past";
 
 const WIDTH = 96;
 const HEIGHT = 22;

@@ -1,11 +1,11 @@
 // What tells at once that this is no robot, on every view: a stripe with the word, and the controls of its time.
 import { useState } from "preact/hooks";
 import { useTopic } from "../model/topics";
-import { chart } from "../model/mission";
+import { chart } from "../model/mission/mission";
 import { gateway, mode, texts } from "../model/page";
-import { moment } from "../model/past";
-import { extent, play, playing, playSpeed, SPEEDS } from "../model/playback";
-import { said, simulate, simulated } from "../model/simulation";
+import { moment } from "../model/time/past";
+import { extent, play, playing, playSpeed, SPEEDS } from "../model/time/playback";
+import { said, simulate, simulated } from "../model/mission/simulation";
 import { number } from "./format";
 import "./virtual.css";
 

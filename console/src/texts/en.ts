@@ -109,6 +109,7 @@ export const en = {
   chart: {
     title: "Chart",
     none: "No chart has been told yet: the orchestrator is starting, or away.",
+    notDrawnYet: "The chart is being drawn. Its states meanwhile:",
     notDrawn: "The chart cannot be shown as a picture; its states:",
     renewed: (hash: string) => `The missions have changed: this is another chart (${hash}), drawn anew.`,
     fine: "Close",

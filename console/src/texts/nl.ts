@@ -111,6 +111,7 @@ export const nl: Texts = {
   chart: {
     title: "Diagram",
     none: "Er is nog geen diagram gemeld: de orchestrator start, of is weg.",
+    notDrawnYet: "Het diagram wordt getekend. Intussen de toestanden:",
     notDrawn: "Het diagram kan niet als tekening worden getoond; de toestanden:",
     renewed: (hash) => `De missies zijn veranderd: dit is een ander diagram (${hash}), opnieuw getekend.`,
     fine: "Sluiten",

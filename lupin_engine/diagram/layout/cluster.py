@@ -12,9 +12,9 @@ from lupin_engine.diagram.layout.layered_graph import (
     TOP,
     ClusterEdge,
     LayeredGraph,
-    NodeShape,
     Segment,
 )
+from lupin_engine.diagram.layout.network_simplex import Effort
 from lupin_engine.diagram.layout.ordering import reduce_crossings
 from lupin_engine.diagram.layout.routing import ChannelNet, tracks
 
@@ -47,27 +47,16 @@ class ClusterLayout:
     port_hints: Mapping[tuple[int, int, bool], int]
 
 
-def draw_cluster(
-    shapes: Sequence[NodeShape],
-    ranks: Sequence[int],
-    edges: Sequence[ClusterEdge],
-    heading: tuple[int, int],
-    row: bool = False,
-    hints: Mapping[tuple[int, bool], int] | None = None,
-) -> ClusterLayout:
+def draw_cluster(graph: LayeredGraph, hints: Mapping[tuple[int, bool], int], effort: Effort) -> ClusterLayout:
     """Draw a cluster.
 
     Args:
-        shapes: The nodes.
-        ranks: The rank of each, from 0.
-        edges: The edges.
-        heading: Size of what stands above the nodes at the left, (0, 0) for nothing.
-        row: The nodes touch each other and the border: they are regions.
+        graph: Its nodes and edges, rank by rank.
         hints: The x outside of ports, by (edge, at the lower border), from an earlier iteration.
+        effort: What straight lines may cost.
     """
-    graph = LayeredGraph(shapes, ranks, edges, heading, row)
-    reduce_crossings(graph, hints or {})
-    return _RankStack(graph, assign_coordinates(graph)).drawn()
+    reduce_crossings(graph, hints)
+    return _RankStack(graph, assign_coordinates(graph, effort)).drawn()
 
 
 class _RankStack:

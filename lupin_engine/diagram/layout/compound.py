@@ -7,16 +7,20 @@ the positions where the edges continue outside of the ports as hints, as long as
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 from lupin_engine.diagram.layout.cluster import ClusterLayout, Point, draw_cluster
-from lupin_engine.diagram.layout.layered_graph import BOTTOM, TOP, ClusterEdge, NodeShape
+from lupin_engine.diagram.layout.layered_graph import BOTTOM, TOP, ClusterEdge, LayeredGraph, NodeShape
+from lupin_engine.diagram.layout.network_simplex import Effort
 from lupin_engine.diagram.layout.ranking import forward_edges, ranks
 
 #: Most iterations.
 _MAX_ITERATIONS = 4
+#: What short and straight edges may cost in all, see `Effort`: seconds. A usual mission takes a hundredth.
+_MOST_EFFORT = 20_000_000
 #: Horizontal steps up to this length are removed.
 _SHORT_STEP = 3
 
@@ -78,6 +82,7 @@ class _Layouter:
     def __init__(self, root: CompoundNode, edges: Sequence[CompoundEdge]) -> None:
         self._root = root
         self._links = edges
+        self._effort = Effort(_MOST_EFFORT)
         self._above: dict[str, CompoundNode | None] = {}
         self._nodes: dict[str, CompoundNode] = {}
         self._note(root, None)
@@ -125,7 +130,9 @@ class _Layouter:
         forward = forward_edges(len(numbers), [(a, b) for _, a, b in within], first)
         oriented = [(a, b) if ahead else (b, a) for (_, a, b), ahead in zip(within, forward, strict=True)]
         flat = [0] * len(numbers)
-        self._ranks[node.name] = flat if node.row else ranks(len(numbers), oriented, pulls, first)
+        self._ranks[node.name] = (
+            flat if node.row else ranks(len(numbers), oriented, pulls, first, self._effort)
+        )
         for (index, _, _), ahead in zip(within, forward, strict=True):
             self._downward[index] = ahead
         for child in node.children:
@@ -185,14 +192,14 @@ class _Layouter:
         if not node.children:
             return NodeShape(node.width + node.beside, node.height + node.above, node.above, node.beside)
         shapes = [self._draw(child, hints, drawn) for child in node.children]
-        cluster = draw_cluster(
+        graph = LayeredGraph(
             shapes,
             self._ranks[node.name],
             self._edges[node.name],
             (node.width, node.height),
             node.row,
-            hints.get(node.name),
         )
+        cluster = draw_cluster(graph, hints.get(node.name, {}), self._effort)
         drawn[node.name] = cluster
         height = cluster.height + node.above
         return NodeShape(cluster.width, height, node.above, 0, cluster.ports)
@@ -279,12 +286,12 @@ def _cost(layout: GraphLayout) -> int:
         (index, *one, *other) for index, line in enumerate(layout.lines) for one, other in pairwise(line)
     ]
     flat = [p for p in segments if p[2] == p[4]]
-    steep = [p for p in segments if p[1] == p[3]]
+    steep = sorted((x, min(y0, y1), max(y0, y1), index) for index, x, y0, c, y1 in segments if x == c)
+    columns = [line[0] for line in steep]
     crossings = sum(
-        min(a, c) < x < max(a, c) and min(y0, y1) < b < max(y0, y1)
+        top < b < bottom and index != i
         for i, a, b, c, _ in flat
-        for j, x, y0, _, y1 in steep
-        if i != j
+        for _, top, bottom, index in steep[bisect_right(columns, min(a, c)) : bisect_left(columns, max(a, c))]
     )
     length = sum(abs(p[1] - p[3]) + abs(p[2] - p[4]) for p in segments)
     return 300 * crossings + 30 * len(segments) + length + layout.width + layout.height

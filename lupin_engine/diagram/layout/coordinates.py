@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from lupin_engine.diagram.layout.layered_graph import LayeredGraph, Segment
-from lupin_engine.diagram.layout.network_simplex import Edge, solve
+from lupin_engine.diagram.layout.network_simplex import Edge, Effort, solve
 
 #: Between the border of a cluster and its content, and its heading.
 MARGIN = 18
@@ -28,14 +28,17 @@ _WIDTH_WEIGHT = 1
 _FIXED_WEIGHT = 64
 
 
-def assign_coordinates(graph: LayeredGraph) -> int:
-    """Assign every vertex its x and every segment its ends; return the width of the cluster."""
+def assign_coordinates(graph: LayeredGraph, effort: Effort) -> int:
+    """Assign every vertex its x and every segment its ends; return the width of the cluster.
+
+    Straight lines cost effort: with none left they have more bends.
+    """
     _assign_ports(graph)
     left, right = len(graph.vertices), len(graph.vertices) + 1
     edges = [Edge(left, right, 0, _WIDTH_WEIGHT), *_separation(graph, left, right)]
     for index, segment in enumerate(graph.segments):
         edges += _straightness(graph, segment, right + 1 + 2 * index)
-    found = solve(right + 1 + 2 * len(graph.segments), edges)
+    found = solve(right + 1 + 2 * len(graph.segments), edges, effort)
     for number, vertex in enumerate(graph.vertices):
         vertex.x = found[number] - found[left]
     for segment in graph.segments:

@@ -9,9 +9,20 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from heapq import heappop, heappush
 
 #: Pivots after which the result is taken as it is; missions need some dozens.
 _MAX_PIVOTS = 4000
+
+
+@dataclass
+class Effort:
+    """What may still be spent on better ranks, in edges that pivots look at.
+
+    It is counted, not timed, so that a graph has the same ranks wherever they are computed.
+    """
+
+    left: int
 
 
 @dataclass(frozen=True)
@@ -24,12 +35,13 @@ class Edge:
     weight: int = 1
 
 
-def solve(count: int, edges: Iterable[Edge]) -> list[int]:
+def solve(count: int, edges: Iterable[Edge], effort: Effort) -> list[int]:
     """Return an optimal rank for each of `count` nodes; the least rank is 0.
 
-    The edges must form no cycle. A component that no edge connects to the rest begins at 0.
+    The edges must form no cycle. A component that no edge connects to the rest begins at 0. When the effort
+    is spent, ranks are what they are by then: as long as edges require, but the edges may be longer.
     """
-    return _Network(count, list(edges)).solve() if count else []
+    return _Network(count, list(edges)).solve(effort) if count else []
 
 
 class _Network:
@@ -87,14 +99,15 @@ class _Network:
                         ready.append(head)
         return rank
 
-    def solve(self) -> list[int]:
+    def solve(self, effort: Effort) -> list[int]:
         self._tight_tree()
         self._init_cut_values()
         start = 0
         for _ in range(_MAX_PIVOTS):
-            leaving = self._leaving_edge(start)
+            leaving = self._leaving_edge(start) if effort.left > 0 else None
             if leaving is None:
                 break
+            effort.left -= len(self._edges)
             self._pivot(leaving, self._entering_edge(leaving))
             start = leaving + 1
         least = min(self._rank)
@@ -106,19 +119,43 @@ class _Network:
     # -- a feasible tight tree ---------------------------------------------------------------------------
 
     def _tight_tree(self) -> None:
+        """Make a spanning tree of tight edges: the tree moves as a whole until one more edge is tight.
+
+        `moved` is by how much. Until the end the ranks of its nodes are without it, and so is the slack
+        by which the edges that lead out of it wait: those that the tree has the tail of, and the others.
+        """
         inside = [False] * len(self._rank)
-        reached = self._reach(0, inside)
-        outside: Sequence[int] = range(len(self._edges))
-        while len(reached) < len(self._rank):
-            outside = [i for i in outside if not (inside[self._tails[i]] and inside[self._heads[i]])]
-            leading_out = (i for i in outside if inside[self._tails[i]] or inside[self._heads[i]])
-            index = min(leading_out, key=self._slack)
-            tail, head = self._tails[index], self._heads[index]
-            shift = self._slack(index) if inside[tail] else -self._slack(index)
-            for node in reached:
-                self._rank[node] += shift
+        leading_out: tuple[list[tuple[int, int]], list[tuple[int, int]]] = ([], [])
+        moved, joined = 0, self._reach(0, inside)
+        reached = len(joined)
+        while True:
+            for node in joined:
+                self._rank[node] -= moved
+            for node in joined:
+                for index, other in self._incident[node]:
+                    if not inside[other]:
+                        heappush(leading_out[self._heads[index] == node], (self._slack(index), index))
+            if reached == len(self._rank):
+                break
+            slack, index, is_tail = self._tightest(leading_out, inside, moved)
+            moved += slack if is_tail else -slack
             self._in_tree[index] = True
-            reached += self._reach(head if inside[tail] else tail, inside)
+            joined = self._reach(self._heads[index] if is_tail else self._tails[index], inside)
+            reached += len(joined)
+        self._rank = [rank + moved for rank in self._rank]
+
+    def _tightest(
+        self, leading_out: Sequence[list[tuple[int, int]]], inside: Sequence[bool], moved: int
+    ) -> tuple[int, int, bool]:
+        """Return of the tightest edge out of the tree: its slack, the edge, whether the tree has its tail."""
+        found = []
+        sides = (self._heads, -moved), (self._tails, moved)
+        for waiting, (outer, shift) in zip(leading_out, sides, strict=True):
+            while waiting and inside[outer[waiting[0][1]]]:
+                heappop(waiting)
+            if waiting:
+                found.append((waiting[0][0] + shift, waiting[0][1], outer is self._heads))
+        return min(found)
 
     def _reach(self, first: int, inside: list[bool]) -> list[int]:
         """Add the nodes that tight edges reach to the tree, and return them."""

@@ -5,6 +5,7 @@ Sugiyama, Tagawa and Toda (1981); the transpose step is that of Gansner et al. (
 
 from __future__ import annotations
 
+from bisect import bisect_right, insort
 from collections.abc import Mapping
 
 from lupin_engine.diagram.layout.layered_graph import LayeredGraph
@@ -103,13 +104,17 @@ class _CrossingReduction:
     def _crossings_below(self, layer: int) -> int:
         upper = {n: i for i, n in enumerate(self._graph.layers[layer])}
         lower = {n: i for i, n in enumerate(self._graph.layers[layer + 1])}
-        ends = [
+        ends = sorted(
             (upper[segment.ends[0]] + segment.shares[0], lower[segment.ends[1]] + segment.shares[1])
             for segment in self._graph.below[layer]
-        ]
-        return sum(
-            (a < c and b > d) or (a > c and b < d) for i, (a, b) in enumerate(ends) for c, d in ends[i + 1 :]
         )
+        # Of two edges that cross, the one that begins farther left ends farther right.
+        passed: list[float] = []
+        found = 0
+        for _, end in ends:
+            found += len(passed) - bisect_right(passed, end)
+            insort(passed, end)
+        return found
 
 
 #: The edge ends of a vertex upwards and downwards: share of the vertex, and position of the other end.

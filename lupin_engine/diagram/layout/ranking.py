@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from lupin_engine.diagram.layout.network_simplex import Edge, solve
+from lupin_engine.diagram.layout.network_simplex import Edge, Effort, solve
 
 
 def forward_edges(count: int, edges: Sequence[tuple[int, int]], first: int | None) -> list[bool]:
@@ -35,7 +35,11 @@ def forward_edges(count: int, edges: Sequence[tuple[int, int]], first: int | Non
 
 
 def ranks(
-    count: int, edges: Iterable[tuple[int, int]], border: Iterable[tuple[int, bool]], first: int | None
+    count: int,
+    edges: Iterable[tuple[int, int]],
+    border: Iterable[tuple[int, bool]],
+    first: int | None,
+    effort: Effort,
 ) -> list[int]:
     """Return the rank of each node, so that edges lead downwards and are short.
 
@@ -44,6 +48,7 @@ def ranks(
         edges: Source and target of each edge; they form no cycle.
         border: Nodes with an edge to the border of the cluster; the second is true for the lower border.
         first: The node that is entered first.
+        effort: What short edges may cost.
     """
     top, bottom = count, count + 1
     network = [Edge(top, node, 0, 0) for node in range(count)]
@@ -52,6 +57,6 @@ def ranks(
     network += [Edge(source, target, 1, 2) for source, target in edges]
     if first is not None:
         network.append(Edge(top, first, 0, 3))
-    found = solve(count + 2, network)[:count]
+    found = solve(count + 2, network, effort)[:count]
     used = sorted(set(found))
     return [used.index(rank) for rank in found]

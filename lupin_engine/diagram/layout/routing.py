@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 #: Horizontal segments closer than this look like one.
 CLOSE = 7
@@ -23,7 +24,7 @@ class ChannelNet:
         """Whether it has no horizontal segment."""
         return self.upper == self.lower
 
-    @property
+    @cached_property
     def span(self) -> tuple[int, int]:
         """Its left and right end."""
         return min(self.upper, self.lower), max(self.upper, self.lower)
@@ -58,15 +59,19 @@ def _cost(upper: ChannelNet, lower: ChannelNet) -> int:
 def _order(nets: Sequence[ChannelNet], moving: Sequence[int]) -> list[int]:
     """Order the nets from the highest track down: greedily the one that costs least above all others left."""
     left = list(moving)
+    regrets = {i: sum(_regret(nets[i], nets[j]) for j in left if j != i) for i in left}
     order = []
     while left:
-        best = min(left, key=lambda i: (_regret(nets, i, left), nets[i].span, i))
+        best = min(left, key=lambda i: (regrets[i], nets[i].span, i))
         left.remove(best)
         order.append(best)
+        for i in left:
+            regrets[i] -= _regret(nets[i], nets[best])
     return order
 
 
-def _regret(nets: Sequence[ChannelNet], index: int, others: Sequence[int]) -> int:
-    mine = nets[index]
-    met = [nets[i] for i in others if i != index and _conflict(mine, nets[i])]
-    return sum(_cost(mine, other) - _cost(other, mine) for other in met)
+def _regret(upper: ChannelNet, lower: ChannelNet) -> int:
+    """Return what it costs that one runs above the other, and not below."""
+    if not _conflict(upper, lower):
+        return 0
+    return _cost(upper, lower) - _cost(lower, upper)

@@ -19,7 +19,7 @@ from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.pages import PageMessage
 from lupin_engine.ros import messages, names
-from lupin_engine.ros.chart_record import chart_record
+from lupin_engine.ros.chart_record import chart_picture, chart_record
 from lupin_engine.ros.virtual.orchestrated import VirtualOrchestrator
 from lupin_engine.ros.virtual.pace import Pace
 from lupin_engine.sim.by_hand import Hand, Read, Wrong, first
@@ -70,7 +70,7 @@ class SimulatedPages:
         self._page: Callable[[PageMessage], None] = lambda message: None
         self._forget: Callable[[], None] = lambda: None
         self._kept: deque[PageMessage] = deque(maxlen=KEPT)
-        self._picture = chart_record(loaded)
+        self._picture = {**chart_record(loaded), **chart_picture(loaded)}
         self._stopped = False
         self._until = self._note = ""
         self._repeated_at = -math.inf

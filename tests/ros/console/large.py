@@ -12,10 +12,13 @@ MARKUP = "<script>pwned=1</script><img src=x onerror='pwned=1'><b>bold</b> & \"q
 GROUP = 9
 
 
-def large_missions(folder: Path, states: int, *, seconds: float = 1.0, again: str = "") -> Path:
+def large_missions(
+    folder: Path, states: int, *, seconds: float = 1.0, again: str = "", across: bool = False
+) -> Path:
     """Copy the shipped missions to `folder`, and beside them one of so many states that goes round in itself.
 
-    It stays in each state for so many `seconds`. `again` changes its text, and by that the chart's hash.
+    It stays in each state for so many `seconds`. `again` changes its text, and by that the chart's hash. With
+    `across` a way leads from each state into another group, which it never takes.
     """
     shutil.copytree(default_missions_folder(), folder, dirs_exist_ok=True)
     groups = -(-states // (GROUP + 1))
@@ -46,8 +49,12 @@ def large_missions(folder: Path, states: int, *, seconds: float = 1.0, again: st
             lines += [
                 f"      A_{leaf}:",
                 f"        summary: 'a\\nb {quoted}'",
-                f"        after: {{{seconds} s: A_{leaf + 1}}}",
+                f"        after: {{{seconds} s: A_{leaf + 1}{_way_across(group, leaf, groups, across)}}}",
             ]
         lines += [f"      A_{GROUP - 1}: {{type: final}}"]
     (folder / "large.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return folder
+
+
+def _way_across(group: int, leaf: int, groups: int, across: bool) -> str:
+    return f", 1 h: GROUP_{(7 * group + 3 * leaf) % groups}.A_{leaf}" if across else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,12 +16,18 @@ from tests.ros.console.conftest import Served
 from tests.ros.console.large import MARKUP, large_missions
 from tests.ros.console.test_chart import command, lit, state
 
+#: A name that nobody may give.
+BROKEN = "<img src=x onerror=pwned=1>. é"
+
 
 def test_hundreds_of_states_with_markup_run_nothing_and_a_new_chart_is_told(
     context: BrowserContext, serve: Callable[..., Served], tmp_path: Path
 ) -> None:
-    """A large chart is opened folded; when the files change, the page says so and draws anew."""
-    folder = large_missions(tmp_path / "missions", 300)
+    """A large chart is opened folded; when the files change, the page says so and draws anew.
+
+    What is no mission, because its names are broken, is told as text, and changes nothing.
+    """
+    folder = large_missions(tmp_path / "missions", 300, across=True)
     served = serve("up", str(folder / "large.yaml"), str(folder / "inspection.yaml"))
     page = context.new_page()
     wrong: list[str] = []
@@ -42,4 +49,11 @@ def test_hundreds_of_states_with_markup_run_nothing_and_a_new_chart_is_told(
     expect(page.locator(".note.info")).to_contain_text("this is another chart")
     expect(state(page, "MISSION.LargeMission.GROUP_29")).to_have_count(0)
     expect(state(page, "MISSION.LargeMission.GROUP_3")).to_have_count(1)
+    large = folder / "large.yaml"
+    large.write_text(f"{large.read_text()}  '{BROKEN}': {{on: {{'{BROKEN}': GROUP_0}}}}\n", encoding="utf-8")
+    page.get_by_role("link", name="Mission").click()
+    expect(page.get_by_text(re.compile(re.escape(f"'{BROKEN}'"))).first).to_be_visible()
+    assert page.locator("main :is(script, img), .paper b, .detail b").count() == 0
+    assert page.evaluate("typeof pwned") == "undefined"
+    expect(page.get_by_role("button", name=re.compile("^start large"))).to_be_enabled()
     assert wrong == []

@@ -121,7 +121,8 @@ def test_the_chart_is_told_again_when_missions_are_loaded(
     shutil.copytree(default_missions_folder(), folder)
     (folder / "exploration.yaml").unlink()
     world.start_all(missions_path=folder)
-    told = listener.newest(CHART_TOPIC, lambda told: True)
+    told = listener.newest(CHART_TOPIC, lambda told: told["svg"])
+    assert [bool(each["svg"]) for each in listener.heard[CHART_TOPIC]] in ([False, True], [True])
     step = listener.newest(STEPS_TOPIC, lambda record: True)
     assert (told["hash"], told["boot"]) == (step["chart"], step["boot"])
     assert told["missions"] == ["InspectionMission"]

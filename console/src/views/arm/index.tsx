@@ -1,8 +1,8 @@
 // The arm: where it is, and what moves it.
 import { useEffect } from "preact/hooks";
-import { ARM_SILENT_S, armAnswer, armBusy, armState, askArm, joints, library, loadLibrary } from "../../model/arm";
+import { ARM_SILENT_S, armAnswer, armBusy, armState, askArm, joints, library, loadLibrary } from "../../model/robot/arm";
 import { texts } from "../../model/page";
-import { hindrance } from "../../model/permission";
+import { hindrance } from "../../model/mission/permission";
 import { isStale, useTopic } from "../../model/topics";
 import { link } from "../../wire/link";
 import { clockTime } from "../../parts/format";

@@ -1,7 +1,7 @@
 // A slider for each joint: where it is, where it was sent, and how far it may go.
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { ARM_SILENT_S, joints, library, moveJoint } from "../../model/arm";
+import { ARM_SILENT_S, joints, library, moveJoint } from "../../model/robot/arm";
 import { texts } from "../../model/page";
 import { isStale } from "../../model/topics";
 import { number } from "../../parts/format";

@@ -1,6 +1,6 @@
 // Poses and sequences that people have made: play, save, record, rename, delete.
 import { signal } from "@preact/signals";
-import { armState, askArm, library } from "../../model/arm";
+import { armState, askArm, library } from "../../model/robot/arm";
 import { texts } from "../../model/page";
 import { ConfirmButton } from "../../parts/confirm";
 import { span } from "../../parts/format";

@@ -1,8 +1,8 @@
 // What only engineers do: the servos' power, the zero pose, the calibration.
 import { signal } from "@preact/signals";
-import { armState, askArm } from "../../model/arm";
+import { armState, askArm } from "../../model/robot/arm";
 import { texts } from "../../model/page";
-import { hindrance, hindranceFor } from "../../model/permission";
+import { hindrance, hindranceFor } from "../../model/mission/permission";
 import { ConfirmButton } from "../../parts/confirm";
 import { number } from "../../parts/format";
 import { Panel } from "../../parts/panel";

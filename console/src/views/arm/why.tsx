@@ -1,7 +1,7 @@
 // Why the arm cannot be commanded now.
-import { armAsked, armBusy } from "../../model/arm";
+import { armAsked, armBusy } from "../../model/robot/arm";
 import { texts } from "../../model/page";
-import { hindranceFor } from "../../model/permission";
+import { hindranceFor } from "../../model/mission/permission";
 
 /** Why the arm cannot be commanded by this page now; empty: it can. `moves`: it would move the arm. */
 export function whyNot(least: "operator" | "engineer", moves = true): string {

@@ -1,9 +1,9 @@
 // What is known of a state or an arrow: its lines, what can happen and why not, how often it was met.
 import { useEffect, useState } from "preact/hooks";
-import { shownNow } from "../../model/clock";
-import { steps, type ChartRecord, type Place, type StepRecord } from "../../model/mission";
+import { shownNow } from "../../model/time/clock";
+import { steps, type ChartRecord, type Place, type StepRecord } from "../../model/mission/mission";
 import { mode, texts } from "../../model/page";
-import { moment, type Known } from "../../model/past";
+import { moment, type Known } from "../../model/time/past";
 import { ago, clockTime } from "../../parts/format";
 import { Pill } from "../../parts/panel";
 import type { ExplainResponse } from "../../ros";

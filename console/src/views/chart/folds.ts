@@ -1,6 +1,6 @@
 // Which states are folded, and the drawings for that: the whole one comes with the chart, others are asked for.
 import { signal } from "@preact/signals";
-import type { ChartRecord } from "../../model/mission";
+import { wholePicture, type ChartRecord } from "../../model/mission/mission";
 import type { DrawResponse } from "../../ros";
 import { link } from "../../wire/link";
 import { around } from "./names";
@@ -50,7 +50,7 @@ const drawings = new Map<string, Promise<string>>();
 /** The SVG of a chart with states folded; fails with the reason why there is none. */
 export function drawing(chart: ChartRecord, names: ReadonlySet<string>): Promise<string> {
   const list = outermost(names).filter((name) => name in chart.states);
-  if (!list.length) return Promise.resolve(chart.svg);
+  if (!list.length) return wholePicture(chart.hash);
   const key = JSON.stringify([chart.hash, list]);
   const known = drawings.get(key);
   if (known) return known;

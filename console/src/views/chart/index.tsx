@@ -1,13 +1,12 @@
 // The chart that runs, live: where it is, what was just taken, what runs down, and on request why.
 import { computed, useSignal } from "@preact/signals";
-import { chart, steps, view, type ChartRecord } from "../../model/mission";
+import { chart, steps, view, type ChartRecord } from "../../model/mission/mission";
 import { route, texts } from "../../model/page";
-import { moment } from "../../model/past";
+import { moment } from "../../model/time/past";
 import { Panel, Pill } from "../../parts/panel";
 import "./chart.css";
 import { Detail } from "./detail";
 import { deepest, folded, foldedAt, inner, toggle, usualDepth } from "./folds";
-import { Outline } from "./outline";
 import { around, choose, shortName } from "./names";
 import { Stage } from "./stage";
 
@@ -63,7 +62,7 @@ function Chart(props: { record: ChartRecord }) {
           <Depth chart={record} />
           <Active />
         </div>
-        {record.svg ? <Stage chart={record} chosen={element} /> : <Outline chart={record} />}
+        <Stage chart={record} chosen={element} />
       </Panel>
       {element && (
         <Panel title={t.about} class="chart-detail">

@@ -1,6 +1,6 @@
 // What happens, drawn over the picture: states that are active, the last transition, time that runs down, retries.
-import type { StepRecord, View } from "../../model/mission";
-import type { Known } from "../../model/past";
+import type { StepRecord, View } from "../../model/mission/mission";
+import type { Known } from "../../model/time/past";
 import { span } from "../../parts/format";
 import { around } from "./names";
 import { make, type Picture } from "./picture";

@@ -1,27 +1,22 @@
 // What there is of a chart without its picture: its states as a list.
-import { view, type ChartRecord } from "../../model/mission";
+import { view, type ChartRecord } from "../../model/mission/mission";
 import { texts } from "../../model/page";
 import { Pill } from "../../parts/panel";
 import { choose, shortName } from "./names";
 
-export function Outline(props: { chart: ChartRecord; problem?: string }) {
+export function Outline(props: { chart: ChartRecord }) {
   const t = texts.value.chart;
   const active = new Set(view.value?.configuration ?? []);
   return (
-    <>
-      <p class="note warn" role="alert">
-        {t.notDrawn} {props.problem ?? props.chart.problem}
-      </p>
-      <ul class="outline">
-        {Object.keys(props.chart.states).map((name) => (
-          <li style={{ paddingInlineStart: `${name.split(".").length - 1}rem` }}>
-            <button class="link" onClick={() => choose(name)}>
-              {shortName(name)}
-            </button>{" "}
-            {active.has(name) && <Pill tone="good">{t.active}</Pill>}
-          </li>
-        ))}
-      </ul>
-    </>
+    <ul class="outline">
+      {Object.keys(props.chart.states).map((name) => (
+        <li style={{ paddingInlineStart: `${name.split(".").length - 1}rem` }}>
+          <button class="link" onClick={() => choose(name)}>
+            {shortName(name)}
+          </button>{" "}
+          {active.has(name) && <Pill tone="good">{t.active}</Pill>}
+        </li>
+      ))}
+    </ul>
   );
 }

@@ -1,10 +1,10 @@
 // The drawing and what lies over it: one can move around in it, fold states, and choose one or an arrow.
 import { computed, effect, untracked, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { robotNow, shownNow } from "../../model/clock";
-import { steps, view, type ChartRecord } from "../../model/mission";
+import { robotNow, shownNow } from "../../model/time/clock";
+import { steps, view, type ChartRecord } from "../../model/mission/mission";
 import { texts } from "../../model/page";
-import { moment } from "../../model/past";
+import { moment } from "../../model/time/past";
 import { Camera } from "./camera";
 import { drawing, folded, inner, reveal, toggle } from "./folds";
 import { Marks } from "./marks";
@@ -154,7 +154,16 @@ export function Stage(props: { chart: ChartRecord; chosen: string }) {
     if (box) camera.current!.follow(box);
   };
 
-  if (unusable.value) return <Outline chart={props.chart} problem={unusable.value} />;
+  if (unusable.value) {
+    return (
+      <>
+        <p class="note warn" role="alert">
+          {t.notDrawn} {unusable.value}
+        </p>
+        <Outline chart={props.chart} />
+      </>
+    );
+  }
   return (
     <>
       {problem.value && (
@@ -175,6 +184,12 @@ export function Stage(props: { chart: ChartRecord; chosen: string }) {
         >
           <div class="paper" ref={paper} />
         </div>
+        {!drawn.value && (
+          <div class="undrawn">
+            <p class="note info">{t.notDrawnYet}</p>
+            <Outline chart={props.chart} />
+          </div>
+        )}
         <Veil />
         <div class="row stage-tools" role="toolbar" aria-label={t.tools}>
           <button aria-label={t.closer} onClick={() => camera.current!.zoom(ZOOM)}>+</button>

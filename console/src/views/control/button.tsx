@@ -1,9 +1,9 @@
 // A button that commands something, grey with the reason why not; what it would do and what was answered stand by it.
 import { signal } from "@preact/signals";
 import { useEffect, useId } from "preact/hooks";
-import { answered, command, missions, type Possible } from "../../model/mission";
+import { answered, command, missions, type Possible } from "../../model/mission/mission";
 import { texts } from "../../model/page";
-import { commandHindrance } from "../../model/permission";
+import { commandHindrance } from "../../model/mission/permission";
 
 /** Within so many milliseconds the second press must come where two are needed. */
 const SECOND_PRESS_MS = 5000;

@@ -1,6 +1,6 @@
 // What a mission asks: its choices, and the time until the default counts.
-import { secondsLeft } from "../../model/countdown";
-import { possible, view, type Question } from "../../model/mission";
+import { secondsLeft } from "../../model/time/countdown";
+import { possible, view, type Question } from "../../model/mission/mission";
 import { texts } from "../../model/page";
 import { span } from "../../parts/format";
 import { Panel } from "../../parts/panel";

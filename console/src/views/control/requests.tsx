@@ -1,7 +1,7 @@
 // The requests of the operator, whatever the profile has.
-import { possible, type Possible } from "../../model/mission";
+import { possible, type Possible } from "../../model/mission/mission";
 import { texts } from "../../model/page";
-import { verbText } from "../../model/permission";
+import { verbText } from "../../model/mission/permission";
 import { Panel } from "../../parts/panel";
 import { RequestButton } from "./button";
 

@@ -1,6 +1,6 @@
 // Running now: each operation with its target, try, deadline and what it waits for; what is being cancelled.
-import { secondsLeft } from "../../model/countdown";
-import { view, type Attempt } from "../../model/mission";
+import { secondsLeft } from "../../model/time/countdown";
+import { view, type Attempt } from "../../model/mission/mission";
 import { open, texts } from "../../model/page";
 import { span } from "../../parts/format";
 import { Panel, Pill } from "../../parts/panel";

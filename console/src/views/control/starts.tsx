@@ -1,11 +1,11 @@
 // The missions that can be started, each with a form that its request's declaration makes.
 import { signal } from "@preact/signals";
 import { useId } from "preact/hooks";
-import { missions, possible, type OfferedMission, type RequestField } from "../../model/mission";
+import { missions, possible, type OfferedMission, type RequestField } from "../../model/mission/mission";
 import { open, texts } from "../../model/page";
-import { verbText } from "../../model/permission";
-import { endPicking, picked, picking, startPicking, toggle } from "../../model/picking";
-import { draftOf, elements, fill, isList, meaningOf, requestOf, written } from "../../model/requestForm";
+import { verbText } from "../../model/mission/permission";
+import { endPicking, picked, picking, startPicking, toggle } from "../../model/mission/picking";
+import { draftOf, elements, fill, isList, meaningOf, requestOf, written } from "../../model/mission/requestForm";
 import { number } from "../../parts/format";
 import { Panel } from "../../parts/panel";
 import { RequestButton } from "./button";

@@ -1,9 +1,9 @@
 // Where the mission stands: state, progress, holds, battery, e-stop, and what to do next.
-import { loopNow } from "../../model/countdown";
-import { missions, possible, state, steps, view, type Outcome, type View } from "../../model/mission";
-import { shownNow } from "../../model/clock";
+import { loopNow } from "../../model/time/countdown";
+import { missions, possible, state, steps, view, type Outcome, type View } from "../../model/mission/mission";
+import { shownNow } from "../../model/time/clock";
 import { texts } from "../../model/page";
-import { commandHindrance } from "../../model/permission";
+import { commandHindrance } from "../../model/mission/permission";
 import { number, span } from "../../parts/format";
 import { Panel, Pill, type Tone } from "../../parts/panel";
 

@@ -1,12 +1,12 @@
 // How nodes, machines and the battery are, and what the log warns of.
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { shownNow } from "../../model/clock";
-import { battery, diagnostics, ENDED, NODE_SILENT_S, nodesNow, nodesOnNetwork, WARNED, type NodeHealth } from "../../model/health";
+import { shownNow } from "../../model/time/clock";
+import { battery, diagnostics, ENDED, NODE_SILENT_S, nodesNow, nodesOnNetwork, WARNED, type NodeHealth } from "../../model/robot/health";
 import { texts } from "../../model/page";
-import { moment, type Known } from "../../model/past";
+import { moment, type Known } from "../../model/time/past";
 import { notifications } from "../../model/people";
-import { rosout } from "../../model/rosout";
+import { rosout } from "../../model/robot/rosout";
 import { link } from "../../wire/link";
 import { ago, clockTime, dateTime, number, span } from "../../parts/format";
 import { Panel, Pill } from "../../parts/panel";

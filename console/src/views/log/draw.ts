@@ -1,5 +1,7 @@
 // Draws the timeline on a canvas: rows of spans, marks, gaps, and the moment that is shown.
-import type { Severity, Span } from "../../model/story";
+import { computed } from "@preact/signals";
+import type { Severity, Span } from "../../model/story/story";
+import { colourOf } from "../../parts/colours";
 
 /** A row of the timeline. */
 export interface TimelineRow {
@@ -39,12 +41,11 @@ interface Colours {
   readonly otherText: string;
 }
 
-function coloursOf(canvas: HTMLCanvasElement): Colours {
-  const style = getComputedStyle(canvas);
-  const of = (name: string): string => style.getPropertyValue(`--${name}`).trim();
+const colours = computed<Colours>(() => {
+  const of = colourOf;
   const tones = ["info", "warn", "bad"].map((name) => ({ fill: of(`${name}-back`), text: of(name) }));
   return { text: of("text"), line: of("line"), soft: of("soft"), accent: of("accent"), back: of("back"), tones, other: of("good-back"), otherText: of("good") };
-}
+});
 
 /** The index of the first span that ends after a time. */
 function firstAfter(spans: readonly Span[], from: number): number {
@@ -78,7 +79,7 @@ class Painter {
     this.context.clearRect(0, 0, this.width, this.height);
     this.context.textBaseline = "middle";
     this.context.font = "12px system-ui, sans-serif";
-    this.colours = coloursOf(canvas);
+    this.colours = colours.value;
   }
 
   paint(): void {

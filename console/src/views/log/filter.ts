@@ -1,7 +1,7 @@
 // Which lines of the log are shown.
 import { computed, signal } from "@preact/signals";
-import { entries } from "../../model/log";
-import type { Entry, Kind, Severity } from "../../model/story";
+import { entries } from "../../model/story/log";
+import type { Entry, Kind, Severity } from "../../model/story/story";
 
 /** Kinds that are not shown. */
 export const hidden = signal<ReadonlySet<Kind>>(new Set());

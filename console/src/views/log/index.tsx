@@ -1,12 +1,12 @@
 // What happened: the timeline, and the log below it. Whatever is clicked there sets the moment that all views show.
 import { useSignal } from "@preact/signals";
-import { robotNow } from "../../model/clock";
-import { isLoading } from "../../model/history";
-import { entries } from "../../model/log";
+import { robotNow } from "../../model/time/clock";
+import { isLoading } from "../../model/time/history";
+import { entries } from "../../model/story/log";
 import { open, texts } from "../../model/page";
-import { moment } from "../../model/past";
-import { goTarget, showMoment, timeOfDay } from "../../model/scrub";
-import { KINDS, type Kind, type Severity } from "../../model/story";
+import { moment } from "../../model/time/past";
+import { goTarget, showMoment, timeOfDay } from "../../model/time/scrub";
+import { KINDS, type Kind, type Severity } from "../../model/story/story";
 import { dateTime } from "../../parts/format";
 import { Panel } from "../../parts/panel";
 import { hidden, least, lines, targets, wantedTarget, wantedText } from "./filter";

@@ -2,9 +2,9 @@
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { open, texts } from "../../model/page";
-import { moment } from "../../model/past";
-import { goLive, showMoment } from "../../model/scrub";
-import type { Entry } from "../../model/story";
+import { moment } from "../../model/time/past";
+import { goLive, showMoment } from "../../model/time/scrub";
+import type { Entry } from "../../model/story/story";
 import { clockTime, dateTime } from "../../parts/format";
 import { lines } from "./filter";
 

@@ -1,5 +1,5 @@
 // The lines that are shown, as a file: CSV for a spreadsheet, JSON for a program.
-import type { Entry } from "../../model/story";
+import type { Entry } from "../../model/story/story";
 import { isoTime, saveCsv, saveFile } from "../../parts/csv";
 
 const COLUMNS = ["time", "severity", "kind", "target", "text", "led_to", "commanded", "notes", "step"] as const;

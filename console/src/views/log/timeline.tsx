@@ -1,12 +1,12 @@
 // The timeline: what lasted how long, in rows, and when something was reported.
 import { computed, signal, untracked, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { robotNow, shownNow } from "../../model/clock";
-import { begin, entries, gaps, stepStory, stopStory } from "../../model/log";
+import { robotNow, shownNow } from "../../model/time/clock";
+import { begin, entries, gaps, stepStory, stopStory } from "../../model/story/log";
 import { open, texts, theme } from "../../model/page";
-import { moment } from "../../model/past";
-import { scrubByKey, showMoment } from "../../model/scrub";
-import { HOLDS, LIFECYCLE, OPERATION, PHASE, TARGET, type Entry, type Severity, type Span } from "../../model/story";
+import { moment } from "../../model/time/past";
+import { scrubByKey, showMoment } from "../../model/time/scrub";
+import { HOLDS, LIFECYCLE, OPERATION, PHASE, TARGET, type Entry, type Severity, type Span } from "../../model/story/story";
 import { clockTime, dateTime, span as spanText } from "../../parts/format";
 import { Panel } from "../../parts/panel";
 import { AXIS_PX, drawTimeline, ROW_PX, type TimelineRow } from "./draw";

@@ -1,5 +1,5 @@
 // Pictures that are made once and painted often: the floor, the walls over it, and the field between both.
-import { CELLS, type Grid } from "../../model/map";
+import { CELLS, type Grid } from "../../model/robot/map";
 import { rampAt, rgbOf, type Palette, type Scale } from "./colours";
 import type { Field } from "./field";
 

@@ -1,6 +1,6 @@
 // Colours of the map: a scale that people read who see few colours (dark blue over green to yellow), and the theme's.
-import { computed, signal } from "@preact/signals";
-import { theme } from "../../model/page";
+import { computed } from "@preact/signals";
+import { colourOf } from "../../parts/colours";
 
 type Rgb = readonly [number, number, number];
 
@@ -67,16 +67,9 @@ const NAMES = ["back", "card", "line", "text", "soft", "accent", "good", "warn",
 const CELL_NAMES = ["map-unknown", "map-free", "map-between", "map-occupied"] as const;
 export type Palette = Readonly<Record<(typeof NAMES)[number] | (typeof CELL_NAMES)[number], string>>;
 
-const dark = matchMedia("(prefers-color-scheme: dark)");
-const isDark = signal(dark.matches);
-dark.addEventListener("change", () => (isDark.value = dark.matches));
-
 /** The colours of the theme, as CSS writes them. */
 export const palette = computed<Palette>(() => {
-  void theme.value;
-  void isDark.value;
-  const style = getComputedStyle(document.documentElement);
-  const entries = [...NAMES, ...CELL_NAMES].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]);
+  const entries = [...NAMES, ...CELL_NAMES].map((name) => [name, colourOf(name)]);
   return Object.fromEntries(entries) as Palette;
 });
 

@@ -1,11 +1,11 @@
 // Driving to a place of the map: when it may be, where to, and the order itself.
 import { computed, signal } from "@preact/signals";
-import { robotNow } from "../../model/clock";
-import { MAP_FRAME, robot } from "../../model/map";
-import { possible, state } from "../../model/mission";
+import { robotNow } from "../../model/time/clock";
+import { MAP_FRAME, robot } from "../../model/robot/map";
+import { possible, state } from "../../model/mission/mission";
 import { texts } from "../../model/page";
-import { hindrance, silent } from "../../model/permission";
-import type { FloorPlace } from "../../model/twin";
+import { hindrance, silent } from "../../model/mission/permission";
+import type { FloorPlace } from "../../model/robot/twin";
 import { MSG_TYPES, type PoseStamped } from "../../ros";
 import { link } from "../../wire/link";
 

@@ -2,11 +2,11 @@
 import { computed, effect, signal } from "@preact/signals";
 import type { GetFieldRequest, GetFieldResponse } from "../../ros";
 import { link } from "../../wire/link";
-import { robotNow, shownNow } from "../../model/clock";
+import { robotNow, shownNow } from "../../model/time/clock";
 import { cornersOf } from "./grid";
-import { grid } from "../../model/map";
-import { moment, Past, type Known } from "../../model/past";
-import { twin } from "../../model/twin";
+import { grid } from "../../model/robot/map";
+import { moment, Past, type Known } from "../../model/time/past";
+import { twin } from "../../model/robot/twin";
 
 /** A sensor's values on a grid without a turn: cell (0, 0) has its corner at `x`, `y`, row 0 is at the bottom. */
 export interface Field {

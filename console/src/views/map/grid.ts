@@ -1,5 +1,5 @@
 // Geometry of an occupancy grid.
-import { CELLS, type CellKind, type Grid } from "../../model/map";
+import { CELLS, type CellKind, type Grid } from "../../model/robot/map";
 
 interface Point {
   readonly x: number;

@@ -1,12 +1,12 @@
 // The map: where everything is, what was measured there, and driving to a place.
 import { useEffect } from "preact/hooks";
 import { link } from "../../wire/link";
-import { grid, gridProblem, robot, robotSilentSince, transformGap, type Grid } from "../../model/map";
+import { grid, gridProblem, robot, robotSilentSince, transformGap, type Grid } from "../../model/robot/map";
 import { open, texts } from "../../model/page";
-import { moment } from "../../model/past";
-import { endPicking, picked, picking } from "../../model/picking";
-import { measured, sensorName } from "../../model/sensors";
-import { twin } from "../../model/twin";
+import { moment } from "../../model/time/past";
+import { endPicking, picked, picking } from "../../model/mission/picking";
+import { measured, sensorName } from "../../model/robot/sensors";
+import { twin } from "../../model/robot/twin";
 import { clockTime } from "../../parts/format";
 import { Panel } from "../../parts/panel";
 import { aim, choosing, driven, drive, driveRefusal, endChoosing } from "./driving";

@@ -1,8 +1,8 @@
 // Which colour is which value, and what the signs on the map are.
 import { clockTime } from "../../parts/format";
 import { texts } from "../../model/page";
-import { measured, SENSORS, sensorName, unitOf } from "../../model/sensors";
-import { twin } from "../../model/twin";
+import { measured, SENSORS, sensorName, unitOf } from "../../model/robot/sensors";
+import { twin } from "../../model/robot/twin";
 import { GRADIENT } from "./colours";
 import { field, fieldProblem, sensor } from "./field";
 import { hidden, LAYERS, scale, switchLayer } from "./scene";

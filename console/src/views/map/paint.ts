@@ -1,7 +1,7 @@
 // Painting: everything that is on the map, from the floor up. Lengths of signs are CSS pixels.
-import type { FloorPlace, Tag } from "../../model/twin";
-import { valueOf } from "../../model/twin";
-import type { Grid } from "../../model/map";
+import type { FloorPlace, Tag } from "../../model/robot/twin";
+import { valueOf } from "../../model/robot/twin";
+import type { Grid } from "../../model/robot/map";
 import { fieldPicture, floorPicture, wallsPicture } from "./bitmaps";
 import { toScreen, type Camera, type Size } from "./camera";
 import { bloomColour, css, rampAt, type Palette } from "./colours";

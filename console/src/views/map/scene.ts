@@ -1,11 +1,11 @@
 // What is to be painted at the moment that is shown, apart from what part of it is seen.
 import { computed, signal, type Signal } from "@preact/signals";
-import { shownNow } from "../../model/clock";
-import { state } from "../../model/mission";
-import { reports, robot, robotSilentSince, shownGrid, shownPlan, trail, type Grid, type Report } from "../../model/map";
-import { moment, type Known } from "../../model/past";
-import { picked, picking } from "../../model/picking";
-import { placeOf, twin, TWIN_SILENT_S, valueOf, type FloorPlace, type Tag } from "../../model/twin";
+import { shownNow } from "../../model/time/clock";
+import { state } from "../../model/mission/mission";
+import { reports, robot, robotSilentSince, shownGrid, shownPlan, trail, type Grid, type Report } from "../../model/robot/map";
+import { moment, type Known } from "../../model/time/past";
+import { picked, picking } from "../../model/mission/picking";
+import { placeOf, twin, TWIN_SILENT_S, valueOf, type FloorPlace, type Tag } from "../../model/robot/twin";
 import { palette, scaleOf, type Palette, type Scale } from "./colours";
 import { aim } from "./driving";
 import { field, sensor, type Field } from "./field";

@@ -2,8 +2,8 @@
 import { computed, effect, signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { texts } from "../../model/page";
-import { picking, toggle } from "../../model/picking";
-import { robot } from "../../model/map";
+import { picking, toggle } from "../../model/mission/picking";
+import { robot } from "../../model/robot/map";
 import { camera, fitted, panned, toMap, zoomed, type Camera, type Size } from "./camera";
 import { aim, aimAt, choosing, endChoosing } from "./driving";
 import { paint } from "./paint";

@@ -1,8 +1,8 @@
 // The tags as a list: what the map shows, in words, and the way to it by keyboard.
 import { useRef } from "preact/hooks";
 import { texts } from "../../model/page";
-import { picked, picking } from "../../model/picking";
-import { placeOf, twin, type Tag } from "../../model/twin";
+import { picked, picking } from "../../model/mission/picking";
+import { placeOf, twin, type Tag } from "../../model/robot/twin";
 import { Panel } from "../../parts/panel";
 import { selected, twinSilentSince } from "./scene";
 import { bringIn, choose } from "./surface";

@@ -1,10 +1,10 @@
 // What can be pointed at on the map, and what is told of it.
-import { shownNow } from "../../model/clock";
+import { shownNow } from "../../model/time/clock";
 import { ago, clockTime, dateTime, number } from "../../parts/format";
 import { texts } from "../../model/page";
-import { measured, sensorName } from "../../model/sensors";
-import type { Tag } from "../../model/twin";
-import type { Report } from "../../model/map";
+import { measured, sensorName } from "../../model/robot/sensors";
+import type { Tag } from "../../model/robot/twin";
+import type { Report } from "../../model/robot/map";
 import { toScreen, type Camera, type Size } from "./camera";
 import type { Scene } from "./scene";
 

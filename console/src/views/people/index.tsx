@@ -1,9 +1,9 @@
 // Who else is here, what they pressed, what there is to know of, and the report of a shift.
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { shownNow } from "../../model/clock";
+import { shownNow } from "../../model/time/clock";
 import { open, route, texts } from "../../model/page";
-import { hindrance } from "../../model/permission";
+import { hindrance } from "../../model/mission/permission";
 import { acknowledge, loadPressed, notifications, openNotifications, ownPage, people, pressed, type Notification, type Pressed } from "../../model/people";
 import { ago, clockTime, dateTime } from "../../parts/format";
 import { Panel, Pill } from "../../parts/panel";

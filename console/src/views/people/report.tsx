@@ -2,12 +2,12 @@
 import { computed, signal, untracked } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useMemo } from "preact/hooks";
-import { shownNow } from "../../model/clock";
-import { isLoading } from "../../model/history";
+import { shownNow } from "../../model/time/clock";
+import { isLoading } from "../../model/time/history";
 import { open, texts } from "../../model/page";
-import { hindrance } from "../../model/permission";
+import { hindrance } from "../../model/mission/permission";
 import { loadPressed, pressed } from "../../model/people";
-import { shift, type Shift } from "../../model/shift";
+import { shift, type Shift } from "../../model/story/shift";
 import { isoTime, saveCsv } from "../../parts/csv";
 import { clockTime, dateTime, span } from "../../parts/format";
 import { Panel } from "../../parts/panel";

@@ -1,7 +1,7 @@
 // What can be done to a simulation: every failure that is declared, silence and lateness, what the robot senses, crashes.
 import { useState } from "preact/hooks";
 import { texts } from "../../model/page";
-import { said, simulate, simulated, type LiveInput, type OperationUnderWay } from "../../model/simulation";
+import { said, simulate, simulated, type LiveInput, type OperationUnderWay } from "../../model/mission/simulation";
 import { number } from "../../parts/format";
 import { Panel, Pill } from "../../parts/panel";
 import "./simulation.css";

@@ -1,11 +1,11 @@
 // All tags as a table: what is known of each, and how it came to be.
 import { signal } from "@preact/signals";
-import { shownNow } from "../../model/clock";
+import { shownNow } from "../../model/time/clock";
 import { open, texts } from "../../model/page";
-import { picked, picking, toggle } from "../../model/picking";
-import { measured, sensorName } from "../../model/sensors";
+import { picked, picking, toggle } from "../../model/mission/picking";
+import { measured, sensorName } from "../../model/robot/sensors";
 import { isStale, useTopic } from "../../model/topics";
-import { TWIN_SILENT_S, twin, valueOf } from "../../model/twin";
+import { TWIN_SILENT_S, twin, valueOf } from "../../model/robot/twin";
 import { isoTime, saveCsv } from "../../parts/csv";
 import { ago, clockTime, number } from "../../parts/format";
 import { Panel, Pill, type Tone } from "../../parts/panel";

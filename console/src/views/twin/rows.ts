@@ -1,10 +1,10 @@
 // What the table of tags shows: of each tag what the twin knows, the past of its sensors, and its last visit.
 import { computed } from "@preact/signals";
-import { shownNow } from "../../model/clock";
-import { observations } from "../../model/mission";
-import { moment, type Known } from "../../model/past";
-import { SENSORS, unitOf } from "../../model/sensors";
-import { placeOf, twin, valueOf, type Tag } from "../../model/twin";
+import { shownNow } from "../../model/time/clock";
+import { observations } from "../../model/mission/mission";
+import { moment, type Known } from "../../model/time/past";
+import { SENSORS, unitOf } from "../../model/robot/sensors";
+import { placeOf, twin, valueOf, type Tag } from "../../model/robot/twin";
 import { Observation } from "../../ros";
 import { isoTime } from "../../parts/csv";
 

@@ -1,12 +1,12 @@
 // A simulation in virtual time: how it stands, what can be done to it, and what its clock shows.
 import { effect, signal } from "@preact/signals";
-import { MSG_TYPES, type StdMsgsString as Text } from "../ros";
-import { link } from "../wire/link";
-import { setPace } from "./clock";
-import { loadAnew } from "./history";
-import { mode } from "./page";
-import { moment } from "./past";
-import { json } from "./topics";
+import { MSG_TYPES, type StdMsgsString as Text } from "../../ros";
+import { link } from "../../wire/link";
+import { setPace } from "../time/clock";
+import { loadAnew } from "../time/history";
+import { mode } from "../page";
+import { moment } from "../time/past";
+import { json } from "../topics";
 
 /** A failure that an operation declares. */
 export interface DeclaredCode {

@@ -1,11 +1,11 @@
 // What is on the map: occupancy, the robot and where it was, its plan, and anomalies. Metres, frame `map`.
 import { computed, signal } from "@preact/signals";
-import { MSG_TYPES, Observation, type OccupancyGrid, type Path, type Pose, type TFMessage } from "../ros";
-import { shownNow } from "./clock";
-import { observations } from "./mission";
-import { moment } from "./past";
-import { TransformTree } from "../wire/transforms";
-import { topic } from "./topics";
+import { MSG_TYPES, Observation, type OccupancyGrid, type Path, type Pose, type TFMessage } from "../../ros";
+import { shownNow } from "../time/clock";
+import { observations } from "../mission/mission";
+import { moment } from "../time/past";
+import { TransformTree } from "../../wire/transforms";
+import { topic } from "../topics";
 import type { FloorPlace } from "./twin";
 
 export const MAP_FRAME = "map";

@@ -1,13 +1,13 @@
 // The arm: where it is, what its library says, and its services.
 import { computed, signal } from "@preact/signals";
-import { MSG_TYPES, type JointState, type StdMsgsString as Text } from "../ros";
-import { CallFailed, link } from "../wire/link";
-import { robotNow } from "./clock";
-import { stops } from "./log";
-import { state as mission } from "./mission";
-import { texts } from "./page";
+import { MSG_TYPES, type JointState, type StdMsgsString as Text } from "../../ros";
+import { CallFailed, link } from "../../wire/link";
+import { robotNow } from "../time/clock";
+import { stops } from "../story/log";
+import { state as mission } from "../mission/mission";
+import { texts } from "../page";
 import { rosout } from "./rosout";
-import { alike, json, topic } from "./topics";
+import { alike, json, topic } from "../topics";
 
 const ARM = "/lupin/arm";
 /** Seconds of silence after which nobody knows where the arm is. */

@@ -1,8 +1,8 @@
 // What happened before this page was opened, and while it was not connected, from the gateway: lines of JSON.
 import { batch, computed, effect, signal } from "@preact/signals";
-import { link } from "../wire/link";
+import { link } from "../../wire/link";
 import { moment } from "./past";
-import { topics, type Arrived } from "./topics";
+import { topics, type Arrived } from "../topics";
 
 /** A message that the gateway has kept: `at` in milliseconds since 1970. */
 interface KeptMessage extends Arrived {

@@ -1,9 +1,9 @@
 // What happened in a span of time, counted from the past that this page has.
-import { MissionState, Observation } from "../ros";
+import { MissionState, Observation } from "../../ros";
 import { stops } from "./log";
-import { observations, state, steps, type StepRecord } from "./mission";
-import { notifications, pressed, type Notification, type Pressed } from "./people";
-import type { Known } from "./past";
+import { observations, state, steps, type StepRecord } from "../mission/mission";
+import { notifications, pressed, type Notification, type Pressed } from "../people";
+import type { Known } from "../time/past";
 
 export interface MissionRun {
   readonly id: string;

@@ -1,7 +1,7 @@
 // A recording: the moment that is shown goes through it, at a speed, as if it happened again.
 import { effect, signal } from "@preact/signals";
 import { setPace } from "./clock";
-import { gateway, mode } from "./page";
+import { gateway, mode } from "../page";
 import { moment } from "./past";
 
 export const SPEEDS = [0.25, 1, 4, 16, 64] as const;

@@ -1,7 +1,7 @@
 // What happened, told from the steps: lines of the log, and spans of the timeline.
-import type { Texts } from "../texts/en";
-import type { StepRecord, Told, View } from "./mission";
-import type { Known } from "./past";
+import type { Texts } from "../../texts/en";
+import type { StepRecord, Told, View } from "../mission/mission";
+import type { Known } from "../time/past";
 
 export const KINDS = ["command", "state", "operation", "target", "hold", "question", "code", "stop", "connection", "other"] as const;
 export type Kind = (typeof KINDS)[number];

@@ -1,10 +1,10 @@
 // Going through the past: step by step, from problem to problem, to a time, and back to now.
 import { computed } from "@preact/signals";
 import { robotNow } from "./clock";
-import { begin, neighbour, problems, stepStory } from "./log";
-import { steps } from "./mission";
+import { begin, neighbour, problems, stepStory } from "../story/log";
+import { steps } from "../mission/mission";
 import { moment } from "./past";
-import { TARGET } from "./story";
+import { TARGET } from "../story/story";
 
 /** Show a moment; one that is not over yet is now. */
 export function showMoment(at: number): void {

@@ -1,14 +1,14 @@
 // The log and the timeline of all that is known, as signals.
 import { computed, effect, signal, type ReadonlySignal } from "@preact/signals";
-import { MSG_TYPES, Observation, type StdMsgsString as Text } from "../ros";
-import { link, type LinkState } from "../wire/link";
-import { robotNow } from "./clock";
-import { isLoading } from "./history";
-import { observations, state, steps } from "./mission";
-import { mode, texts } from "./page";
-import { Past, type Known } from "./past";
+import { MSG_TYPES, Observation, type StdMsgsString as Text } from "../../ros";
+import { link, type LinkState } from "../../wire/link";
+import { robotNow } from "../time/clock";
+import { isLoading } from "../time/history";
+import { observations, state, steps } from "../mission/mission";
+import { mode, texts } from "../page";
+import { Past, type Known } from "../time/past";
 import { StepStory, type Entry, type Span, type Words } from "./story";
-import { json, topic } from "./topics";
+import { json, topic } from "../topics";
 
 interface Stops {
   readonly stopped: boolean;

@@ -1,6 +1,6 @@
 // What the digital twin knows of each tag.
-import { MSG_TYPES, type SensorReading, type TwinState, type TwinTagState } from "../ros";
-import { topic } from "./topics";
+import { MSG_TYPES, type SensorReading, type TwinState, type TwinTagState } from "../../ros";
+import { topic } from "../topics";
 
 export interface Tag extends Omit<TwinTagState, "last_observed" | "stale_seconds"> {
   /** When something was observed there last, in the robot's milliseconds; undefined: never. */

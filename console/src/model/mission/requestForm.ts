@@ -1,6 +1,6 @@
 // What is filled in to start a mission: texts by mission and field, and what they mean by the field's declaration.
 import { effect, signal } from "@preact/signals";
-import type { Texts } from "../texts/en";
+import type { Texts } from "../../texts/en";
 import type { OfferedMission, RequestField } from "./mission";
 import { picked, picking } from "./picking";
 

@@ -1,6 +1,6 @@
 // What nodes log, from /rosout: warnings and worse.
-import type { Time } from "../ros";
-import { topic } from "./topics";
+import type { Time } from "../../ros";
+import { topic } from "../topics";
 
 interface LogMessage {
   readonly stamp: Time;

@@ -1,8 +1,8 @@
 // What the orchestrator tells, as types and topics; docs/operating.md, "For programs", says what each field is.
-import { computed, signal } from "@preact/signals";
-import { MSG_TYPES, type CommandResponse, type MissionState, type Observation, type StdMsgsString as Text } from "../ros";
-import { link } from "../wire/link";
-import { alike, json, topic } from "./topics";
+import { computed, effect, signal } from "@preact/signals";
+import { MSG_TYPES, type CommandResponse, type MissionState, type Observation, type StdMsgsString as Text } from "../../ros";
+import { link } from "../../wire/link";
+import { alike, json, topic } from "../topics";
 
 const ORCHESTRATOR = "/mission_orchestrator";
 /** Seconds without a word after which the orchestrator is silent; the history has a sign of life every 2 s. */
@@ -190,8 +190,9 @@ export interface ChartRecord {
   readonly hash: string;
   readonly boot: string;
   readonly missions: readonly string[];
+  /** Its picture; "" while it is drawn, and where it cannot be. */
   readonly svg: string;
-  /** Why there is no picture. */
+  /** Why there is no picture and will be none. */
   readonly problem?: string;
   readonly states: Readonly<Record<string, StateRecord>>;
   readonly transitions: Readonly<Record<string, TransitionRecord>>;
@@ -253,8 +254,26 @@ export const chart = topic<Text, ChartRecord>(`${ORCHESTRATOR}/chart`, MSG_TYPES
   keep: 20,
   always: true,
   read: json,
-  same: (one, other) => one.hash === other.hash && one.boot === other.boot,
+  same: (one, other) => one.hash === other.hash && one.boot === other.boot && isDrawn(one) === isDrawn(other),
 });
+
+/** Whether all is told of a chart: what it is comes first, its picture when it has been drawn. */
+function isDrawn({ svg, problem }: ChartRecord): boolean {
+  return Boolean(svg || problem);
+}
+
+/** The picture of a chart, as soon as it is told; fails with the reason why there is none. */
+export function wholePicture(hash: string): Promise<string> {
+  return new Promise((done, failed) => {
+    const end = effect(() => {
+      const found = chart.past.until(null).findLast(({ value }) => value.hash === hash && isDrawn(value))?.value;
+      if (!found) return;
+      if (found.svg) done(found.svg);
+      else failed(new Error(found.problem));
+      queueMicrotask(() => end());
+    });
+  });
+}
 
 export const observations = topic<Observation>("/floranova/observations", MSG_TYPES.Observation, {
   keep: 5000,

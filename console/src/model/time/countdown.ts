@@ -4,7 +4,7 @@
 // may be faster, slower, or stand still.
 import { computed } from "@preact/signals";
 import { shownNow } from "./clock";
-import { steps } from "./mission";
+import { steps } from "../mission/mission";
 
 /** Milliseconds of the robot's clock that two records must be apart to say how fast the loop's clock goes. */
 const APART_MS = 1000;

@@ -1,7 +1,7 @@
 // The robot's clock. A browser's may be an hour off, so it is never compared with times that the robot tells.
 import { computed, signal } from "@preact/signals";
-import { link } from "../wire/link";
-import type { Time } from "../ros";
+import { link } from "../../wire/link";
+import type { Time } from "../../ros";
 import { moment } from "./past";
 
 /** Milliseconds by which the robot's clock is ahead of this page's steady one; undefined until it is known. */

@@ -1,11 +1,11 @@
 // Why nothing can be commanded from this page now. Buttons are grey with this reason; the engine's own come after it.
 import { computed } from "@preact/signals";
-import { link } from "../wire/link";
-import { shownNow } from "./clock";
+import { link } from "../../wire/link";
+import { shownNow } from "../time/clock";
 import { asking, state } from "./mission";
-import { gateway, mode, texts } from "./page";
-import { moment } from "./past";
-import { isStale } from "./topics";
+import { gateway, mode, texts } from "../page";
+import { moment } from "../time/past";
+import { isStale } from "../topics";
 
 /** The state comes five times a second; after so many seconds without it nobody is there to be commanded. */
 const SILENT_S = 3;

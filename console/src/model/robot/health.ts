@@ -1,8 +1,8 @@
 // How nodes and machines are, as every node tells it of itself on /diagnostics, and the battery.
 import { signal } from "@preact/signals";
-import { MSG_TYPES, type BatteryState } from "../ros";
-import { link } from "../wire/link";
-import { topic } from "./topics";
+import { MSG_TYPES, type BatteryState } from "../../ros";
+import { link } from "../../wire/link";
+import { topic } from "../topics";
 
 interface DiagnosticArray {
   readonly status: readonly {

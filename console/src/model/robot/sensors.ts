@@ -1,6 +1,6 @@
 // What is measured in a greenhouse. The wire has names of sensors without units, so this is the one place that knows them.
-import { number } from "../parts/format";
-import { texts } from "./page";
+import { number } from "../../parts/format";
+import { texts } from "../page";
 
 interface Quantity {
   readonly unit: string;
