@@ -192,6 +192,25 @@ def test_a_recording_is_played_and_its_states_are_those_of_its_steps(
             expect(page.get_by_role("button", name="Abort")).to_be_disabled()
 
 
+def test_a_recording_tells_why_a_button_was_grey_and_folds_its_chart(
+    context: BrowserContext, recording: Path
+) -> None:
+    """By what was recorded alone: the reasons were told then, and the chart is made of its files."""
+    mission = "MISSION.InspectionMission"
+    with ServedPages("replay", str(recording)) as served:
+        for page in opened(context, f"{served.url}#control"):
+            page.get_by_role("button", name="To the begin").click()
+            row = page.locator(".control-request", has=page.get_by_role("button", name="resume", exact=True))
+            expect(row).to_contain_text("This is a recording: nothing can be commanded. Then: ")
+            page.goto(f"{served.url}#chart")
+            inner = page.locator(f".paper [data-state='{mission}.INSPECTING']")
+            expect(inner).to_have_count(1)
+            page.locator(f".paper [data-fold='{mission}']").click()
+            expect(inner).to_have_count(0)
+            page.locator(f".paper [data-fold='{mission}']").click()
+            expect(inner).to_have_count(1)
+
+
 def test_a_recording_by_others_says_what_it_lacks(context: BrowserContext, tmp_path: Path) -> None:
     file = tmp_path / "foreign.mcap"
     with file.open("wb") as stream:

@@ -95,7 +95,7 @@ def test_nothing_can_be_asked_of_a_recording(recorded: Callable[[Told], Path]) -
         page = OpenPage(served.port)
         answer = page.call(COMMAND, verb="pause")
         assert (answer["result"], answer["values"]) == (
-            False, f"{COMMAND}: this is a recording: it cannot be commanded, and answers nothing",
+            False, f"{COMMAND}: this is a recording: it cannot be commanded, and nobody answers",
         )  # fmt: skip
         page.send({"op": "publish", "topic": "/cmd_vel", "type": "geometry_msgs/msg/Twist", "msg": {}})
         page.work_off()

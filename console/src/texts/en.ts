@@ -95,6 +95,8 @@ export const en = {
       many: (most: string) => `At most ${most} are allowed.`,
       json: "Write it as JSON.",
     },
+    was: (reason: string) => `Then: ${reason}`,
+    wasPossible: "It was possible then.",
     hindrances: {
       recording: "This is a recording: nothing can be commanded.",
       unconnected: "There is no connection to the robot.",

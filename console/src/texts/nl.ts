@@ -97,6 +97,8 @@ export const nl: Texts = {
       many: (most) => `Er zijn er hoogstens ${most} toegestaan.`,
       json: "Schrijf het als JSON.",
     },
+    was: (reason: string) => `Toen: ${reason}`,
+    wasPossible: "Het kon toen.",
     hindrances: {
       recording: "Dit is een opname: er valt niets te bedienen.",
       unconnected: "Er is geen verbinding met de robot.",

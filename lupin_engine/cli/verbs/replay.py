@@ -87,8 +87,9 @@ def _show(file: Path, port: int) -> int:
     from lupin_engine.ros.recording.reader import Recording
     from lupin_engine.ros.virtual.recorded import RecordedPages
 
-    server = find_server(load_catalog())
-    return serve(RecordedPages(Recording(file), load_profiles()), server, port)
+    catalog = load_catalog()
+    server = find_server(catalog)
+    return serve(RecordedPages(Recording(file), load_profiles(), catalog), server, port)
 
 
 def _cut(loaded: LoadedMissions, lived: list[LivedStep], until: str | None) -> list[LivedStep]:

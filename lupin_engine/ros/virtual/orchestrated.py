@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from lupin_engine.diagram.folding import folded_svg
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import NOTHING, Event
 from lupin_engine.machine.scope import World
@@ -18,9 +17,9 @@ from lupin_engine.plugin.pages import PageMessage
 from lupin_engine.plugin.profile import START, Fields, Publish
 from lupin_engine.plugin.wire import time_fields
 from lupin_engine.ros import commands, messages, names
-from lupin_engine.ros.chart_record import check_chart
 from lupin_engine.ros.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_engine.ros.told import StepMoment, StepNews, ToldPossible, ToldState, step_told
+from lupin_engine.ros.virtual.drawn import drawn, shown
 from lupin_engine.runtime.explanation import explanation
 from lupin_engine.runtime.offer import missions_record
 from lupin_engine.sim.simulation import Script, Simulation
@@ -103,14 +102,7 @@ class VirtualOrchestrator:
 
     def draw(self, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
         """Draw the chart as a display asks for it by the fields of `lupin_engine_msgs/srv/Draw`."""
-        folded = arguments.get("folded", [])
-        if not isinstance(folded, list):
-            raise LupinError(f"{names.DRAW_SERVICE}: folded must be a list of states")
-
-        def svg() -> dict[str, str]:
-            return {"svg": folded_svg(self._loaded.chart, frozenset(map(str, folded)))}
-
-        return self._shown(arguments, "svg", svg)
+        return drawn(self._loaded, arguments)
 
     def explain(self, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
         """Explain a state or transition by the fields of `lupin_engine_msgs/srv/Explain`."""
@@ -120,17 +112,7 @@ class VirtualOrchestrator:
             found = explanation(machine, str(arguments.get("element", "")), now)
             return {"explanation": json.dumps(found, default=str)}
 
-        return self._shown(arguments, "explanation", told)
-
-    def _shown(
-        self, arguments: Mapping[str, Any], field: str, show: Callable[[], dict[str, str]]
-    ) -> Mapping[str, Any]:
-        response = {"success": False, "message": "", "chart": self._loaded.hash, field: ""}
-        try:
-            check_chart(str(arguments.get("chart", "")), self._loaded)
-            return {**response, "success": True, **show()}
-        except LupinError as problem:
-            return {**response, "message": str(problem)}
+        return shown(self._loaded, arguments, "explanation", told)
 
     # -- what is told -----------------------------------------------------------------------------------
 

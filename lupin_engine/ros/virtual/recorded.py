@@ -1,16 +1,23 @@
-"""A recording for pages: everything that was heard, and nothing that can be commanded."""
+"""A recording for pages: everything that was heard, its charts drawn anew, and nothing to command."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from lupin_engine.errors import LupinError
+from lupin_engine.errors import LupinError, shortened
+from lupin_engine.missions.folders import lifecycle_in, mission_files
+from lupin_engine.missions.load import LoadedMissions, load_files
 from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.pages import PageMessage
 from lupin_engine.plugin.profile import Profile
+from lupin_engine.plugin.registry import Catalog
 from lupin_engine.ros import names
 from lupin_engine.ros.recording.reader import Recording
+from lupin_engine.ros.virtual.drawn import drawn
 
 #: Of a topic of sensors at most one message of a frame is told in so many nanoseconds.
 THINNED_NS = 100_000_000
@@ -19,8 +26,11 @@ THINNED_NS = 100_000_000
 class RecordedPages:
     """See `plugin.pages.PageSource`; `profiles` are those whose missions may have been recorded."""
 
-    def __init__(self, recording: Recording, profiles: Iterable[Profile]) -> None:
+    def __init__(self, recording: Recording, profiles: Iterable[Profile], catalog: Catalog) -> None:
         self._recording = recording
+        self._catalog = catalog
+        #: The charts that were drawn anew, by their hashes.
+        self._charts: dict[str, LoadedMissions] = {}
         wires = [profile.wire for profile in profiles if profile.wire is not None]
         own = (names.STEPS_TOPIC, names.MISSIONS_TOPIC, names.CHART_TOPIC, names.POSSIBLE_TOPIC)
         self._wanted = (*own, *(wire.state.name for wire in wires))
@@ -81,7 +91,24 @@ class RecordedPages:
 
     def call(self, service: str, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
         """See `PageSource`."""
-        raise LupinError(f"{service}: this is a recording: it cannot be commanded, and answers nothing")
+        if service != names.DRAW_SERVICE:
+            raise LupinError(f"{service}: this is a recording: it cannot be commanded, and nobody answers")
+        return drawn(self._chart(str(arguments.get("chart", ""))), arguments)
+
+    def _chart(self, asked: str) -> LoadedMissions:
+        """Return a chart that ran, by its hash, made of the files that were recorded with it.
+
+        Raises:
+            LupinError: no such chart was recorded, or what is installed does not understand it.
+        """
+        if asked not in self._charts:
+            told = (json.loads(each.fields["data"]) for each in self._recording.messages([names.CHART_TOPIC]))
+            record = next((each for each in told if each["hash"] == asked), None)
+            if record is None:
+                raise LupinError(f"the chart {shortened(asked)!r} was not recorded")
+            with TemporaryDirectory() as folder:
+                self._charts[asked] = _load(record["files"], Path(folder), self._catalog)
+        return self._charts[asked]
 
     def history(self, since: float, topics: Collection[str]) -> Iterator[PageMessage]:
         """See `PageSource`."""
@@ -92,6 +119,21 @@ class RecordedPages:
                 continue
             last[source] = message.heard
             yield PageMessage(message.topic, message.heard / 1e6, message.fields)
+
+
+def _load(files: Mapping[str, str], folder: Path, catalog: Catalog) -> LoadedMissions:
+    """Load missions by the texts of their files, in a folder that is empty."""
+    for name, text in files.items():
+        file = folder / name
+        if folder.resolve() not in file.resolve().parents:
+            raise LupinError(f"a file that was recorded is outside of its folder: {shortened(name)!r}")
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(text, encoding="utf-8", newline="")
+    try:
+        return load_files(lifecycle_in(folder), mission_files(folder), catalog)
+    except LupinError as problem:
+        told = str(problem).replace(f"{folder}/", "")
+        raise LupinError(f"the plugins here do not understand the chart that was recorded: {told}") from None
 
 
 def _frame(fields: Mapping[str, Any]) -> str:

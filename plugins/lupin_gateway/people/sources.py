@@ -30,7 +30,8 @@ class StepNotices:
         if boot == self.seen[0] and step["sequence"] <= self.seen[1]:
             return
         self.seen = (boot, int(step["sequence"]))
-        for code in step.get("codes", ()):
+        told = () if self._is_stop_of_a_page(step) else step.get("codes", ())
+        for code in told:
             if code["severity"] >= WARNING:
                 text = ": ".join(filter(None, [code["label"], code["detail"]]))
                 about = f"{code['code']} {code['target']}".strip()
@@ -42,6 +43,12 @@ class StepNotices:
         for state, question in asked.items():
             if state not in self._notifications.lasting("question"):
                 self._notifications.add("question", state, WARNING, question, at)
+
+    def _is_stop_of_a_page(self, step: Mapping[str, Any]) -> bool:
+        """Whether the mission is held by a stop of which people are notified already: who pressed it."""
+        engages = step.get("event") == "value" and step.get("data", {}).get("value") is True
+        held = any(note.startswith("hold ") for note in step.get("notes", ()))
+        return engages and held and bool(self._notifications.lasting("stop"))
 
 
 class NodeNotices:

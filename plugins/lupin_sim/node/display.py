@@ -13,6 +13,7 @@ from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import Path
 
 from lupin_engine.plugin.wire import turn_fields
+from lupin_engine.ros.adapter.actions import Goal
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_sim.floor import Point
 
@@ -25,6 +26,9 @@ class Display:
         self._plans = ros.publisher(Path, "/plan", Qos.LATCHED)  # a page that is opened on the way shows it
         # As Nav2 does it: a click is a goal like any other, and whoever cancels all goals cancels it too.
         self._navigation = ros.action(NavigateToPose, "navigate_to_pose")
+        #: The drive to the last click; it may be over.
+        self._clicked: Goal | None = None
+        self._stopped = False
         ros.subscribe(PoseStamped, "/goal_pose", Qos.EVENT, self._on_click)
 
     def tell_plan(self, path: Sequence[Point], yaw: float) -> None:
@@ -40,14 +44,24 @@ class Display:
 
     def _on_click(self, pose: PoseStamped) -> None:
         place = pose.pose.position
+        if self._stopped:
+            self._ros.log.warning("a click while the stop is engaged moves nothing")
+            return
         self._ros.log.info("driving to where somebody clicked", x=round(place.x, 2), y=round(place.y, 2))
-        self._navigation.send(
+        self._clicked = self._navigation.send(
             NavigateToPose.Goal(pose=pose),
             accepted=_nothing,
             feedback=_nothing,
             ended=_nothing,
             rejected=_nothing,
         )
+
+    def stop(self, engaged: bool) -> None:
+        """Hear whether the stop is engaged: it ends the drive to a click; letting go moves nothing."""
+        self._stopped = engaged
+        if engaged and self._clicked is not None:
+            self._clicked.abandon()
+            self._clicked = None
 
 
 def quaternion(yaw: float) -> Quaternion:

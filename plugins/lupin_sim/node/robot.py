@@ -210,6 +210,7 @@ class SimNode:
     def _settle(self) -> None:
         """Apply a change at once: to the brake, and to what is published."""
         self._robot.braked = self._estop or self._faults.now(InjectedFault.STALL)
+        self._display.stop(self._estop)
         self._publish_estop()
         self._publish_pose()
 

@@ -218,3 +218,17 @@ def test_the_last_commands_are_read_from_the_log(tmp_path: Path) -> None:
     lines = [json.dumps({"name": f"/s{number}", "what": "call_service"}) for number in range(9)]
     log.write_text("\n".join([*lines, "broken {", '["no line"]']) + "\n")
     assert [line["name"] for line in last_lines(log, 5)] == ["/s6", "/s7", "/s8"]
+
+
+def test_a_stop_of_a_page_is_told_once() -> None:
+    """Who pressed it; the mission's hold is the same. Of the robot's own button the mission tells."""
+    engaged = {"event": "value", "data": {"value": True}, "notes": ["hold estop engaged"]}
+    told_by = {1: ["page-1"], 2: []}
+    for sequence, names in told_by.items():
+        found = Notifications()
+        StopNotices(found).take(names, 1.0)
+        record = step(sequence, code("estop_engaged", 1))
+        record["step"] |= engaged
+        StepNotices(found).take(record)
+        kinds = [kind for kind, *_ in told(found)]
+        assert kinds == (["stop"] if names else ["code"])

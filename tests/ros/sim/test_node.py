@@ -323,6 +323,28 @@ def test_a_click_is_a_goal_like_any_other(make_node: MakeNode) -> None:
     assert scene.place == (0.5, 0.5)
 
 
+def test_a_stop_ends_the_drive_to_a_click(make_node: MakeNode, capfd: pytest.CaptureFixture[str]) -> None:
+    """Letting go of it moves nothing, nor does a click while it is engaged; a later one does."""
+    scene = Clicked(make_node, "-p", "speed:=0.1")
+    scene.click(0.5, 1.5)
+    scene.until(lambda: scene.plans, "under way")
+    scene.set(estop=True)
+    scene.until(lambda: scene.node._goal is None, "the end of the drive")
+    rest = scene.place
+    scene.click(0.5, 1.5)
+    told: list[str] = []
+    scene.until(lambda: told.extend(capfd.readouterr()) or "click while the stop" in "".join(told), "no")
+    scene.set(estop=False, speed=10.0)
+    back = scene.drive(0.5, 0.5)
+    assert scene.end_of(back) == 4
+    assert scene.place == (0.5, 0.5)
+    assert rest[1] < 1.5
+    plans = len(scene.plans)
+    scene.click(0.5, 1.5)
+    scene.until(lambda: scene.place == (0.5, 1.5), "there")
+    assert len(scene.plans) > plans
+
+
 # --- what the robot senses
 
 

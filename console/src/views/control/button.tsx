@@ -2,8 +2,9 @@
 import { signal } from "@preact/signals";
 import { useEffect, useId } from "preact/hooks";
 import { answered, command, missions, type Possible } from "../../model/mission/mission";
-import { texts } from "../../model/page";
+import { mode, texts } from "../../model/page";
 import { commandHindrance } from "../../model/mission/permission";
+import { moment } from "../../model/time/past";
 
 /** Within so many milliseconds the second press must come where two are needed. */
 const SECOND_PRESS_MS = 5000;
@@ -24,6 +25,15 @@ function reasonOf(possible: Possible | undefined): string {
   if (commandHindrance.value) return commandHindrance.value;
   if (!possible) return texts.value.control.hindrances.untold;
   return possible.possible || possible.fields ? "" : possible.reason;
+}
+
+/** What is said beside it: why not, and of a moment that is over, what the engine said of it then. */
+function toldOf(possible: Possible | undefined, reason: string): string {
+  const t = texts.value.control;
+  if (!reason) return effectOf(possible);
+  const isOver = mode.value === "recording" || moment.value !== null;
+  if (!isOver || !possible) return reason;
+  return `${reason} ${possible.possible || possible.fields ? t.wasPossible : t.was(possible.reason)}`;
 }
 
 /** What it would do to the holds, in the words of their codes. */
@@ -56,7 +66,7 @@ export function RequestButton({ label, verb, mission = "", request = {}, possibl
         {armed ? <Again label={label} /> : label}
       </button>
       <span id={id} class="soft">
-        {reason || effectOf(possible)}
+        {toldOf(possible, reason)}
       </span>
       <AnswerOf verb={verb} mission={mission} />
     </div>

@@ -1,0 +1,40 @@
+"""What displays ask about a chart, answered without ROS by the fields of the responses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from lupin_engine.diagram.folding import folded_svg
+from lupin_engine.errors import LupinError
+from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.ros import names
+from lupin_engine.ros.chart_record import check_chart
+
+
+def drawn(loaded: LoadedMissions, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Draw a chart as a display asks for it by the fields of `lupin_engine_msgs/srv/Draw`.
+
+    Raises:
+        LupinError: a field is not what it should be.
+    """
+    folded = arguments.get("folded", [])
+    if not isinstance(folded, list):
+        raise LupinError(f"{names.DRAW_SERVICE}: folded must be a list of states")
+
+    def svg() -> dict[str, str]:
+        return {"svg": folded_svg(loaded.chart, frozenset(map(str, folded)))}
+
+    return shown(loaded, arguments, "svg", svg)
+
+
+def shown(
+    loaded: LoadedMissions, arguments: Mapping[str, Any], field: str, show: Callable[[], Mapping[str, str]]
+) -> Mapping[str, Any]:
+    """Answer with what `show` returns, which has the `field`; '' and a message where that is not possible."""
+    response = {"success": False, "message": "", "chart": loaded.hash, field: ""}
+    try:
+        check_chart(str(arguments.get("chart", "")), loaded)
+        return {**response, "success": True, **show()}
+    except LupinError as problem:
+        return {**response, "message": str(problem)}
