@@ -79,8 +79,8 @@ function tell(): void {
 function set(to: boolean): void {
   stopped = to;
   problem = "";
+  tell(); // before all else
   remembered(to ? "1" : "0");
-  tell();
   show();
 }
 

@@ -64,7 +64,7 @@ def test_a_stop_notifies_and_what_one_acknowledges_the_other_sees(console: Page,
     console.locator("#stop").click()
     stop = other.locator(".notices li", has_text="stopped by").first
     expect(stop).to_have_class("open")
-    expect(other.locator(".bar")).to_contain_text("E-STOP")
+    expect(other.get_by_text("e-stop engaged").first).to_be_visible()
     expect(other.locator(".notices li.open")).to_have_count(1)
     expect(other.locator("nav .badge")).to_contain_text("not acknowledged")
     console.get_by_role("button", name="Release my stop").click()

@@ -8,7 +8,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from action_msgs.msg import GoalStatus
+from nav2_msgs.action import NavigateToPose
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.ros.adapter.node import Qos
@@ -119,6 +122,36 @@ def test_nav2_is_told_to_stop_by_its_watchdog(world: World, bystander: Bystander
     bystander.until(_still(bystander), "the base at rest")
     _assert_stood_in_time(math.dist(bystander.place, lost_at))
     assert "robot may drive on" not in world.log("nav_watchdog").read_text()
+
+
+def test_a_stop_ends_a_drive_that_nobody_would_ask_for_again(world: World, bystander: Bystander) -> None:
+    """Nav2 would go on with a goal of a display as soon as the stop is released."""
+    world.start("nav_watchdog")
+    world.start("greenhouse_bridge")
+    world.start("lupin_sim", speed=SPEED)
+    world.start("mission_orchestrator", estop_timeout_s=10.0)
+    bystander.in_state("READY")
+    ended: list[int] = []
+    goal = NavigateToPose.Goal()
+    goal.pose.header.frame_id = "map"
+    goal.pose.pose.position.y = 4.0
+    goal.pose.pose.orientation.w = 1.0
+    bystander.ros.action(NavigateToPose, "navigate_to_pose").send(
+        goal,
+        accepted=lambda: None,
+        feedback=lambda _: None,
+        ended=lambda status, _: ended.append(status),
+        rejected=lambda: ended.append(0),
+    )
+    start = bystander.place
+    bystander.until(lambda: math.dist(bystander.place, start) > 0.2, "the drive")
+    stop = bystander.ros.publisher(Bool, "/lupin/hmi/estop", Qos.EVENT)
+    bystander.until(lambda: stop.get_subscription_count() > 0, "the robot")
+    stop.publish(Bool(data=True))
+    text = "all goals are cancelled (action='navigate_to_pose' reason='the stop is engaged')"
+    bystander.until_logged("nav_watchdog", text)
+    bystander.until(lambda: ended, "the end of the drive")
+    assert ended == [GoalStatus.STATUS_CANCELED]
 
 
 def _still(bystander: Bystander) -> Callable[[], bool]:

@@ -186,7 +186,7 @@ export function Stage(props: { chart: ChartRecord; chosen: string }) {
         </div>
         {!drawn.value && (
           <div class="undrawn">
-            <p class="note info">{t.notDrawnYet}</p>
+            <p class="soft">{t.notDrawnYet}</p>
             <Outline chart={props.chart} />
           </div>
         )}
