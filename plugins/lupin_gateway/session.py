@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from lupin_engine.ros.names import DRAW_SERVICE
 from lupin_gateway import protocol
 from lupin_gateway.doors import STOP_TOPIC
 from lupin_gateway.encoding import Compression, reply, status
@@ -22,8 +21,6 @@ from lupin_gateway.sides import CallFailed, GoalEnd, RosSide
 ROSAPI = "/rosapi/"
 #: Which compression a client gets that asked for several.
 _PREFERRED: tuple[Compression, ...] = ("cbor", "cbor-raw")
-#: How the names of services begin that take their time.
-SLOW_SERVICES = ("/lupin/arm/", DRAW_SERVICE)
 #: Goals of one connection that may be under way.
 MOST_GOALS = 20
 
@@ -34,7 +31,7 @@ class Limits:
 
     usual: float = 5.0
     slow: float = 15.0
-    slow_services: tuple[str, ...] = SLOW_SERVICES
+    slow_services: tuple[str, ...] = ("/lupin/arm/",)
 
     def of(self, service: str, wanted: float) -> float:
         """Return the limit of a call; a client may want a shorter one (0: it does not say)."""

@@ -23,7 +23,7 @@ from lupin_gateway.node.listening import listen
 from lupin_gateway.node.loop import LoopThread
 from lupin_gateway.node.ros import NodeSide
 from lupin_gateway.server import Address, Gateway, serve
-from lupin_gateway.session import SLOW_SERVICES, Limits
+from lupin_gateway.session import Limits
 
 #: The longest that either thread keeps Python's lock while the other one wants it, in seconds.
 SWITCH_INTERVAL_S = 0.001
@@ -46,7 +46,9 @@ PARAMETERS = {
         DURATION, 15.0, "the same for calls of slow services", minimum=0.1, maximum=600.0
     ),
     "slow_services": Parameter(
-        list_of(TEXT), list(SLOW_SERVICES), "how the names of slow services begin, such as /lupin/arm/"
+        list_of(TEXT),
+        ["/lupin/arm/", names.DRAW_SERVICE],
+        "how the names of slow services begin, such as /lupin/arm/",
     ),
     "events": Parameter(
         list_of(TEXT),
