@@ -4,7 +4,7 @@
 #   ARGS="..."                   further arguments, for run, check, test and mutants
 
 .DEFAULT_GOAL := help
-.PHONY: help run check test mutants soak faults docs environment environment-dev clean
+.PHONY: help run check test audit mutants soak faults docs environment environment-dev clean
 
 # Paths stay relative, so that a checkout may lie in a folder with blanks in its name.
 VENV_PYTHON := .venv/bin/python
@@ -15,6 +15,7 @@ help:
 	@echo "             (ARGS=\"--speed 1 --tags 1,5,12\" to run it another way)"
 	@echo "make check   the linter, the type checker, and the tests that need no ROS (ARGS=\"...\" for pytest)"
 	@echo "make test    the same, and all other tests"
+	@echo "make audit   whether something is known against the installed packages, or one was changed"
 	@echo "make mutants how many small changes to the code the tests notice (ARGS=\"machine sim\" for some rooms only)"
 	@echo "make soak    real nodes for HOURS=2, mission after mission: what they hold, into the folder soak"
 	@echo "make faults  real nodes, a run with faults for each of SEEDS=1-20: the table, and runs.csv in the folder faults"
@@ -37,6 +38,9 @@ check test: export PYTHONDONTWRITEBYTECODE =
 # Through the environment module, which completes the library path where ROS 2 came from apt.
 check test: environment-dev
 	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) tools/suite.py $@ $(ARGS)
+
+audit: environment-dev
+	@$(VENV_PYTHON) tools/audit.py
 
 mutants: environment-dev
 	@$(VENV_PYTHON) -m pip install --quiet --editable '.[mutation]'

@@ -1,7 +1,7 @@
 """The test suite by parts, with the time of each at its end.
 
 python tools/suite.py check [pytest arguments]   lint, types, and the tests that need nothing but Python
-python tools/suite.py test [pytest arguments]    these, then those over ROS 2 and in a browser
+python tools/suite.py test [pytest arguments]    these, those over ROS 2 and in a browser; in CI the audit
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ MORE = "ros or node or browser or broker"
 PYTEST = ["pytest", "--durations=10", "--dist=loadfile", "--no-loadscope-reorder"]
 LINT = ["ruff", "check"]
 TYPES = ["mypy"]
+#: Only where the continuous integration says so: it asks on the network.
+AUDIT = ["tools.audit"]
 QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE})", "--ignore=tests/ros"]
 # Tests over ROS 2 mostly wait.
 ROS = [*PYTEST, f"-n{2 * CORES}", "-m", f"({MORE}) and not browser"]
@@ -77,6 +79,8 @@ def main() -> int:
         return 2
     given = [*(["--color=yes"] if sys.stdout.isatty() else []), *sys.argv[2:]]
     beside = [start("lint", LINT), start("types", TYPES)]
+    if sys.argv[1] == "test" and os.environ.get("CI"):
+        beside.append(start("audit", AUDIT))
     readers = [threading.Thread(target=part.read, args=(None,)) for part in beside]
     for reader in readers:
         reader.start()

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: The folder of the bindings, beside the missions.
 BINDINGS = "bindings"
+#: What says what they may reach: in the folder above that of the missions, else in it.
+LUPIN_FILE = "lupin.yaml"
 
 MAX_FILES = 64
 MAX_CATALOGS = 32
@@ -75,6 +77,15 @@ def forget() -> None:
 def binding_files(folder: Path) -> list[Path]:
     """Return the bindings of a folder of missions, sorted by name."""
     return sorted((folder / BINDINGS).glob("*.yaml"))
+
+
+def lupin_file(folder: Path) -> Path:
+    """Return the `lupin.yaml` that counts for a folder of missions, or where it should stand."""
+    above = (folder.parent if folder.name not in ("", "..") else folder / "..") / LUPIN_FILE
+    if above.is_symlink():  # of a bundle that was unpacked
+        return above.readlink()
+    inside = folder / LUPIN_FILE
+    return inside if inside.is_file() and not above.is_file() else above
 
 
 def bound_catalog(

@@ -32,6 +32,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "wrong-shape": "a value has the shape that its key asks for",
             "bad-name": "names are made so that they can be found in a path or an expression",
             "conflicting-definition": "a name that several files declare means the same in all of them",
+            "not-allowed": "what a binding talks to is a plugin's, or the robot's lupin.yaml allows it",
         },
         "Types, units and expressions": {
             "unknown-type": "a type is built in or a plugin's; that of a service is installed",

@@ -28,8 +28,13 @@ from lupin_engine.errors import ChartError, LupinError, nearest
 if TYPE_CHECKING:
     from lupin_engine.plugin.discovery import EntryPoint
 
-#: Verbs for editors and other programs; their modules are in a folder of that name.
-PROGRAMS = frozenset({"lsp", "schema", "types"})
+#: Verbs whose modules stand in a folder below that of the others.
+FOLDERS: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(("lsp", "schema", "types"), "verbs.programs"),
+        **dict.fromkeys(("bundle", "security"), "verbs.doors"),
+    }
+)
 #: verb -> what it does. Each lives in the module `lupin_engine.cli.verbs.VERB` under its own name.
 VERBS: Mapping[str, str] = MappingProxyType(
     {
@@ -44,6 +49,8 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "graph": "Show the live map: who publishes, subscribes, serves and calls what.",
         "record": "Record every topic into a file for Foxglove, Lichtblick, rosbag2.",
         "replay": "Run a mission of the journal again; show a recording in the console.",
+        "bundle": "Put a mission with all its files into one, signed.",
+        "security": "Write permissions of the nodes, for SROS2.",
         "types": "Write all messages and services as TypeScript or JSON Schema.",
         "plugin": "List, show and check plugins, and begin new ones.",
         "node": "Run one node, with ROS arguments; without a name, list the nodes.",
@@ -81,8 +88,9 @@ class Verbs(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import a verb."""
         if cmd_name in VERBS:
-            folder = "verbs.programs" if cmd_name in PROGRAMS else "verbs"
-            return _load(folder, f"{cmd_name}_" if keyword.iskeyword(cmd_name) else cmd_name)
+            return _load(
+                FOLDERS.get(cmd_name, "verbs"), f"{cmd_name}_" if keyword.iskeyword(cmd_name) else cmd_name
+            )
         if cmd_name in OPERATOR_VERBS:
             return _load("operator", cmd_name)
         asked = _request_verbs()

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import lupin_engine
+from lupin_engine.bindings.catalog import LUPIN_FILE
 from lupin_engine.chart.source import head
 from lupin_engine.errors import UsageError, meant, nearest
 
@@ -19,6 +20,8 @@ LIFECYCLE = "lifecycle.yaml"
 MISSIONS = "missions"
 #: The folder of the parts, beside the missions.
 PARTS = "parts"
+#: How the name of a bundle ends: a mission with all that it is made of, in one file.
+BUNDLE = ".lupin"
 
 
 def mission_files(folder: Path) -> list[Path]:
@@ -28,7 +31,7 @@ def mission_files(folder: Path) -> list[Path]:
 
 def is_mission(path: Path) -> bool:
     """Say whether a file is a mission, as far as its name and its beginning tell."""
-    if path.name == LIFECYCLE or path.suffixes != [".yaml"] or not path.is_file():
+    if path.name in (LIFECYCLE, LUPIN_FILE) or path.suffixes != [".yaml"] or not path.is_file():
         return False
     return (head(path) or ("mission", ""))[0] == "mission"
 
@@ -73,11 +76,17 @@ def is_shipped(file: Path) -> bool:
 def find_mission(name: str, folders: Iterable[Path]) -> Path:
     """Return the file of a mission, named by path, by file (`inspection`) or by itself (`InspectionMission`).
 
+    One that is named by its bundle is unpacked.
+
     Raises:
         UsageError: there is none; the text lists those that there are.
     """
     path = Path(name)
-    if path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
+    if path.suffix == BUNDLE and path.is_file():
+        from lupin_engine.missions.bundle import read_bundle, unpack  # most runs need no archives
+
+        return unpack(read_bundle(path))
+    if path.suffix in (".yaml", ".yml", BUNDLE) or len(path.parts) > 1:
         if path.is_file():
             return path
         raise UsageError(_no_file(path))

@@ -62,6 +62,7 @@ class LoadedMissions:
     """Checked missions with their lifecycle, and those of their plugins that are made of a file.
 
     `sources` are the bytes that all of it was made of, by the names of the files as places have them.
+    `bundle` is the one file that they came in.
     """
 
     chart: Chart
@@ -69,6 +70,7 @@ class LoadedMissions:
     files: tuple[Path, ...]
     lifecycle: Path
     sources: Mapping[str, bytes] = field(repr=False)
+    bundle: Path | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -124,6 +126,8 @@ class LoadedMissions:
 
     def parameters(self) -> dict[str, Any]:
         """Return what the orchestrator needs to load the same."""
+        if self.bundle is not None:
+            return {"missions_path": str(self.bundle.resolve())}
         folder = self.lifecycle.resolve().parent
         files = [file.resolve() for file in self.files]
         named = {} if files == mission_files(folder) else {"missions": [str(file) for file in files]}
@@ -180,13 +184,18 @@ def load_chart(lifecycle: Path, missions: Sequence[Path], catalog: Catalog) -> C
     return load_files(lifecycle, missions, catalog).chart
 
 
-def load_files(lifecycle: Path, missions: Sequence[Path], catalog: Catalog) -> LoadedMissions:
+def load_files(
+    lifecycle: Path, missions: Sequence[Path], catalog: Catalog, *, reaching: bool = False
+) -> LoadedMissions:
     """Load a lifecycle with missions, and the bindings that they use.
+
+    Who does not only look at them or simulate is `reaching` for what the bindings talk to, and is refused
+    what nobody has allowed.
 
     Raises:
         ChartError: carries every error of every file.
     """
-    inspection = inspect_chart(lifecycle, missions, catalog)
+    inspection = inspect_chart(lifecycle, missions, catalog, reaching=reaching)
     chart, bound = inspection.chart, inspection.bound
     if chart is None or bound is None:
         raise ChartError(d for d in inspection.found if d.severity is Severity.ERROR)
@@ -205,15 +214,25 @@ def check_chart(
 
 
 def inspect_chart(
-    lifecycle: Path, missions: Sequence[Path], catalog: Catalog, texts: Mapping[Path, bytes] = SAVED
+    lifecycle: Path,
+    missions: Sequence[Path],
+    catalog: Catalog,
+    texts: Mapping[Path, bytes] = SAVED,
+    *,
+    reaching: bool = True,
 ) -> Inspection:
     """Read a lifecycle with missions, and return all that was found and made, however wrong it is.
 
-    `texts` are read in place of what is saved in their files: somebody is editing them.
+    `texts` are read in place of what is saved in their files: somebody is editing them. Unless the missions
+    are to be `reaching` for nothing, it is also found what their bindings may not talk to.
     """
     findings = Findings()
     holders = (lifecycle.parent, *(path.parent for path in missions))
     bound = bound_catalog(dict.fromkeys(holders), catalog, texts, findings)
+    if bound is not None and bound.bindings and reaching:
+        from lupin_engine.bindings.allowed import check_allowed
+
+        check_allowed(bound.bindings.values(), catalog, findings)
     root = _read(lifecycle, LifecycleNode, findings, texts)
     read_missions = {path: _read(path, MissionNode, findings, texts) for path in missions}
     parts = _read_used((lifecycle, root), read_missions, findings, texts)

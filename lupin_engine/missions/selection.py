@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.missions.folders import (
+    BUNDLE,
     MISSIONS,
     default_missions_folder,
     find_mission,
@@ -29,19 +31,23 @@ def folders() -> list[Path]:
     return found if found and LOCAL.resolve() == shipped.resolve() else [*found, shipped]
 
 
-def load_missions(names: Sequence[str], catalog: Catalog) -> LoadedMissions:
-    """Find, load and check missions; without names all of the nearest folder.
+def load_missions(names: Sequence[str], catalog: Catalog, *, reaching: bool = False) -> LoadedMissions:
+    """Find, load and check missions; without names all of the nearest folder. `reaching` as in `load_files`.
 
     Raises:
         UsageError: missions do not exist, or do not share a lifecycle.
         ChartError: with every error of every file.
     """
+    bundles = [name for name in names if Path(name).suffix == BUNDLE]
+    if bundles and len(names) > 1:
+        raise UsageError(f"{bundles[0]}: a bundle is used alone, without other missions")
     files = _files(names) if names else mission_files(folders()[0])
     lifecycles = {lifecycle_of(file).resolve(): None for file in files}
     if len(lifecycles) > 1:
         raise UsageError(f"these missions have different lifecycles: {', '.join(map(str, lifecycles))}")
     lifecycle = next(iter(lifecycles), lifecycle_in(folders()[0]))
-    return load_files(lifecycle, files, catalog)
+    loaded = load_files(lifecycle, files, catalog, reaching=reaching)
+    return replace(loaded, bundle=Path(bundles[0])) if bundles else loaded
 
 
 def _files(names: Sequence[str]) -> list[Path]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from lupin_engine.plugin.contract import Access
+from lupin_engine.plugin.registry import Catalog
 
 
 @dataclass(frozen=True)
@@ -67,3 +68,15 @@ class PageSource(Protocol):
 #: Serves a source on a port of this machine until SIGINT or SIGTERM; the function is told where pages are.
 #: It raises UsageError where the port is taken.
 ServePages = Callable[[PageSource, int, Callable[[str], object]], None]
+
+
+def declared_access(catalog: Catalog) -> Iterator[Access]:
+    """Yield what plugins and the profile let pages use, with the services and topics of its orchestrator."""
+    profile = catalog.profile
+    yield profile.access
+    for plugin in catalog.plugins.values():
+        if plugin.profile in ("", profile.name):
+            yield plugin.access
+    if (wire := profile.wire) is not None:
+        requests = (wire.requests.format(name) for name in profile.requests)
+        yield Access((wire.state.name, wire.outcomes.name), (wire.start.name, *requests))

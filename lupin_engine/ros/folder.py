@@ -13,7 +13,9 @@ from typing import Any
 from lupin_engine.bindings.reader import check_definition
 from lupin_engine.chart.findings import Findings
 from lupin_engine.errors import ChartError, LupinError
+from lupin_engine.missions.bundle import Bundle, check_signed, read_bundle, unpack
 from lupin_engine.missions.folders import (
+    BUNDLE,
     PARTS,
     default_missions_folder,
     find_mission,
@@ -35,8 +37,9 @@ class MissionsFolder:
     """The missions that the parameters name, some or all of a folder, and those that are added later."""
 
     def __init__(self, given: Mapping[str, Any], catalog: Catalog) -> None:
-        """`given` are the node's parameters `missions` and `missions_path`."""
+        """`given` are the node's parameters `missions`, `missions_path` and `require_signed`."""
         self._path = Path(given.get("missions_path") or default_missions_folder())
+        self._keys = str(given.get("require_signed") or "")
         self._names = list(given.get("missions") or [])
         self._catalog = catalog
         #: What stood beside the named missions from the beginning; None before that was looked at.
@@ -51,12 +54,40 @@ class MissionsFolder:
         Raises:
             LupinError: a mission does not exist or has errors, or a binding does not fit an interface.
         """
+        bundle = self._bundle()
+        if bundle is not None:
+            file = unpack(bundle)
+            loaded = self._understood(file.parent, [file])
+            if loaded.hash != bundle.hash:
+                raise LupinError(f"{bundle.path}: its files are not what it was made of; make it anew")
+            return loaded
         files = self._files()
         if not files:
             where = "say where they are with -p missions_path:=FOLDER"
             raise LupinError(f"no missions in {self._path}; {where}")
-        _check_sizes(self._path, files)
-        loaded = load_files(lifecycle_in(self._path), files, self._catalog)
+        return self._understood(self._path, files)
+
+    def _bundle(self) -> Bundle | None:
+        """Return what `missions_path` names where that is a bundle, signed where it must be.
+
+        Raises:
+            LupinError: it cannot be used, or no bundle is named where one must be.
+        """
+        if self._path.suffix != BUNDLE or self._names:
+            if self._keys:
+                how = "make one with 'lupin bundle MISSION --sign KEY', and name it as missions_path alone"
+                raise LupinError(
+                    f"{self._path}: not signed, but require_signed asks for a signed bundle; {how}"
+                )
+            return None
+        bundle = read_bundle(self._path)
+        if self._keys:
+            check_signed(bundle, Path(self._keys))
+        return bundle
+
+    def _understood(self, folder: Path, files: Sequence[Path]) -> LoadedMissions:
+        _check_sizes(folder, files)
+        loaded = load_files(lifecycle_in(folder), files, self._catalog, reaching=True)
         findings = Findings()
         for binding in loaded.bindings.values():
             check_definition(binding, interface_types, findings)

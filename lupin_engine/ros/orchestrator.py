@@ -70,7 +70,12 @@ OWN_PARAMETERS: Mapping[str, Parameter] = {
     "missions": Parameter(
         list_of(TEXT), [], "missions to offer, beside those added later; none: all there are"
     ),
-    "missions_path": Parameter(TEXT, "", "folder of the missions; empty: the ones that come with the engine"),
+    "missions_path": Parameter(
+        TEXT, "", "folder of the missions, or a bundle; empty: the ones that come with the engine"
+    ),
+    "require_signed": Parameter(
+        TEXT, "", "public key, or folder of some: only a bundle that one of them has signed is taken"
+    ),
     "state_publish_rate_hz": Parameter(NUMBER, 5.0, "how often the state is repeated, in Hz", minimum=0.1),
     "mission_id_prefix": Parameter(TEXT, "lupin", "what mission ids begin with"),
     **JOURNAL_PARAMETERS,

@@ -21,7 +21,6 @@ from urllib.parse import urlsplit
 
 from lupin_engine.errors import LupinError, Problems, meant, nearest, or_else, shortened
 from lupin_engine.plugin.contract import Access
-from lupin_engine.plugin.registry import Catalog
 
 #: The topic on which each page tells its software stop. Everybody who may come in may tell it: `stop` judges.
 STOP_TOPIC = "/lupin/hmi/estop"
@@ -255,18 +254,6 @@ class AllowList:
         if visitor.role < least:
             return f"{use.value} {name} needs the role {least.word}; {visitor.name} is {visitor.role.word}"
         return ""
-
-
-def declared_access(catalog: Catalog) -> Iterator[Access]:
-    """Yield what plugins and the profile let pages use, with the services and topics of its orchestrator."""
-    profile = catalog.profile
-    yield profile.access
-    for plugin in catalog.plugins.values():
-        if plugin.profile in ("", profile.name):
-            yield plugin.access
-    if (wire := profile.wire) is not None:
-        requests = (wire.requests.format(name) for name in profile.requests)
-        yield Access((wire.state.name, wire.outcomes.name), (wire.start.name, *requests))
 
 
 # -- doors ------------------------------------------------------------------------------------------------

@@ -74,6 +74,8 @@ class NavClient:
         self._explorer = Explorer(outlet, {**parameters, **resolved}, self._believed_place, ros.elapsed)
         self._explores = False
         self._searching = Repeater(ros.steady_timer, SEARCH_PERIOD_S, self._search)
+        if RosNode.rehearsed is not None:
+            self._start_exploring()
         if parameters["map_yaml_path"]:
             ros.log.warning(
                 "map_yaml_path is ignored: this build loads no maps, Nav2 must have one already",

@@ -30,7 +30,7 @@ CHARTS = ROOT / "tests" / "charts"
 GOOD = sorted(
     [
         *(ROOT / "missions").rglob("*.yaml"),
-        *(CHARTS / "good").rglob("*.yaml"),
+        *(file for file in (CHARTS / "good").rglob("*.yaml") if file.name != "lupin.yaml"),
         *(CHARTS / "mini").glob("*.yaml"),
         *(ROOT / "tests" / "scenarios").rglob("*.scenario.yaml"),
     ]

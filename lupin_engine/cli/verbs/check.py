@@ -158,6 +158,10 @@ def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
     for folder in folders_of_bindings:
         findings = Findings()
         bound = bound_catalog([folder], catalog, SAVED, findings)
+        if bound is not None:
+            from lupin_engine.bindings.allowed import check_allowed
+
+            check_allowed(bound.bindings.values(), catalog, findings)
         found.update(dict.fromkeys([*findings.all, *_misfits(bound)]))
     return Checked(sum(map(len, groups.values())), tuple(found))
 
@@ -199,7 +203,7 @@ def _meant_by(name: str) -> tuple[Path, list[Path]]:
             hint = f"; did you mean {str(inside)!r}?" if inside.is_dir() else ""
             raise UsageError(f"there are no missions in {name!r}{hint}")
         return files.lifecycle_in(path), missions
-    if not path.is_file():
+    if not path.is_file() or path.suffix == files.BUNDLE:
         mission = files.find_mission(name, folders())
         return files.lifecycle_of(mission), [mission]
     kind = (head(path) or ("", ""))[0]

@@ -21,8 +21,8 @@ def scxml(file: Path, name: str | None) -> int:
     """Make a mission of an SCXML document, such as those of XState, Qt or SCION.
 
     In the current folder this writes missions/NAME.yaml, and the shipped lifecycle where there is none.
-    Events that nothing in the document raises are declared in missions/bindings/NAME.yaml. What the language
-    has no words for is listed with its line; then the mission is checked.
+    Events that nothing in the document raises are declared in missions/bindings/NAME.yaml, and allowed in
+    lupin.yaml. What the language has no words for is listed with its line; then the mission is checked.
 
     Exit code: 0 all was said and nothing is wrong, 1 something was left out or is
     missing, 2 nothing was written.

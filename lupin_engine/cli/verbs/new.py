@@ -79,7 +79,7 @@ def write_mission(
     Raises:
         UsageError: the name cannot be one, the mission exists, or there is none to be `like`.
     """
-    from lupin_engine.bindings.catalog import BINDINGS
+    from lupin_engine.bindings.catalog import BINDINGS, LUPIN_FILE
     from lupin_engine.missions import folders
     from lupin_engine.missions.selection import LOCAL
 
@@ -111,6 +111,7 @@ def write_mission(
     shared = {file: origin.read_text(encoding="utf-8") for file, origin in origins.items()}
     if binding:
         shared[missions / BINDINGS / f"{name}.yaml"] = binding
+        shared[folder / LUPIN_FILE] = f"allow:\n  subscribe: /{name}/*\n"
     kept = [file for file in shared if file.exists()]
     written = {file: text for file, text in {**shared, **own}.items() if file not in kept}
     for file, text in written.items():

@@ -73,7 +73,7 @@ def run(
     from lupin_engine.missions.selection import load_missions
     from lupin_engine.ros.launch.interrupts import Interrupts
 
-    loaded = load_missions([mission], load_catalog())
+    loaded = load_missions([mission], load_catalog(), reaching=True)
     given = CheckedOptions(GivenOptions(**wanted), loaded, loaded.chart.catalog)
     with given.problems.collecting():
         check_request(loaded, given.values, request)

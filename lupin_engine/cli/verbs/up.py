@@ -36,7 +36,7 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
     from lupin_engine.ros.launch.interrupts import Interrupts
     from lupin_engine.runtime.setup import make_world
 
-    loaded = load_missions(missions, load_catalog())
+    loaded = load_missions(missions, load_catalog(), reaching=True)
     catalog = loaded.chart.catalog
     given = CheckedOptions(GivenOptions(**wanted), loaded, catalog)
     with given.problems.collecting():

@@ -15,6 +15,7 @@ from std_msgs.msg import Bool, String
 from lupin_engine.errors import LupinError, Problems, UsageError
 from lupin_engine.plugin.contract import Access, Parameter
 from lupin_engine.plugin.files import ros_domain, user_folder
+from lupin_engine.plugin.pages import declared_access
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.plugin.types import BOOL, TEXT, list_of, one_of
 from lupin_engine.ros import names
@@ -26,7 +27,6 @@ from lupin_gateway.doors import (
     AllowList,
     Doors,
     IssuedToken,
-    declared_access,
     open_problems,
     read_tokens,
 )

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from lupin_engine.plugin.contract import Access
-from lupin_engine.plugin.pages import PageSource
+from lupin_engine.plugin.pages import PageSource, declared_access
 from lupin_engine.plugin.registry import load_catalog
-from lupin_gateway.doors import AllowList, Doors, declared_access
+from lupin_gateway.doors import AllowList, Doors
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
 from lupin_gateway.hub import Backlog, Hub
 from lupin_gateway.people import People

@@ -332,15 +332,19 @@ class TestWithABroker:
             stranger.backend.read("7")
         monkeypatch.setenv(USER, "robot")
         monkeypatch.setenv(PASSWORD, "wrong")
-        assert listen(broker.port, LAYOUT).until("refuses us") == refusal
+        mistaken = listen(broker.port, LAYOUT)
+        assert mistaken.until("refuses us") == refusal
         monkeypatch.setenv(PASSWORD, "secret: 7")
-        listen(broker.port, LAYOUT).until("connected to the broker at")
+        known = listen(broker.port, LAYOUT)
+        known.until("connected to the broker at")
         monkeypatch.delenv(USER)
         file = tmp_path / "credentials"
         file.write_text("robot\nsecret: 7\n")
         file.chmod(0o600)
-        listen(broker.port, LAYOUT, credentials_file=str(file)).until("connected to the broker at")
-        assert not any("secret" in text for _, text in stranger.told)
+        by_file = listen(broker.port, LAYOUT, credentials_file=str(file))
+        by_file.until("connected to the broker at")
+        told = [text for one in (stranger, mistaken, known, by_file) for _, text in one.told]
+        assert not any("secret" in text or "wrong" in text for text in told)
 
     def test_a_broker_that_lets_nobody_listen_there(
         self, broker: Broker, listen: Listen, tmp_path: Path

@@ -15,10 +15,11 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from lupin_engine.plugin.contract import Access
+from lupin_engine.plugin.pages import declared_access
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.ros.names import ACCESS
 from lupin_gateway.audit import AuditLog
-from lupin_gateway.doors import AllowList, Doors, IssuedToken, declared_access
+from lupin_gateway.doors import AllowList, Doors, IssuedToken
 from lupin_gateway.encoding import Sample
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
 from lupin_gateway.history import TopicHistory

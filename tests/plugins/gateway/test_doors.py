@@ -9,6 +9,7 @@ import pytest
 
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.contract import Access
+from lupin_engine.plugin.pages import declared_access
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.ros.names import ACCESS
 from lupin_gateway.doors import (
@@ -22,7 +23,6 @@ from lupin_gateway.doors import (
     Use,
     UserRole,
     Visitor,
-    declared_access,
     open_problems,
     read_tokens,
 )

@@ -92,6 +92,7 @@ def missions(tmp_path: Path) -> Path:
     folder = tmp_path / "missions"
     shutil.copytree(SPRAYER / "bindings", folder / "bindings")
     shutil.copy(SPRAYER / "spray.yaml", folder)
+    shutil.copy(SPRAYER / "lupin.yaml", folder.parent)
     shutil.copy(default_missions_folder() / "lifecycle.yaml", folder)
     return folder
 

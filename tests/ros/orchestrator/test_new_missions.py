@@ -202,6 +202,24 @@ def test_a_binding_is_held_against_the_definition(world: World, desk: Desk, miss
     ]
 
 
+def test_a_binding_reaches_what_the_owner_of_the_robot_allows(
+    world: World, desk: Desk, missions: Path, make_node: Callable[..., RosNode]
+) -> None:
+    """What is put into the folder later is refused like that, and taken once it is allowed."""
+    desk.others.append(make_node("arm_server"))
+    start_all(world, missions)
+    desk.in_state("READY")
+    file = drop_patrol(missions, *ONE_ROUND, binding=(("/lupin/arm/preset", "/other/arm"),))
+    allow = missions.parent / "lupin.yaml"
+    assert desk.problem() == (
+        f"{file}:12:21: error: operations.move.service: it is not allowed to call the service '/other/arm'; "
+        f"write /other/arm under 'allow: services' in {allow} [not-allowed]"
+    )
+    assert [mission["mission"] for mission in desk.offers[-1]["missions"]] == ["InspectionMission"]
+    allow.write_text("allow: {services: /other/*}", encoding="utf-8")
+    desk.offered("PatrolMission")
+
+
 def test_an_emergency_stop_outlives_new_missions(
     world: World, desk: Desk, missions: Path, make_node: Callable[..., RosNode]
 ) -> None:

@@ -1,0 +1,104 @@
+"""What bindings may reach: what plugins serve, and what the robot's `lupin.yaml` allows.
+
+The file stands above the folder of the missions, so who may only put missions there cannot allow himself
+more; where there is none, one in that folder counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from fnmatch import fnmatchcase
+from pathlib import Path
+from types import MappingProxyType
+from typing import ClassVar
+
+from pydantic import Field
+
+from lupin_engine.bindings.catalog import lupin_file
+from lupin_engine.bindings.data import Binding
+from lupin_engine.bindings.file import BindingNode, EndpointNode
+from lupin_engine.chart.documents import Names
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.nodes import Node
+from lupin_engine.chart.source import parse_bytes, read_bytes
+from lupin_engine.chart.validation import validate
+from lupin_engine.errors import meant, or_else
+from lupin_engine.plugin.registry import Catalog
+
+#: Key of `allow` -> what stands under it, to people.
+_CALLED: Mapping[str, str] = MappingProxyType(
+    {
+        "services": "call the service",
+        "actions": "send goals to the action",
+        "publish": "publish on the topic",
+        "subscribe": "listen to the topic",
+    }
+)
+
+
+class AllowNode(Node):
+    """What bindings may reach beside what plugins serve, by absolute name; `*` stands for any letters."""
+
+    ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType(
+        {"topics": ("a topic is listened to or published on", "write 'subscribe: [...]' or 'publish: [...]'")}
+    )
+
+    services: Names = Field(default_factory=list, description="services that may be called")
+    actions: Names = Field(default_factory=list, description="actions that may get goals")
+    publish: Names = Field(default_factory=list, description="topics that may be published on")
+    subscribe: Names = Field(default_factory=list, description="topics that may be listened to")
+
+
+class RobotNode(Node):
+    """`lupin.yaml`: what the owner of a robot says about all missions."""
+
+    allow: AllowNode | None = Field(None, description="what bindings may reach")
+
+
+def check_allowed(bindings: Iterable[Binding], catalog: Catalog, findings: Findings) -> None:
+    """Tell the endpoints that are no plugin's and that nobody has allowed."""
+    served = {_absolute(name) for plugin in catalog.plugins.values() for name in plugin.serves}
+    for binding in bindings:
+        file = lupin_file(Path(binding.node.place.file).parent.parent)
+        allowed = _read(file, findings) if file.is_file() else {}
+        if allowed is None:
+            continue  # what is wrong with it has been told
+        for key, path, endpoint in _endpoints(binding.node):
+            name, patterns = _absolute(endpoint.name), allowed.get(key, [])
+            if name not in served and not any(fnmatchcase(name, pattern) for pattern in patterns):
+                problem = f"it is not allowed to {_CALLED[key]} {name!r}"
+                hint = or_else(meant(name, patterns), f"write {name} under 'allow: {key}' in {file}")
+                findings.add(endpoint.at("name"), "not-allowed", path, problem, hint)
+
+
+def _read(file: Path, findings: Findings) -> Mapping[str, list[str]] | None:
+    """Return the names under each key of `allow`; None after findings."""
+    raw = read_bytes(file, findings)
+    parsed = None if raw is None else parse_bytes(raw, str(file), findings)
+    node = None if parsed is None else validate(parsed, RobotNode, findings)
+    if node is None:
+        return None
+    if node.allow is None:
+        return {}
+    allowed: dict[str, list[str]] = {key: getattr(node.allow, key) for key in _CALLED}
+    for key, patterns in allowed.items():
+        for index, pattern in enumerate(patterns):
+            if not pattern.startswith(("/", "~/")):
+                problem, hint = f"{pattern!r} is no absolute name", f"write '/{pattern}'"
+                findings.add(node.allow.at(key, index), "bad-name", f"allow.{key}", problem, hint)
+    return allowed
+
+
+def _endpoints(node: BindingNode) -> Iterator[tuple[str, str, EndpointNode]]:
+    """Yield all that a binding talks to, with the key of `allow` and its path in the file."""
+    for name, operation in node.operations.items():
+        for key, called in (("services", operation.service), ("actions", operation.action)):
+            if called is not None:
+                yield key, f"operations.{name}.{key[:-1]}", called
+    for key, family in (("publish", "actions"), ("subscribe", "values"), ("subscribe", "events")):
+        for name, each in getattr(node, family).items():
+            yield key, f"{family}.{name}.topic", each.topic
+
+
+def _absolute(name: str) -> str:
+    return name if name.startswith(("/", "~/")) else f"/{name}"
