@@ -11,6 +11,9 @@ from lupin_engine.errors import LupinError
 #: there was nothing; nobody was asked, because no orchestrator is there or the command line is wrong.
 ACCEPTED, REFUSED, NOBODY = 0, 1, 2
 
+#: How a proof ends that is none: something is broken; or not everything was looked at.
+BROKEN, NOT_PROVEN = 1, 3
+
 
 @contextlib.contextmanager
 def not_done() -> Iterator[None]:

@@ -45,6 +45,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "check": "Check missions and tell everything that is wrong with them.",
         "simulate": "Run a mission in virtual time, without ROS.",
         "test": "Run scenarios against missions, without ROS.",
+        "prove": "Look at every way that missions can go, without ROS.",
         "diagram": "Draw a mission.",
         "graph": "Show the live map: who publishes, subscribes, serves and calls what.",
         "record": "Record every topic into a file for Foxglove, Lichtblick, rosbag2.",

@@ -100,7 +100,7 @@ def defer(memory: Memory, event: Event, step: Macrostep) -> None:
 class Holds:
     """The holds of one machine."""
 
-    __slots__ = ("_levels", "_reads", "_resume", "_scope", "_suspend", "_watch")
+    __slots__ = ("_levels", "_reads", "_resume", "_scope", "_suspend", "watch")
 
     def __init__(
         self,
@@ -122,17 +122,17 @@ class Holds:
         self._resume = resume
         self._levels = [hold for hold in scope.chart.holds.values() if hold.engage.startswith("input.")]
         self._reads = reads
-        self._watch = Watch()
-        scope.watches.append(self._watch)
+        self.watch = Watch()
+        scope.watches.append(self.watch)
 
     def engage_levels(self, step: Macrostep) -> bool:
         """Engage the holds whose level is true; say whether there were any."""
-        if not self._watch.is_due(self._reads, step.now):
+        if not self.watch.is_due(self._reads, step.now):
             return False
         inputs, held = self._scope.inputs, self._scope.memory.held
         inputs.now = step.now
         self._scope.doubtful = False
-        self._watch.settle(self._reads, self._scope, step.now)
+        self.watch.settle(self._reads, self._scope, step.now)
         rising = [hold for hold in self._levels if hold.name not in held and inputs.holds(hold.engage)]
         for hold in rising:
             self.engage(hold, step)
@@ -141,7 +141,7 @@ class Holds:
     @property
     def calm_until(self) -> float:
         """Until when no level can engage one, if nothing changes."""
-        return self._watch.calm_until
+        return self.watch.calm_until
 
     def engage(self, hold: Hold, step: Macrostep, detail: str = "") -> None:
         """Engage a hold; the first one stops the chart."""

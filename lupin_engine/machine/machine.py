@@ -53,6 +53,7 @@ from lupin_engine.machine.scope import (
     REQUEST,
     Arguments,
     EvaluationScope,
+    Reads,
     Watch,
     World,
 )
@@ -215,6 +216,29 @@ class Machine:
     def view(self) -> View:
         """What the machine shows of itself now."""
         return view_of(self.chart, self.memory)
+
+    @property
+    def calm(self) -> tuple[bool, ...]:
+        """Which of its conditions a machine at rest knows to be false: holds, levels, work to begin.
+
+        A machine made of a memory looks at all of them in its first step; one that has gone on need not, and
+        so one that is told with `trust` what the other one knew does the same.
+        """
+        return tuple(watch.is_calm(reads) for watch, reads in self._watched())
+
+    def trust(self, calm: tuple[bool, ...]) -> None:
+        """Go on as the machine that had this `calm` with the same memory."""
+        for (watch, reads), known in zip(self._watched(), calm, strict=True):
+            if known:
+                watch.trust(reads)
+
+    def _watched(self) -> tuple[tuple[Watch, Reads], ...]:
+        active = self._active
+        return (
+            (self._holds.watch, self._table.hold_reads),
+            (self._level_watch, active.levels.reads),
+            (self._operations.watch, active.work),
+        )
 
     def input_value(self, name: str, now: float) -> Any:
         """Return a live value as expressions see it, or None when it is unknown."""

@@ -82,7 +82,7 @@ LIFE: Mapping[tuple[Phase, str], Phase | None] = MappingProxyType(
 class Operations:
     """The invocations and attempts of one machine."""
 
-    __slots__ = ("_arguments", "_content", "_scope", "_watch")
+    __slots__ = ("_arguments", "_content", "_scope", "watch")
 
     def __init__(
         self, scope: EvaluationScope, content: ExecutableContent, arguments: dict[int, Arguments]
@@ -97,8 +97,8 @@ class Operations:
         self._scope = scope
         self._content = content
         self._arguments = arguments
-        self._watch = Watch()
-        scope.watches.append(self._watch)
+        self.watch = Watch()
+        scope.watches.append(self.watch)
 
     # -- invocations ------------------------------------------------------------------------------------
 
@@ -109,7 +109,7 @@ class Operations:
     def begin_missing(self, active: Configuration, step: Macrostep) -> bool:
         """Begin what waits and what the active states have not begun; say whether there was any of that."""
         scope = self._scope
-        if not self._watch.is_due(active.work, step.now):
+        if not self.watch.is_due(active.work, step.now):
             return False
         scope.doubtful = False
         begun = self._start_waiting(step)
@@ -123,7 +123,7 @@ class Operations:
             if not found.begun and not is_held_back(scope.memory, self._invoke(found))
         ]
         # Before anything is begun: what an attempt that cannot be made changes is looked at again.
-        self._watch.settle(active.work, scope, step.now)
+        self.watch.settle(active.work, scope, step.now)
         if len(waiting) > 1:
             order = {state.name: index for index, state in enumerate(active.working)}
             waiting.sort(key=lambda found: order[found.state])

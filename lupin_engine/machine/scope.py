@@ -167,6 +167,14 @@ class Watch:
         self._reads = None
         self.calm_until = -math.inf
 
+    def is_calm(self, reads: Reads) -> bool:
+        """Say whether these conditions are known to be false as long as nothing changes."""
+        return reads is self._reads and not self.unseen & reads.parts
+
+    def trust(self, reads: Reads) -> None:
+        """Take somebody's word that these conditions are false now."""
+        self._reads, self.unseen, self.calm_until = reads, 0, math.inf
+
     def settle(self, reads: Reads, scope: EvaluationScope, now: float) -> None:
         """Remember that all of the conditions are false now."""
         self._reads = reads if reads.certain and not scope.doubtful else None

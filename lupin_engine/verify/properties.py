@@ -105,16 +105,31 @@ def due(state: Remembered) -> float:
 
 def glance(memory: Memory) -> Glance:
     """Return what properties must know of a memory before a step is made with it."""
-    speaking = [a.id for a in memory.attempts.values() if a.phase in (Phase.REQUESTED, Phase.ACCEPTED)]
-    cut = [found.cut.attempt for found in memory.invocations.values() if found.cut is not None]
     return Glance(
         tuple(memory.held),
-        frozenset(speaking + cut),
-        tuple(found.id for found in memory.invocations.values() if _is_over(found, memory)),
-        sum(map(_closed, memory.itineraries.values())),
+        speaking(memory),
+        over(memory),
+        closed(memory),
         memory.mission_id,
         tuple(memory.broken),
     )
+
+
+def speaking(memory: Memory) -> frozenset[str]:
+    """Return the attempts that somebody listens to."""
+    sent = [a.id for a in memory.attempts.values() if a.phase in (Phase.REQUESTED, Phase.ACCEPTED)]
+    cut = [found.cut.attempt for found in memory.invocations.values() if found.cut is not None]
+    return frozenset(sent + cut)
+
+
+def over(memory: Memory) -> tuple[str, ...]:
+    """Return the invocations whose operation has ended for good."""
+    return tuple(found.id for found in memory.invocations.values() if _is_over(found, memory))
+
+
+def closed(memory: Memory) -> int:
+    """Return how many visits have their outcome, over all sweeps."""
+    return sum(map(_closed, memory.itineraries.values()))
 
 
 def _is_over(invocation: Invocation, memory: Memory) -> bool:
@@ -315,7 +330,7 @@ def _ends_are_handled(passage: Passage) -> str | None:
         return unheard[0]
     memory = passage.after
     ended = [
-        i for i in memory.invocations.values() if i.id not in passage.before.over and _is_over(i, memory)
+        i for i in memory.invocations.values() if _is_over(i, memory) and i.id not in passage.before.over
     ]
     for invocation in ended:
         rules = [rule for rule in _taken(passage) if rule.event in ("done", "error")]

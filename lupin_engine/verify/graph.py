@@ -1,0 +1,142 @@
+"""What only the whole graph of situations can tell: what can be reached from everywhere, and what goes round.
+
+Each property is one question: can a goal be reached from every situation by moves of certain sides alone?
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lupin_engine.verify.explorer import Explored, Is
+from lupin_engine.verify.worlds import Mover
+
+_Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class GraphProperty:
+    """Something that holds of the graph as a whole: `broken` gives the situations that break it."""
+
+    name: str
+    says: str
+    broken: Callable[[Graph], _Mask]
+    why: str
+
+
+class Graph:
+    """An explored graph, with masks over its situations and transitions."""
+
+    def __init__(self, explored: Explored) -> None:
+        self.sources = np.frombuffer(explored.sources, dtype=np.uint32)
+        self.targets = np.frombuffer(explored.targets, dtype=np.uint32)
+        by = np.frombuffer(explored.by, dtype=np.uint16)
+        sides = np.array([int(move.side) for move in explored.moves.all], dtype=np.uint8)
+        self._sides = sides[by] if len(by) else np.zeros(0, dtype=np.uint8)
+        self._flags = np.frombuffer(explored.flags, dtype=np.uint8)
+        self._advances = np.frombuffer(explored.advances, dtype=np.uint8) != 0
+
+    def situations(self, flags: int) -> _Mask:
+        """Return the situations that have one of these flags."""
+        found: _Mask = (self._flags & flags) != 0
+        return found
+
+    def by(self, sides: Mover) -> _Mask:
+        """Return the transitions of certain sides."""
+        found: _Mask = (self._sides & int(sides)) != 0
+        return found
+
+    @property
+    def advancing(self) -> _Mask:
+        """The situations in which something can be told of a target or of the mission, as things go on."""
+        found = np.zeros(len(self._flags), dtype=bool)
+        found[self.sources[self._advances & self.by(Mover.ANSWER | Mover.TIMER)]] = True
+        return found
+
+    def leads_to(self, goal: _Mask, allowed: _Mask) -> _Mask:
+        """Return the situations from which one of the goal can be reached by allowed transitions."""
+        reached = goal.copy()
+        sources, targets = self.sources[allowed], self.targets[allowed]
+        while True:
+            new = reached[targets]
+            if not new.any():
+                return reached
+            reached[sources[new]] = True
+            left = ~reached[sources]
+            sources, targets = sources[left], targets[left]
+
+    def in_circles(self, allowed: _Mask) -> _Mask:
+        """Return the situations from which allowed transitions can be taken without end."""
+        sources, targets = self.sources[allowed], self.targets[allowed]
+        found = np.zeros(len(self._flags), dtype=bool)
+        while len(sources):
+            goes_on = np.zeros(len(found), dtype=bool)
+            goes_on[sources] = True
+            kept = goes_on[targets]
+            if kept.all():
+                found[sources] = True
+                return found
+            sources, targets = sources[kept], targets[kept]
+        return found
+
+
+def _not_home(graph: Graph) -> _Mask:
+    helpful = Mover.ANSWER | Mover.TIMER | Mover.REQUEST | Mover.WORLD
+    return ~graph.leads_to(graph.situations(Is.OVER), graph.by(helpful))
+
+
+def _untold(graph: Graph) -> _Mask:
+    return ~graph.leads_to(graph.situations(Is.TOLD), graph.by(Mover.TIMER))
+
+
+def _moves_on(graph: Graph) -> _Mask:
+    return ~graph.leads_to(~graph.situations(Is.MOVES), graph.by(Mover.ABORT | Mover.TIMER))
+
+
+def _livelock(graph: Graph) -> _Mask:
+    goal = graph.situations(Is.TOLD) | graph.advancing
+    return ~graph.leads_to(goal, graph.by(Mover.ANSWER | Mover.TIMER))
+
+
+#: All of them, in the order in which they are told.
+OF_THE_GRAPH = (
+    GraphProperty(
+        "home_again",
+        "From every situation READY or DONE can be reached, if servers answer.",
+        _not_home,
+        "no answer, no request and no time leads to READY or DONE",
+    ),
+    GraphProperty(
+        "silence_is_told",
+        "If servers say nothing, time alone leads to a state in which somebody is told.",
+        _untold,
+        "time alone leads to no state in which somebody is told",
+    ),
+    GraphProperty(
+        "abort_stops",
+        "From every situation aborting, as often as it is accepted, and time alone lead to no movement.",
+        _moves_on,
+        "something moves, and neither an abort nor time ends that",
+    ),
+    GraphProperty(
+        "no_zeno",
+        "Nothing goes in a circle that takes no time.",
+        lambda graph: graph.in_circles(graph.by(Mover.AT_ONCE)),
+        "deadlines that are due at once lead to each other without end",
+    ),
+    GraphProperty(
+        "no_livelock",
+        "If servers answer, a mission gets on: its targets get results, it ends, or somebody is told.",
+        _livelock,
+        "however servers answer, no target gets a result, and the mission does not end",
+    ),
+)
+
+
+def first_broken(graph: Graph, one: GraphProperty) -> int | None:
+    """Return the situation nearest to the beginning that breaks a property; None: none does."""
+    found = np.flatnonzero(one.broken(graph))
+    return int(found[0]) if len(found) else None

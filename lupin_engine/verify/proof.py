@@ -1,0 +1,164 @@
+"""A proof: every property of a chart with its verdict, what was looked at, and what was left out."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.machine.scope import World
+from lupin_engine.machine.step import Step
+from lupin_engine.verify.explorer import Bounds, ExplorationProgress, Explored, SituationExplorer
+from lupin_engine.verify.graph import OF_THE_GRAPH, Graph, first_broken
+from lupin_engine.verify.properties import BUILT_IN
+from lupin_engine.verify.timing import timed_run
+
+
+class ProofVerdict(enum.Enum):
+    """What came of a property."""
+
+    HOLDS = "holds"
+    BROKEN = "broken"
+    NOT_RELEVANT = "not relevant"  #: nothing that was looked at is about it
+    NOT_PROVEN = "not proven"  #: no breach was found, but not everything was looked at
+
+
+@dataclass(frozen=True)
+class Proven:
+    """A property and what came of it.
+
+    Of one that is broken `text` says how, and `steps` are those of a shortest run that breaks it; None where
+    no times were found at which everything can happen in that order.
+    """
+
+    name: str
+    says: str
+    verdict: ProofVerdict
+    text: str = ""
+    moves: tuple[str, ...] = ()
+    steps: tuple[Step, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What was proven of a chart; `bounds` says in words how far was looked.
+
+    `dead` are states and transitions that nothing leads to; they are told only when all was looked at.
+    """
+
+    chart: Chart
+    properties: tuple[Proven, ...]
+    bounds: tuple[str, ...]
+    progress: ExplorationProgress
+    complete: bool
+    stopped: str = ""
+    dead: tuple[str, ...] = ()
+    taken: frozenset[str] = frozenset()
+    entered: frozenset[str] = field(default_factory=frozenset)
+
+    @property
+    def broken(self) -> list[Proven]:
+        """The properties that are broken."""
+        return [one for one in self.properties if one.verdict is ProofVerdict.BROKEN]
+
+
+def prove(
+    world: World, bounds: Bounds, goes_on: Callable[[ExplorationProgress], str] = lambda _: ""
+) -> Proof:
+    """Look at every situation of a chart.
+
+    Args:
+        world: the chart with its parameters.
+        bounds: how far is looked.
+        goes_on: called now and then; returns why to stop, or nothing.
+
+    Raises:
+        TooMany: something grows without end; the text says what.
+    """
+    watched = BUILT_IN
+    explorer = SituationExplorer(world, watched, bounds)
+    explored = explorer.explore(goes_on)
+    found = [_of_steps(explorer, explored, one.name, one.says) for one in watched]
+    found += _of_graph(explorer, explored)
+    dead = _dead(world.chart, explored) if explored.complete else ()
+    return Proof(
+        world.chart,
+        tuple(found),
+        tuple(in_words(explorer, explored)),
+        explored.progress,
+        explored.complete,
+        explored.stopped,
+        dead,
+        frozenset(explored.taken),
+        frozenset(explored.entered),
+    )
+
+
+def _of_steps(explorer: SituationExplorer, explored: Explored, name: str, says: str) -> Proven:
+    breach = explored.breaches.get(name)
+    if breach is not None:
+        return _broken(explorer, [*explored.way_to(breach.situation), breach.move], name, says, breach.text)
+    if not explored.complete:
+        return Proven(name, says, ProofVerdict.NOT_PROVEN)
+    return Proven(
+        name, says, ProofVerdict.HOLDS if explored.relevant.get(name) else ProofVerdict.NOT_RELEVANT
+    )
+
+
+def _of_graph(explorer: SituationExplorer, explored: Explored) -> list[Proven]:
+    if not explored.complete:
+        return [Proven(one.name, one.says, ProofVerdict.NOT_PROVEN) for one in OF_THE_GRAPH]
+    graph, found = Graph(explored), []
+    for one in OF_THE_GRAPH:
+        situation = first_broken(graph, one)
+        if situation is None:
+            found.append(Proven(one.name, one.says, ProofVerdict.HOLDS))
+        else:
+            found.append(_broken(explorer, explored.way_to(situation), one.name, one.says, one.why))
+    return found
+
+
+def _broken(explorer: SituationExplorer, way: Sequence[int], name: str, says: str, text: str) -> Proven:
+    way = [number for number in way if number >= 0]
+    moves = tuple(explorer.moves.all[number].says for number in way)
+    steps = timed_run(explorer, way)
+    return Proven(name, says, ProofVerdict.BROKEN, text, moves, None if steps is None else tuple(steps))
+
+
+def _dead(chart: Chart, explored: Explored) -> tuple[str, ...]:
+    """Return the states that are never entered, and the transitions that are never taken."""
+    states = [name for name, state in chart.states.items() if name and state.kind.value != "history"]
+    found = [f"state {name}" for name in states if name not in explored.entered]
+    for state in chart.states.values():
+        if state.name in explored.entered or not state.name:
+            rules = [rule for rule in state.transitions if rule.refuse is None]
+            found += [f"{rule.place}: {rule.id}" for rule in rules if rule.id not in explored.taken]
+    return tuple(found)
+
+
+def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
+    """Return how far was looked, as sentences."""
+    bounds, classes = explorer.bounds, explorer.classes
+    owed = f"{bounds.owed} operations" if bounds.owed != 1 else "one operation"
+    found = [
+        f"Itineraries and lists have 0 to {bounds.targets} elements; which they are makes no difference.",
+        f"{owed} may still answer late, when nobody waits for that any more; what else is late is dropped.",
+        "A deadline fires at any time, but not before one that was certainly due earlier.",
+        f"{len(classes.requests)} requests, {len(classes.values)} values of inputs and {len(classes.events)}"
+        " events of plugins come at any time; of equal events one waits during a hold.",
+        "The parameters are as given; the robot's clock stands still for whoever reads it.",
+    ]
+    found.append("What an operation's mock leaves behind as a live value was told before it ends well.")
+    if bounds.restarts:
+        found.append("The process may end at any time, and another one goes on from its journal.")
+    else:
+        found.append("The process does not end.")
+    if explorer.relevance.passengers:
+        found.append(
+            f"Not told apart, because nothing hangs on them: {', '.join(explorer.relevance.passengers)}."
+        )
+    if explored.cut:
+        found.append(f"{explored.cut} moves that lead beyond these bounds were not followed.")
+    found += [f"Not all values were tried: {text}." for text in classes.left_out]
+    return found

@@ -1,0 +1,243 @@
+"""What of a memory decides what a machine does, and what only travels through it.
+
+A variable or an input that is read for nothing but the arguments of operations and actions, or for texts, is
+never distinguished. Details, readings, and how often something was counted are not either.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable, Iterator, Mapping
+from typing import Any
+
+from lupin_engine.chart.expressions.evaluation import Compiled, Expression, Value
+from lupin_engine.chart.model import ActionCall, Chart, Invoke, State, Transition, every_call
+from lupin_engine.machine.event import Event
+from lupin_engine.machine.memory import Attempt, Invocation, Reported, Timer, Traversal
+from lupin_engine.machine.scope import reads_of
+
+#: Actions whose arguments stay in the memory, or go on as an event.
+_KEEPING = ("set", "add", "remove")
+_ROOTS = ("context", "input", "known")
+
+
+def reads(value: Value | None) -> frozenset[tuple[str, str]]:
+    """Return what an expression reads: the roots of the environment, and what of each."""
+    if not isinstance(value, Expression) or not isinstance(value.evaluate, Compiled):
+        return frozenset()
+    return frozenset(reads_of(value.evaluate.code))
+
+
+class Relevance:
+    """What of the memories of one chart is compared."""
+
+    def __init__(self, chart: Chart) -> None:
+        self.chart = chart
+        #: What each variable is computed of, and what decides anything by itself.
+        self._made_of: dict[str, set[tuple[str, str]]] = {}
+        decides: set[tuple[str, str]] = set()
+        for value in deciding(chart):
+            decides |= reads(value)
+        for call in _actions(chart):
+            self._take(call, decides)
+        known = {found for found in decides if found[0] in _ROOTS}
+        waiting = [name for root, name in known if root == "context"]
+        while waiting:
+            more = self._made_of.get(waiting.pop(), set()) - known
+            known |= more
+            waiting += [name for root, name in more if root == "context"]
+        values = [value for value in deciding(chart) if isinstance(value, Expression)]
+        unclear = not all(isinstance(value.evaluate, Compiled) for value in values)
+        variables = {name for root, name in known if root == "context"}
+        self.variables = frozenset(chart.context if unclear else variables)
+        inputs = {name for root, name in known if root in ("input", "known")}
+        inputs = set(chart.inputs) if unclear or ("input", "") in known else inputs
+        #: Of an input of which only the levels are read, they are what is compared.
+        self.inputs = frozenset(name for name in inputs if unclear or self._is_read(name))
+        self.counts_sweeps = any("itinerary.sweep" in value.source for value in _all(chart))
+        self._cause = {name: _reads_event(invoke) for name, invoke in invokes(chart)}
+
+    @property
+    def passengers(self) -> list[str]:
+        """What is never distinguished: variables and inputs, by the names that authors give them."""
+        variables = [name for name in self.chart.context if name not in self.variables]
+        specs = [spec for spec in self.chart.inputs.values() if not spec.levels]
+        inputs = [f"input.{spec.name}" for spec in specs if spec.name not in self.inputs]
+        return sorted(variables + inputs)
+
+    def _is_read(self, name: str) -> bool:
+        """Say whether the value of an input is read, and not its levels alone."""
+        levels = "|".join(re.escape(level.name) for level in self.chart.inputs[name].levels)
+        if not levels:
+            return True
+        value = re.compile(rf"\binput\.{re.escape(name)}\b(?!\.(?:{levels})\b)")
+        return any(value.search(expression.source) for expression in _all(self.chart))
+
+    def _take(self, call: ActionCall, decides: set[tuple[str, str]]) -> None:
+        """Take in what an action keeps, and of what."""
+        for name, value in call.arguments.items():
+            if call.name in _KEEPING:
+                self._made_of.setdefault(name, set()).update(reads(value))
+        if call.name == "raise":
+            for value in (*call.arguments.values(), *(call.data or {}).values()):
+                decides |= reads(value)
+        for name, value in call.arguments.items():
+            if call.name == "itinerary.close" and name == "status":
+                decides |= reads(value)
+
+    def key(self, slot: tuple[str, str], value: Any) -> Hashable:
+        """Return what is compared of a slot."""
+        field, name = slot
+        special = _KEYS.get(field)
+        if special is not None:
+            found: Hashable = special(self, name, value)
+            return found
+        return frozen(value)
+
+    def _variable(self, name: str, value: Any) -> Hashable:
+        return frozen(value) if name in self.variables else ()
+
+    def _input(self, name: str, value: Reported) -> Hashable:
+        spec = self.chart.inputs[name]
+        old = spec.freshness is not None and value.stamp + spec.freshness <= 0.0
+        return frozen(value.value) if name in self.inputs else (), old
+
+    def _told(self, name: str, value: Any) -> Hashable:
+        return frozen(value) if name in self.inputs else ()
+
+    def _attempt(self, _: str, value: Attempt) -> Hashable:
+        return value.invocation, value.operation, value.uses, value.phase.value, value.timeout is None
+
+    def _invocation(self, _: str, value: Invocation) -> Hashable:
+        cause = frozen(value.event) if self._cause.get(value.state) else ()
+        cut = value.cut
+        told = None if cut is None else (cut.attempt, cut.code, cut.way, cut.over, frozen(cut.result))
+        return value.begun, value.tries, value.attempt, cause, frozen(value.item), told
+
+    def _walk(self, _: str, value: Traversal) -> Hashable:
+        sweep = value.sweep if value.sweeps > 0 or self.counts_sweeps else 0
+        closed = tuple((visit.target, visit.closed) for visit in value.visits)
+        items = tuple(map(frozen, value.items))
+        return items, closed, value.index, sweep, value.sweeps, value.leaves_open, value.begun
+
+    def _timers(self, _: str, value: list[Timer]) -> Hashable:
+        return tuple((kind, *about, due) for due, _, kind, about in value)
+
+    def _deferred(self, _: str, value: list[Event]) -> Hashable:
+        return tuple((event.name, frozen({**event.data, "detail": ""})) for event in value)
+
+    def _present(self, _: str, value: Any) -> Hashable:
+        return value > 0.0 if isinstance(value, float) else value is not None
+
+
+def _unordered(_: Relevance, __: str, value: Any) -> Hashable:
+    return frozenset(value)
+
+
+_KEYS: Mapping[str, Any] = {
+    "context": Relevance._variable,
+    "inputs": Relevance._input,
+    "heard": Relevance._told,
+    "before": Relevance._told,
+    "attempts": lambda self, name, value: Relevance._attempt(self, name, value) if name else value,
+    "invocations": lambda self, name, value: Relevance._invocation(self, name, value) if name else value,
+    "itineraries": lambda self, name, value: Relevance._walk(self, name, value) if name else value,
+    "timers": Relevance._timers,
+    "frozen": Relevance._timers,
+    "deferred": Relevance._deferred,
+    "budgets": Relevance._present,
+    "started_at": lambda *_: True,
+    "wall": lambda *_: True,
+    "asked": lambda _, __, value: tuple(value),
+    "broken": _unordered,
+    "handled": _unordered,
+    "held": _unordered,
+}
+
+
+def frozen(value: Any) -> Hashable:
+    """Return plain data as something that can be compared and hashed."""
+    if isinstance(value, Mapping):
+        return tuple(sorted((name, frozen(each)) for name, each in value.items()))
+    if isinstance(value, (list, tuple)):
+        return tuple(map(frozen, value))
+    if isinstance(value, set):
+        return frozenset(value)
+    hash(value)
+    return value  # type: ignore[no-any-return]
+
+
+def _reads_event(invoke: Invoke) -> bool:
+    """Say whether an operation reads the event that led to its state."""
+    retry = invoke.retry
+    values = [*invoke.arguments.values(), invoke.timeout]
+    values += [retry.attempts, retry.backoff, retry.factor, retry.jitter] if retry else []
+    return any(root == "event" for value in values for root, _ in reads(value))
+
+
+def invokes(chart: Chart) -> Iterator[tuple[str, Invoke]]:
+    """Yield every invoke of a chart with its state."""
+    for name, state in chart.states.items():
+        if state.invoke is not None:
+            yield name, state.invoke
+        if state.for_each is not None:
+            yield name, state.for_each.invoke
+
+
+def _rules(state: State) -> tuple[Transition, ...]:
+    return (*state.transitions, *state.resume_at)
+
+
+def _actions(chart: Chart) -> Iterator[ActionCall]:
+    """Yield every action of a chart, also those in others."""
+    for state in chart.states.values():
+        each = state.for_each
+        blocks = [rule.actions for rule in _rules(state)] + [state.on_entry, state.on_exit]
+        blocks += [each.on_done, each.on_error] if each else []
+        for block in blocks:
+            yield from every_call(block)
+
+
+def deciding(chart: Chart) -> Iterator[Value | None]:
+    """Yield what decides something: conditions, times, lists, and what goes on as an event or a request."""
+    for hold in chart.holds.values():
+        yield from (hold.engage_guard, hold.release_guard)
+    yield from (invariant.that for invariant in chart.invariants.values())
+    yield from (bound for spec in chart.inputs.values() for level in spec.levels for bound in _bounds(level))
+    for mission in chart.missions.values():
+        yield from (field.default for field in mission.request.values())
+    for call in _actions(chart):
+        yield call.guard
+    for state in chart.states.values():
+        yield from (rule.guard for rule in _rules(state))
+        yield from (timer.due for timer in state.timers)
+        yield state.budget.due if state.budget else None
+        yield from state.result.values()
+        yield from _of_work(state)
+        if state.use is not None:
+            yield from (field.default for field in state.use.request.values())
+        if state.ask is not None:
+            yield state.ask.after
+
+
+def _of_work(state: State) -> Iterator[Value | None]:
+    each, walk = state.for_each, state.itinerary
+    if each is not None:
+        yield from (each.items, each.key, each.limit, each.when)
+    if walk is not None:
+        yield from (walk.items, walk.order, walk.sweeps)
+    for invoke in filter(None, (state.invoke, each.invoke if each else None)):
+        yield invoke.timeout
+        if invoke.retry is not None:
+            retry = invoke.retry
+            yield from (retry.attempts, retry.backoff, retry.factor, retry.jitter)
+
+
+def _bounds(level: Any) -> tuple[Value | None, ...]:
+    return level.below, level.above, level.hysteresis
+
+
+def _all(chart: Chart) -> Iterator[Expression]:
+    """Yield every expression that decides, or that an action computes."""
+    values = [*deciding(chart), *(v for call in _actions(chart) for v in call.arguments.values())]
+    yield from (value for value in values if isinstance(value, Expression))

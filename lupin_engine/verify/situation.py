@@ -1,0 +1,412 @@
+"""Situations: a machine's memory as a tuple of small numbers, and memories that know what of them was read.
+
+A memory is cut into slots: a field, or one entry of a field that is a mapping. What a slot can be is kept
+once and numbered; a situation is the numbers of all slots. What does not decide what a machine does is left
+out of the comparison (see `relevance`): two memories that differ in nothing else are one situation, for which
+the memory stands that was seen first.
+
+The time is always 0 here. A deadline is as far away as when it was set, however long ago that is: which
+one fires next is not read off it but chosen (see `worlds`). So clock values appear as differences only.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from typing import Any
+
+from lupin_engine.machine.memory import Memory, Phase, Timer
+from lupin_engine.verify.relevance import Relevance
+
+#: The numbers of all slots; 0: there is nothing.
+Situation = tuple[int, ...]
+#: A field of the memory, and the entry in it; '' for the field as a whole, or the order of its entries.
+SlotName = tuple[str, str]
+
+#: What is made new in a step gets numbers from here on, until it has its lasting name.
+FIRST_NEW = 1_000_000
+#: Mappings of which every entry is a slot; of the ordered ones the order of the entries is one, too.
+ORDERED = ("attempts", "invocations", "itineraries")
+UNORDERED: tuple[str, ...] = ("context", "request", "given", "inputs", "levels", "history", "handled")
+UNORDERED += ("budgets", "heard", "before")
+WHOLE: tuple[str, ...] = ("configuration", "mission", "mission_id", "started_at", "current_itinerary")
+WHOLE += ("timers", "frozen", "asked", "held", "deferred", "waiting_actions", "broken", "wall")
+#: What is no part of a memory: which deadlines certainly come before others, what is known to be false, and
+#: what the properties of authors remember.
+RANKS, CALM, WATCHED = ("ranks", ""), ("calm", ""), ("watched", "")
+#: What nothing but displays reads begins anew in every step.
+_IDLE: Mapping[str, Callable[[], Any]] = {
+    "code": str,
+    "detail": str,
+    "codes": int,
+    "sequence": int,
+    "dropped": int,
+    "next_id": lambda: FIRST_NEW,
+    "reached": dict,
+}
+
+
+class Overflow(Exception):
+    """There are more slots than room was left for: the exploration begins again with more."""
+
+
+class TooMany(Exception):
+    """A slot has so many values that it grows without end; the text says which, and what it was last."""
+
+
+class SlotTable:
+    """The slots of one chart and what each of them can be."""
+
+    def __init__(self, relevance: Relevance, room: int, most: int) -> None:
+        """Make a table without slots.
+
+        Args:
+            relevance: what of a memory decides anything.
+            room: how many slots there may be.
+            most: how many values of one slot are no growth without end.
+        """
+        self.relevance = relevance
+        self.room = room
+        self._most = most
+        self.index: dict[SlotName, int] = {}
+        self.names: list[SlotName] = []
+        self._numbers: list[dict[Hashable, int]] = []
+        self._values: list[list[Any]] = []
+        chart = relevance.chart
+        for name in (*WHOLE, *ORDERED):
+            self.slot((name, ""))
+        self.slot(RANKS), self.slot(CALM), self.slot(WATCHED)
+        states = chart.states.values()
+        keys: dict[str, Iterable[str]] = {
+            "context": chart.context,
+            "request": {name for mission in chart.missions.values() for name in mission.request},
+            "given": [s.name for s in states if s.use],
+            "inputs": chart.inputs,
+            "levels": [f"input.{i.name}.{level.name}" for i in chart.inputs.values() for level in i.levels],
+            "history": [s.name for s in states if s.kind.value == "history"],
+            "handled": [s.name for s in states if s.for_each],
+            "budgets": [s.name for s in states if s.budget],
+            "heard": chart.inputs,
+            "before": chart.inputs,
+        }
+        self.keys = {field: tuple(sorted(names)) for field, names in keys.items()}
+        for field, names in self.keys.items():
+            for key in names:
+                self.slot((field, key))
+
+    def slot(self, name: SlotName) -> int:
+        """Return the index of a slot."""
+        found = self.index.get(name)
+        if found is None:
+            found = self.index[name] = len(self.names)
+            self.names.append(name)
+            self._numbers.append({})
+            self._values.append([None])
+        if found >= self.room:
+            raise Overflow
+        return found
+
+    def number(self, slot: int, value: Any) -> int:
+        """Return the number of a value of a slot."""
+        name = self.names[slot]
+        key = self.relevance.key(name, value)
+        numbers = self._numbers[slot]
+        found = numbers.get(key)
+        if found is None:
+            found = numbers[key] = len(numbers) + 1
+            kept = value if isinstance(value, _PLAIN) else pickle.dumps(value, -1)
+            self._values[slot].append(kept)
+            if found > self._most:
+                what = ".".join(filter(None, name))
+                raise TooMany(f"{what} grows: it has had {found} values, the last one {value!r}")
+        return found
+
+    def value(self, slot: int, number: int) -> Any:
+        """Return a value that nobody else has."""
+        kept = self._values[slot][number]
+        return pickle.loads(kept) if type(kept) is bytes else kept
+
+    def get(self, situation: Situation, name: SlotName) -> Any:
+        """Return what a slot is in a situation; None where there is nothing."""
+        number = situation[self.slot(name)]
+        return self.value(self.index[name], number) if number else None
+
+
+_PLAIN = (str, int, float, bool, type(None), frozenset)
+
+
+class TrackedMemory(Memory):
+    """The memory of a situation; what is read is looked up when it is first asked for, and remembered."""
+
+    __slots__ = ("reads", "situation", "table")
+
+    def __init__(self, table: SlotTable, situation: Situation) -> None:
+        # Nothing of the fields is set here: what is not set is looked up.
+        self.table = table
+        self.situation = situation
+        self.reads: set[int] = set()
+
+    def __getattr__(self, name: str) -> Any:
+        if name in _IDLE:
+            found = _IDLE[name]()
+        elif name in ORDERED or name in UNORDERED:
+            found = TrackedDict(self, name)
+        elif name in WHOLE:
+            found = self.fetch(self.table.index[name, ""])
+            if found is None:
+                found = _EMPTY.get(name, lambda: None)()
+        else:
+            raise AttributeError(name)
+        setattr(self, name, found)
+        return found
+
+    def fetch(self, slot: int) -> Any:
+        """Return what a slot is, and remember that it was read."""
+        self.reads.add(slot)
+        number = self.situation[slot]
+        return self.table.value(slot, number) if number else None
+
+    def looked_at_timers(self) -> list[list[Timer]]:
+        """Return the deadlines that run, and those that are stopped, as far as the step looked at them."""
+        return [getattr(self, name) for name in ("timers", "frozen") if self.is_set(name)]
+
+    def is_set(self, name: str) -> bool:
+        """Say whether a field was looked at or written."""
+        try:
+            object.__getattribute__(self, name)
+        except AttributeError:
+            return False
+        return True
+
+    def changes(self) -> Iterator[tuple[int, int]]:
+        """Yield the slots that are not as they were, each with what it is now."""
+        index = self.table.index
+        for name in WHOLE:
+            if not self.is_set(name):
+                continue
+            value = object.__getattribute__(self, name)
+            # Of a whole field nothing and an empty one are the same.
+            yield from self._change(index[name, ""], value if value or value == 0.0 else None)
+        for name in (*ORDERED, *UNORDERED):
+            if self.is_set(name):
+                yield from self._entry_changes(name, object.__getattribute__(self, name))
+
+    def _entry_changes(self, name: str, entries: dict[str, Any]) -> Iterator[tuple[int, int]]:
+        if not isinstance(entries, TrackedDict):  # put in place of the whole field
+            entries = TrackedDict(self, name).replaced(entries)
+        for key in entries.gone:
+            yield from self._change(self.table.slot((name, key)), None)
+        for key, value in dict.items(entries):
+            yield from self._change(self.table.slot((name, key)), value)
+        if entries.order is not None:
+            yield from self._change(self.table.index[name, ""], tuple(entries.order) or None)
+
+    def _change(self, slot: int, value: Any) -> Iterator[tuple[int, int]]:
+        number = 0 if value is None else self.table.number(slot, value)
+        if number != self.situation[slot]:
+            yield slot, number
+
+
+_EMPTY: Mapping[str, Callable[[], Any]] = {
+    "configuration": tuple,
+    "mission": str,
+    "mission_id": str,
+    "current_itinerary": str,
+    "timers": list,
+    "frozen": list,
+    "asked": dict,
+    "held": list,
+    "deferred": list,
+    "waiting_actions": list,
+    "broken": list,
+}
+
+
+class TrackedDict(dict[str, Any]):
+    """The entries of a field; each is looked up when it is first asked for.
+
+    `gone` are entries that were there before; `order` the keys in their order, once that was looked at.
+    """
+
+    __slots__ = ("_all", "_field", "_memory", "gone", "order")
+
+    def __init__(self, memory: TrackedMemory, field: str) -> None:
+        super().__init__()
+        self._memory = memory
+        self._field = field
+        self._all = False
+        self.gone: set[str] = set()
+        self.order: list[str] | None = None
+
+    def replaced(self, by: Mapping[str, Any]) -> TrackedDict:
+        """Put other entries in place of all."""
+        self.clear()
+        self.update(by)
+        return self
+
+    def in_order(self) -> list[str]:
+        """Return the keys in their order, which is read with that."""
+        if self._field in UNORDERED:
+            known = self._memory.table.keys[self._field]
+            return [key for key in known if key in self]
+        if self.order is None:
+            self.order = list(self._memory.fetch(self._memory.table.index[self._field, ""]) or ())
+        return self.order
+
+    def _load(self) -> None:
+        if not self._all:
+            found = {key: self[key] for key in list(self.in_order())}
+            found |= dict(dict.items(self))
+            super().clear()
+            super().update(found)
+            self._all = True
+
+    def __missing__(self, key: str) -> Any:
+        if key in self.gone or self._all or not key:
+            raise KeyError(key)
+        found = self._memory.fetch(self._memory.table.slot((self._field, key)))
+        if found is None:
+            raise KeyError(key)
+        super().__setitem__(key, found)
+        return found
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """Return an entry, or what is given instead."""
+        try:
+            return self[key]
+        except KeyError:
+            return default
+
+    def __contains__(self, key: object) -> bool:
+        return super().__contains__(key) or self.get(str(key), self) is not self
+
+    def __setitem__(self, key: str, value: Any) -> None:
+        if self._field in ORDERED and key not in self:
+            self.in_order().append(key)
+        super().__setitem__(key, value)
+        self.gone.discard(key)
+
+    def __delitem__(self, key: str) -> None:
+        self[key]
+        super().__delitem__(key)
+        self.gone.add(key)
+        if self._field in ORDERED:
+            self.in_order().remove(key)
+
+    def pop(self, key: str, *default: Any) -> Any:
+        """Take an entry out."""
+        if key not in self:
+            if default:
+                return default[0]
+            raise KeyError(key)
+        found = self[key]
+        del self[key]
+        return found
+
+    def setdefault(self, key: str, default: Any = None) -> Any:
+        """Return an entry; where there is none, put one there."""
+        if key not in self:
+            self[key] = default
+        return self[key]
+
+    def update(self, other: Any = (), **more: Any) -> None:  # type: ignore[override]
+        """Put entries in."""
+        for key, value in dict(other, **more).items():
+            self[key] = value
+
+    def rename(self, named: Mapping[str, str]) -> None:
+        """Give entries other names; their order stays."""
+        keys = self.in_order()
+        moved = {new: super(TrackedDict, self).pop(old) for old, new in named.items()}
+        self.gone |= {old for old in named if not is_new(old)}
+        self.gone -= moved.keys()
+        super().update(moved)
+        keys[:] = [named.get(key, key) for key in keys]
+        self._all = False
+
+    def clear(self) -> None:
+        """Take all entries out."""
+        for key in list(self.in_order()):
+            del self[key]
+
+    def __iter__(self) -> Iterator[str]:
+        self._load()
+        return super().__iter__()
+
+    def __len__(self) -> int:
+        self._load()
+        return super().__len__()
+
+    def __bool__(self) -> bool:
+        return bool(self.in_order())
+
+    def keys(self) -> Any:
+        """Return all keys."""
+        self._load()
+        return super().keys()
+
+    def values(self) -> Any:
+        """Return all values."""
+        self._load()
+        return super().values()
+
+    def items(self) -> Any:
+        """Return all entries."""
+        self._load()
+        return super().items()
+
+
+# -- lasting names ---------------------------------------------------------------------------------------
+
+
+def settle_names(memory: TrackedMemory) -> dict[str, str]:
+    """Give attempts, invocations and deadlines their lasting names; return what was renamed.
+
+    An invocation is named by what it serves. Its attempt that somebody waits for is number 0, others have the
+    smallest number that is free; so what came before does not show. Deadlines are numbered in their order.
+    """
+    entries, invocations = memory.attempts, memory.invocations
+    assert isinstance(entries, TrackedDict)
+    named = {one.id: f"i:{name}" for name, one in dict.items(invocations) if one.id != f"i:{name}"}
+    named |= _attempt_names(entries, {one.attempt for _, one in dict.items(invocations)})
+    for _, one in dict.items(invocations) if named else ():
+        one.id = named.get(one.id, one.id)
+        one.attempt = named.get(one.attempt or "", one.attempt)
+        if one.cut is not None:
+            one.cut.attempt = named.get(one.cut.attempt, one.cut.attempt)
+    renamed = {old: new for old, new in named.items() if old in entries}
+    if renamed:
+        entries.rename(renamed)
+        for name, attempt in dict.items(entries):
+            attempt.id = name
+    for field in ("timers", "frozen"):
+        if renamed or memory.is_set(field):
+            numbered = [_numbered(timer, n, named) for n, timer in enumerate(getattr(memory, field), 1)]
+            setattr(memory, field, numbered)
+    return named
+
+
+def _attempt_names(entries: TrackedDict, current: set[str | None]) -> dict[str, str]:
+    """Return the new names of attempts; those that nobody waits for any more first."""
+    named: dict[str, str] = {}
+    taken: set[str] | None = None
+    for name, attempt in list(dict.items(entries)):
+        unwanted = attempt.phase in (Phase.CANCELLING, Phase.LOST) and name not in current
+        if unwanted and (name.endswith("#0") or is_new(name)):
+            taken = set(entries.in_order()) if taken is None else taken
+            count = next(n for n in range(1, len(taken) + 2) if f"{attempt.invocation}#{n}" not in taken)
+            named[name] = f"{attempt.invocation}#{count}"
+            taken.add(named[name])
+        elif name in current and name != f"{attempt.invocation}#0":
+            named[name] = f"{attempt.invocation}#0"
+    return named
+
+
+def is_new(name: str) -> bool:
+    """Say whether a name is one that an attempt gets when it is made."""
+    return name[:1] == "a" and name[1:].isdigit()
+
+
+def _numbered(timer: Timer, number: int, named: Mapping[str, str]) -> Timer:
+    due, _, kind, (owner, event) = timer
+    return due, number, kind, (named.get(owner, owner), event)

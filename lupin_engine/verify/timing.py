@@ -1,0 +1,152 @@
+"""From a way through situations to a run: times at which everything can happen in that order.
+
+A way says which deadline fires next, not when the others were set. Of the times t that fit, the earliest are
+taken: each move comes a little after the one before it, a deadline exactly when it is due, and everything
+else before what is due then. These are conditions t(j) >= t(i) + w; what a hold adds to a deadline is taken
+from the times found so far, until nothing changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.memory import Timer
+from lupin_engine.machine.step import Step
+from lupin_engine.verify.explorer import MORNING, Effect, SituationExplorer
+from lupin_engine.verify.situation import Situation, is_new
+from lupin_engine.verify.worlds import TimerName, WorldMove
+
+#: Between two things that happen, in seconds.
+GAP = 0.01
+#: How often the times are worked out anew.
+_ROUNDS = 12
+#: A deadline is due when the clock shows this much more, for sums of floats.
+_CERTAINLY = 1e-6
+
+_Condition = tuple[int, int, float]
+
+
+@dataclass
+class Deadline:
+    """A deadline along a way: set at a move, `delay` long; after the moves `waits` it has not fired.
+
+    `stops` are the moves between which a hold stops it; `fired` is the move that it is.
+    """
+
+    armed: int
+    delay: float
+    stops: list[list[int]] = field(default_factory=list)
+    waits: list[int] = field(default_factory=list)
+    fired: int | None = None
+
+
+def timed_run(explorer: SituationExplorer, moves: Sequence[int]) -> list[Step] | None:
+    """Return the steps of a machine that goes the way of some moves; None where no times fit."""
+    way = explorer.walk(moves)
+    made = [explorer.moves.all[number] for number in moves]
+    deadlines = list(_deadlines(explorer, way, made))
+    times: list[float] | None = [GAP * index for index in range(len(way))]
+    for _ in range(_ROUNDS):
+        assert times is not None
+        found = _earliest(deadlines, made, times)
+        if found is None or found == times:
+            return None if found is None else _run(explorer, way, made, found)
+        times = found
+    return None
+
+
+def _deadlines(
+    explorer: SituationExplorer, way: Sequence[tuple[Situation, Effect]], made: Sequence[WorldMove]
+) -> Iterator[Deadline]:
+    """Yield every deadline along a way."""
+    running: dict[TimerName, Deadline] = {}
+    for number, (situation, effect) in enumerate(way):
+        armed = _by_name(explorer.table.get(situation, ("timers", "")))
+        frozen = _by_name(explorer.table.get(situation, ("frozen", "")))
+        for name, one in list(running.items()):
+            if name in effect.fresh or (name not in armed and name not in frozen):
+                if number and made[number - 1].timer == name:
+                    one.fired = number
+                elif not one.stops or len(one.stops[-1]) == 2:
+                    one.waits.append(number)
+                yield running.pop(name)
+        for name, delay in (armed | frozen).items():
+            one = running.setdefault(name, Deadline(number, delay))
+            stopped = bool(one.stops) and len(one.stops[-1]) == 1
+            if name in frozen and not stopped:
+                one.stops.append([number])
+            elif name in armed and stopped:
+                one.stops[-1].append(number)
+            if not stopped and one.armed != number:
+                one.waits.append(number)
+    yield from running.values()
+
+
+def _by_name(timers: Sequence[Timer] | None) -> dict[TimerName, float]:
+    return {(kind, *about): due for due, _, kind, about in timers or ()}
+
+
+def _earliest(
+    deadlines: Sequence[Deadline], made: Sequence[WorldMove], before: list[float]
+) -> list[float] | None:
+    """Return the earliest times that fit, with holds as long as they were in the times before."""
+    gaps = [0.0 if move.event is None else GAP for move in made]
+    conditions: list[_Condition] = [(index, index + 1, gap) for index, gap in enumerate(gaps)]
+    for one in deadlines:
+        conditions += _conditions(one, before)
+    times = [0.0] * len(before)
+    for _ in range(len(before) + 1):
+        late = [(j, times[i] + gap) for i, j, gap in conditions if times[i] + gap > times[j] + 1e-9]
+        if not late:
+            return [round(time - times[0], 6) for time in times]
+        for j, _ in late:
+            times[j] = max(times[i] + gap for i, to, gap in conditions if to == j)
+    return None
+
+
+def _conditions(one: Deadline, times: Sequence[float]) -> Iterator[_Condition]:
+    def due(at: int) -> float:
+        return one.delay + sum(
+            times[stop[1]] - times[stop[0]] for stop in one.stops if stop[-1] <= at and len(stop) == 2
+        )
+
+    if one.fired is not None:
+        yield one.armed, one.fired, due(one.fired)
+        yield one.fired, one.armed, -due(one.fired)
+    for index in one.waits:
+        yield index, one.armed, GAP / 2 - due(index)
+
+
+def _run(
+    explorer: SituationExplorer,
+    way: Sequence[tuple[Situation, Effect]],
+    made: Sequence[WorldMove],
+    times: Sequence[float],
+) -> list[Step] | None:
+    """Run a way on a machine of its own; None where something else happens."""
+    machine = Machine(explorer.world)
+    steps = [machine.start(0.0, None if explorer.world.calendar is None else MORNING)]
+    names: dict[str, str] = {}
+    for move, time, (_, effect) in zip(made, times[1:], way[1:], strict=True):
+        before = set(machine.memory.attempts)
+        step = _carry_out(machine, move, time, names)
+        if step is None or step.taken != effect.taken:
+            return None
+        new = iter([name for name in machine.memory.attempts if name not in before])
+        names.update({to: next(new, "") if is_new(old) else names[old] for old, to in effect.renamed})
+        steps.append(step)
+    return steps
+
+
+def _carry_out(machine: Machine, move: WorldMove, time: float, names: dict[str, str]) -> Step | None:
+    if move.event is None:
+        due = machine.next_deadline
+        return machine.advance(due) if due is not None and abs(due - time) < _CERTAINLY else None
+    data = dict(move.event.data)
+    if "attempt" in data:
+        data["attempt"] = names.get(data["attempt"], data["attempt"])
+    if move.event.name == "value":
+        data["stamp"] = time
+    return machine.handle(replace(move.event, data=data), time)

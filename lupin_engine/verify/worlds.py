@@ -1,0 +1,267 @@
+"""What may come next in a situation: all that servers, sensors, clocks and people can do at any moment.
+
+A server that was asked may accept, end in any result of the declared classes or in any declared code, end
+by itself, or say nothing until the deadline. After a cancel it may still accept, end, or say nothing; and
+anybody may speak of an attempt that is long over. Live values take any value of their classes, every request
+comes at any time, and the process may be restarted. Of the deadlines that are set any may be the next, but
+for those before which another one certainly comes.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from lupin_engine.machine import event as events
+from lupin_engine.machine.event import RESUMED, Event
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.memory import Attempt, Phase, Timer
+from lupin_engine.machine.step import Step
+from lupin_engine.machine.timers import Timers
+from lupin_engine.plugin.builtin import BUILTIN
+from lupin_engine.verify.classes import Classes
+from lupin_engine.verify.situation import RANKS, Situation, SlotTable, TrackedDict, TrackedMemory
+
+#: A deadline: its kind, its owner and the event that it makes there.
+TimerName = tuple[str, str, str]
+#: Two deadlines of which the first certainly comes before the second.
+Rank = tuple[TimerName, TimerName]
+
+
+class Mover(enum.IntFlag):
+    """Whose move it is."""
+
+    ANSWER = 1  #: a server accepts, or ends well
+    FAILURE = 2  #: a server ends in a code, or by itself
+    TIMER = 4
+    REQUEST = 8
+    ABORT = 16
+    WORLD = 32  #: a live value, an event, a restart, or what changes nothing
+    AT_ONCE = 64  #: a deadline without any time
+
+
+@dataclass(frozen=True)
+class WorldMove:
+    """Something that happens: an event, or the deadline of a kind, an owner and an event of its own."""
+
+    side: Mover
+    event: Event | None = None
+    timer: TimerName = ("", "", "")
+
+    @property
+    def says(self) -> str:
+        """What happens, in a few words."""
+        if self.event is None:
+            kind, owner, event = self.timer
+            return f"{kind} of {owner}{f' ({event})' if event and kind != event else ''}"
+        data = self.event.data
+        told = [str(data[name]) for name in ("attempt", "name", "code", "value") if name in data]
+        return " ".join((self.event.name, *told))
+
+
+class WorldMoves:
+    """All moves of one chart, numbered when they are first possible."""
+
+    def __init__(self, table: SlotTable, classes: Classes, owed: int, restarts: bool) -> None:
+        """Begin with those that are possible everywhere.
+
+        Args:
+            table: the slots of the chart.
+            classes: what servers, sensors and people may say.
+            owed: how many attempts of one operation may wait for their end beside the current one.
+            restarts: whether the process may end, and another one goes on.
+        """
+        self._table = table
+        self._classes = classes
+        self.owed = owed
+        self.all: list[WorldMove] = []
+        self._numbers: dict[tuple[Any, ...], int] = {}
+        self._everywhere = tuple(self._number((name,), move) for name, move in self._always(restarts))
+        self._of_attempt: dict[tuple[int, int], tuple[int, ...]] = {}
+        self._of_timers: dict[tuple[int, int], tuple[bool, tuple[int, ...]]] = {}
+
+    def _number(self, key: tuple[Any, ...], move: WorldMove) -> int:
+        found = self._numbers.get(key)
+        if found is None:
+            found = self._numbers[key] = len(self.all)
+            self.all.append(move)
+        return found
+
+    def _always(self, restarts: bool) -> Iterator[tuple[str, WorldMove]]:
+        abort = f"operator.{self._table.relevance.chart.profile.abort}"
+        for number, event in enumerate(self._classes.requests):
+            side = Mover.REQUEST | (Mover.ABORT if event.name == abort else Mover(0))
+            yield f"request {number}", WorldMove(side, event)
+        for number, event in enumerate(self._classes.values):
+            yield f"value {number}", WorldMove(Mover.WORLD, event)
+        for number, event in enumerate(self._classes.events):
+            yield f"event {number}", WorldMove(Mover.WORLD, event)
+        yield "stray", WorldMove(Mover.WORLD, events.done("long over", {}))
+        if restarts:
+            yield "restart", WorldMove(Mover.WORLD, Event(RESUMED, {"detail": "", "held": True, "away": 1.0}))
+
+    def possible(self, situation: Situation) -> tuple[int, ...]:
+        """Return the numbers of the moves that are possible."""
+        table = self._table
+        index = table.index
+        timers = situation[index["timers", ""]], situation[index[RANKS]]
+        found = self._of_timers.get(timers)
+        if found is None:
+            found = self._of_timers[timers] = self._of(timers)
+        at_once, due = found
+        if at_once:
+            return due
+        attempts = situation[index["attempts", ""]]
+        if not attempts:
+            return self._everywhere + due
+        moves = list(self._everywhere + due)
+        for name in table.value(index["attempts", ""], attempts):
+            slot = table.slot(("attempts", name))
+            key = slot, situation[slot]
+            told = self._of_attempt.get(key)
+            if told is None:
+                told = self._of_attempt[key] = self._answers(table.value(*key))
+            moves += told
+        return tuple(moves)
+
+    def _of(self, numbers: tuple[int, int]) -> tuple[bool, tuple[int, ...]]:
+        """Return whether a deadline is due at once, and those that may be the next."""
+        table = self._table
+        timers: list[Timer] = table.value(table.index["timers", ""], numbers[0]) if numbers[0] else []
+        ranks = table.value(table.index[RANKS], numbers[1]) if numbers[1] else frozenset()
+        now = [(kind, *about) for due, _, kind, about in timers if due <= 0.0]
+        if now:
+            return True, (self._number(now[0], WorldMove(Mover.TIMER | Mover.AT_ONCE, timer=now[0])),)
+        armed = [(kind, *about) for _, _, kind, about in timers]
+        late = {after for before, after in ranks if before in armed}
+        return False, tuple(
+            self._number(timer, WorldMove(Mover.TIMER, timer=timer)) for timer in armed if timer not in late
+        )
+
+    def _answers(self, attempt: Attempt) -> tuple[int, ...]:
+        """Return what a server may say of an attempt."""
+        found = []
+        for key, side, event in self._said(attempt):
+            found.append(self._number((attempt.id, *key), WorldMove(side, event)))
+        return tuple(found)
+
+    def _said(self, attempt: Attempt) -> Iterator[tuple[tuple[Any, ...], Mover, Event]]:
+        if attempt.phase is Phase.WAITING:
+            return
+        if attempt.phase is not Phase.ACCEPTED:
+            yield ("accepted",), Mover.ANSWER, events.accepted(attempt.id)
+        speaks = attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED)
+        results = self._classes.results(attempt.operation, attempt.arguments)
+        for number, result in enumerate(results if speaks else results[:1]):
+            yield ("done", number), Mover.ANSWER, events.done(attempt.id, result)
+        codes = self._classes.codes(attempt.operation)
+        for code in codes if speaks else codes[:1]:
+            yield ("failed", code), Mover.FAILURE, events.failed(attempt.id, code)
+        side = Mover.FAILURE if speaks else Mover.ANSWER
+        yield ("cancelled",), side, events.cancelled(attempt.id)
+        if not speaks and self._classes.gives(attempt.operation):
+            yield ("gave",), Mover.ANSWER, events.cancelled(attempt.id, results[0])
+
+    # -- carrying a move out ----------------------------------------------------------------------------
+
+    def carry_out(self, machine: Machine, memory: TrackedMemory, move: WorldMove) -> Step | None:
+        """Make the step; None where the bounds leave it out."""
+        if move.event is None:
+            return self._fire(machine, memory, move.timer)
+        name = move.event.name
+        if name in machine.chart.catalog.events and any(e.name == name for e in memory.deferred):
+            return None  # of equal events one waits for the release
+        if name == "attempt.done" and not self._is_told(memory, move.event.data["attempt"]):
+            return None
+        return machine.handle(move.event, 0.0)
+
+    def _is_told(self, memory: TrackedMemory, attempt: str) -> bool:
+        """Say whether the live values are known that an operation leaves behind when it ends well."""
+        found = memory.attempts.get(attempt)
+        told = self._classes.tells(found.operation, found.arguments) if found is not None else ()
+        return all(name in memory.inputs for name in told)
+
+    def _fire(self, machine: Machine, memory: TrackedMemory, wanted: TimerName) -> Step | None:
+        kind, owner, event = wanted
+        timers = memory.timers
+        found = next(t for t in timers if (t[2], *t[3]) == wanted)
+        timers.remove(found)
+        timers.insert(0, (0.0, found[1], kind, (owner, event)))
+        if kind == "fresh":
+            known, freshness = memory.inputs[owner], machine.chart.inputs[owner].freshness
+            memory.inputs[owner] = known._replace(stamp=-(freshness or 0.0))
+        return machine.advance(0.0)
+
+    def is_within_bounds(self, name: str) -> bool:
+        """Say whether no more attempts of one operation wait for their end than the bounds say."""
+        _, number, count = name.rpartition("#")
+        return not number or int(count) <= self.owed + 1
+
+
+def forget_unwanted(memory: TrackedMemory, owed: int) -> None:
+    """Of attempts that nobody waits for and that keep nothing from beginning, remember the newest only.
+
+    All that can come of one is a late answer, and that is about no other. The engine itself gives none.
+    """
+    waited = {found.cut.attempt for found in memory.invocations.values() if found.cut is not None}
+    inert = [
+        attempt.id
+        for attempt in memory.attempts.values()
+        if attempt.id not in waited
+        and (attempt.phase is Phase.LOST or (attempt.phase is Phase.CANCELLING and not attempt.uses))
+    ]
+    own = [name for name in inert if memory.attempts[name].operation.startswith(f"{BUILTIN}.")]
+    others = [name for name in inert if name not in own]
+    for name in (*own, *others[: len(others) - owed]):
+        del memory.attempts[name]
+        Timers(memory).disarm("cancel", name)
+
+
+def in_order(memory: TrackedMemory) -> None:
+    """Sort attempts that stand beside each other: only one that waits looks at those before it."""
+    entries = memory.attempts
+    assert isinstance(entries, TrackedDict)
+    if entries.order is None:
+        return
+    found: list[str] = []
+    run: list[str] = []
+    for name, attempt in entries.items():
+        if attempt.phase is Phase.WAITING:
+            found += [*sorted(run), name]
+            run = []
+        else:
+            run.append(name)
+    entries.order[:] = [*found, *sorted(run)]
+
+
+def ranks_after(
+    before: frozenset[Rank], armed: list[Timer], frozen: list[Timer], fresh: frozenset[TimerName]
+) -> frozenset[Rank]:
+    """Return which deadlines certainly come before which others, after a step.
+
+    One that is set now comes after every other that was set for as long or less: that one's time runs
+    already. Of those that are set in the same step the shorter comes first. Deadlines that a hold stops come
+    later by as long as it lasts than those that it does not stop.
+
+    Args:
+        before: the same before the step.
+        armed: the deadlines after it.
+        frozen: those that a hold stops.
+        fresh: what is set in this step.
+    """
+    named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in _both(armed, frozen)]
+    stops = {name: stopped for name, _, stopped in named}
+    old = stops.keys() - fresh
+    pairs = {(a, b) for a, b in before if a in old and b in old and (stops[b] or not stops[a])}
+    for late, late_timer, late_stopped in named:
+        for early, early_timer, early_stopped in named if late in fresh else ():
+            if early != late and early_timer[:2] < late_timer[:2] and (late_stopped or not early_stopped):
+                pairs.add((early, late))
+    return frozenset(pairs)
+
+
+def _both(armed: list[Timer], frozen: list[Timer]) -> Iterator[tuple[Timer, bool]]:
+    yield from ((timer, False) for timer in armed)
+    yield from ((timer, True) for timer in frozen)

@@ -1,0 +1,139 @@
+"""The explorer sees everything: by count, without memory of effects, and beside random runs."""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from typing import Any
+
+import pytest
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.machine import event as events
+from lupin_engine.machine.event import Event
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.memory import Phase
+from lupin_engine.machine.scope import World
+from lupin_engine.machine.snapshot import restore
+from tests.machine.charts import PAUSE, chart
+from tests.verify.toys import KeepingExplorer, explored, round_trip, wheels
+
+NO_CLOCK: dict[str, Any] = {
+    "A": {"invoke": "nav.go", "on_done": "B", "on_error": "FAULT", "on": {"operator.skip_current": "B"}},
+    "B": {"on": {"operator.dock": "A"}},
+    "FAULT": {"on": {"operator.reset": "A"}},
+}
+
+
+def test_wheels_are_counted() -> None:
+    """Regions that know nothing of each other: the product of their sizes, and three moves from each."""
+    found = explored(wheels(3, 6), restarts=False)
+    assert found.complete
+    assert found.progress.situations == 6**3
+    assert len(found.sources) == 3 * 6**3
+
+
+@pytest.mark.parametrize("of", [round_trip(), wheels(2, 5), chart(NO_CLOCK, holds={"pause": PAUSE})])
+def test_what_is_remembered_changes_nothing(of: Chart) -> None:
+    """With every transition a step of the machine, the graph is the same."""
+    fast, slow = explored(of), explored(of, memo=False)
+    assert fast.progress.steps <= slow.progress.steps
+    assert fast.progress.situations == slow.progress.situations
+    assert (fast.sources, fast.targets, fast.by) == (slow.sources, slow.targets, slow.by)
+
+
+def said(machine: Machine) -> list[Event]:
+    """Return what servers can say and people can ask."""
+    found = [Event(f"operator.{name}") for name in ("skip_current", "dock", "pause", "resume", "reset")]
+    for attempt in machine.memory.attempts.values():
+        if attempt.phase is Phase.WAITING:
+            continue
+        if attempt.phase is not Phase.ACCEPTED:
+            found.append(events.accepted(attempt.id))
+        found += [events.done(attempt.id, {}), events.failed(attempt.id, "driver_error")]
+        found.append(events.cancelled(attempt.id))
+    return found
+
+
+def outline(machine: Machine) -> tuple[Any, ...]:
+    """Return what of a memory decides what comes next, where nothing is counted and nothing is late."""
+    memory = machine.memory
+    attempts = [(a.operation, a.phase, a.id == _current(machine)) for a in memory.attempts.values()]
+    begun = [(i.state, i.begun, i.attempt is not None) for i in memory.invocations.values()]
+    waiting = [(e.name, e.data.get("code")) for e in memory.deferred]
+    return memory.configuration, tuple(memory.held), tuple(attempts), tuple(begun), tuple(waiting)
+
+
+def _current(machine: Machine) -> str | None:
+    return next((i.attempt for i in machine.memory.invocations.values()), None)
+
+
+def test_an_independent_walk_counts_the_same() -> None:
+    """Breadth first over snapshots of the machine, with none of the explorer's means."""
+    of = chart(NO_CLOCK, holds={"pause": PAUSE})
+    world = World(of, {})
+    machine = Machine(world)
+    machine.start(0.0)
+    seen = {outline(machine)}
+    waiting = deque([machine.snapshot()])
+    while waiting:
+        text = waiting.popleft()
+        first = Machine(world, restore(of, text))
+        moves: list[Event | None] = [*said(first)]
+        moves += [None] if first.next_deadline is not None else []
+        for move in moves:
+            machine = Machine(world, restore(of, text))
+            if move is None:
+                machine.advance(machine.next_deadline or 0.0)
+            else:
+                machine.handle(move, 0.0)
+            lost = [a for a in machine.memory.attempts.values() if a.phase is Phase.LOST]
+            for attempt in lost:  # what is lost is never told apart from what is gone
+                del machine.memory.attempts[attempt.id]
+            machine.memory.timers[:] = [(3.0, *timer[1:]) for timer in machine.memory.timers]
+            if outline(machine) not in seen:
+                seen.add(outline(machine))
+                waiting.append(machine.snapshot())
+    found = explored(of, restarts=False)
+    assert found.progress.situations == len(seen)
+
+
+def test_random_runs_see_nothing_else() -> None:
+    """Whatever a machine comes to by chance, with real times, is among the situations."""
+    of = round_trip()
+    explorer = KeepingExplorer(of, restarts=False)
+    assert explorer.explore().complete
+    known = set()
+    for situation in explorer.situations:
+        names = explorer.table.get(situation, ("attempts", "")) or ()
+        attempts = [explorer.table.get(situation, ("attempts", name)) for name in names]
+        held = explorer.table.get(situation, ("held", "")) or ()
+        known.add((explorer.table.get(situation, ("configuration", "")), tuple(held), _phases(attempts)))
+    for seed in range(40):
+        dice, machine, now = random.Random(seed), Machine(World(of, {})), 0.0
+        machine.start(now)
+        for _ in range(60):
+            due = machine.next_deadline
+            wait = dice.choice((0.0, 0.5, 4.0, 20.0))
+            if due is not None and due <= now + wait:
+                now = max(now, due)
+                machine.advance(now)
+            else:
+                now += wait
+                machine.handle(dice.choice(said(machine)), now)
+            memory = machine.memory
+            waits = [a for a in memory.attempts.values() if a.phase is not Phase.LOST]
+            waits = [a for a in waits if a.phase is not Phase.CANCELLING or a.uses]
+            assert (memory.configuration, tuple(memory.held), _phases(waits)) in known, seed
+
+
+def _phases(attempts: list[Any]) -> tuple[Any, ...]:
+    return tuple(sorted((a.operation, a.phase.value) for a in attempts))
+
+
+def test_the_round_trip_is_small() -> None:
+    """Nothing is broken, and everything is reached that should be."""
+    found = explored(round_trip())
+    assert found.complete
+    assert found.breaches == {}
+    assert found.entered >= {"A", "B", "C"}

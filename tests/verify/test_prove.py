@@ -1,0 +1,35 @@
+"""`lupin prove`: what it says of a mission that is well, and of wrong usage."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from lupin_engine.cli.main import main
+
+
+def test_a_budget_that_runs_out_proves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit code 3, and how far it came."""
+    assert main(["prove", "inspection", "--targets", "0", "--budget", "0 s", "--json"]) == 3
+    (found,) = json.loads(capsys.readouterr().out)
+    assert found["complete"] is False
+    assert found["stopped"] == "the budget of 0 s ran out"
+    assert {one["verdict"] for one in found["properties"]} == {"not proven"}
+
+
+def wrong(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> Any:
+    """Return what is said of wrong usage."""
+    code = main(["prove", *arguments])
+    return code, capsys.readouterr().err
+
+
+def test_wrong_usage_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """No such mission, and a budget that is no duration."""
+    code, told = wrong(["inspektion"], capsys)
+    assert code == 2
+    assert "did you mean 'inspection'?" in told
+    code, told = wrong(["inspection", "--budget", "60"], capsys)
+    assert code == 2
+    assert "--budget: expected duration, got '60'" in told

@@ -1,0 +1,58 @@
+"""Small charts that are explored as a whole, and an explorer that keeps what it has seen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.machine.scope import World
+from lupin_engine.verify.explorer import Bounds, Explored, SituationExplorer
+from lupin_engine.verify.properties import BUILT_IN
+from lupin_engine.verify.situation import Situation
+from tests.machine.charts import PAUSE, chart
+
+#: Drives, may be paused, goes on to a read, and begins again.
+ROUND: dict[str, Any] = {
+    "A": {
+        "invoke": {"do": "nav.go", "timeout": 10.0},
+        "on_done": "B",
+        "on_error": "B",
+        "on": {"operator.skip_current": "B"},
+    },
+    "B": {"label": "DONE", "on": {"operator.dock": "C"}},
+    "C": {"invoke": {"do": "bridge.read", "timeout": 5.0}, "on_done": "A", "on_error": "A"},
+    "FAULT": {},
+}
+
+
+def round_trip() -> Chart:
+    """Return the chart of `ROUND`, with a hold."""
+    return chart(ROUND, holds={"pause": PAUSE}, codes={"paused": "paused"})
+
+
+def wheels(regions: int, spokes: int) -> Chart:
+    """Return a chart of some regions, each of which goes round by a request of its own."""
+    names = ("operator.abort", "operator.dock", "operator.skip_current")
+    inside = {
+        f"R{r}": {"states": {f"S{n}": {"on": {names[r]: f"S{(n + 1) % spokes}"}} for n in range(spokes)}}
+        for r in range(regions)
+    }
+    return chart({"P": {"kind": "parallel", "states": inside}})
+
+
+class KeepingExplorer(SituationExplorer):
+    """An explorer that keeps every situation."""
+
+    def __init__(self, of: Chart, memo: bool = True, **bounds: Any) -> None:
+        self.situations: list[Situation] = []
+        super().__init__(World(of, {}), BUILT_IN, Bounds(**bounds), memo)
+
+    def flags(self, situation: Situation) -> int:
+        """Return what is known of a situation, and keep it."""
+        self.situations.append(situation)
+        return super().flags(situation)
+
+
+def explored(of: Chart, memo: bool = True, **bounds: Any) -> Explored:
+    """Return what is found in a chart."""
+    return KeepingExplorer(of, memo, **bounds).explore()
