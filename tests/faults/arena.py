@@ -72,7 +72,8 @@ class Arena:
         for each in (folder / "state", folder / "logs", self._control, folder / "site"):
             each.mkdir(parents=True, exist_ok=True)
         (folder / "site" / "sitecustomize.py").write_text(SITE.format(folder=str(self._control)))
-        os.environ |= {"XDG_STATE_HOME": str(folder / "state"), "PYTHONPATH": str(folder / "site")}
+        paths = [str(folder / "site"), *filter(None, [os.environ.get("PYTHONPATH")])]
+        os.environ |= {"XDG_STATE_HOME": str(folder / "state"), "PYTHONPATH": os.pathsep.join(paths)}
         if computers is not None:
             size = f"size={DISK}"
             subprocess.run(["mount", "-t", "tmpfs", "-o", size, "tmpfs", folder / "state"], check=True)
