@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -38,6 +39,17 @@ def _send_response(service: Service, header: Any, response: Any) -> None:
     """Send an answer, unless the node has been closed since it was asked."""
     with contextlib.suppress(InvalidHandle):
         service.send_response(response, header)
+
+
+class LivingEntities(set[Any]):
+    """The weak references of a callback group, without those of what is gone.
+
+    rclpy keeps them for ever, one for each timer that there has been.
+    """
+
+    def add(self, reference: Any) -> None:
+        """Add the reference to an entity, for as long as that lives."""
+        super().add(weakref.ref(reference(), self.discard))
 
 
 class Executor(SingleThreadedExecutor):

@@ -16,6 +16,8 @@ Each work-around lives in this package, for this reason:
 * a profile of our own (`dds`): finding a peer takes up to 2.4 s and noticing its death 20 s without, and
   everybody on the network is answered;
 * no second wake-up after each callback (`executor`): rclpy's costs a third of an idle node's processor time;
+* references to what is gone are dropped (`executor`): rclpy keeps one for each timer that there has been;
+* results of goals are kept for two minutes (`actions`): rclpy keeps and tells those of fifteen;
 * posting wakes the executor: nothing else makes it look for work of other threads;
 * timers run on the monotonic clock (on ROS time with `use_sim_time`): a stepped wall clock moves no deadline;
 * declared parameter types, integers accepted for doubles (`parameters`): rclpy refuses `60` for a double;
@@ -61,7 +63,7 @@ from lupin_engine.ros.adapter.actions import (
 )
 from lupin_engine.ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
 from lupin_engine.ros.adapter.dds.profile import use_profile
-from lupin_engine.ros.adapter.executor import Executor, Serving, StaleAfter
+from lupin_engine.ros.adapter.executor import Executor, LivingEntities, Serving, StaleAfter
 from lupin_engine.ros.adapter.logs import guarded, ros_log
 from lupin_engine.ros.adapter.parameters import Declared, DeclaredParameters
 from lupin_engine.ros.adapter.peers import (
@@ -196,12 +198,17 @@ class RosNode:
                 context=self._context,
                 signal_handler_options=SignalHandlerOptions.NO,
             )
-            return Node(name, context=self._context)
+            node = Node(name, context=self._context)
         except (RuntimeError, ValueError, NameValidationException) as error:
             # rcl has half a dozen exceptions for bad arguments and names, all derived from these.
             self._context.try_shutdown()
             reason = str(error).split(", at /")[0]  # the rest is places in rcl's sources
             raise UsageError(f"ROS does not start with the arguments {list(arguments)}: {reason}") from error
+        living = LivingEntities()
+        for reference in node.default_callback_group.entities:
+            living.add(reference)
+        node.default_callback_group.entities = living
+        return node
 
     # --- parameters -------------------------------------------------------------------------------------
 

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 #: What every file begins with; the number is raised when the form changes.
 MAGIC = b"lupin journal 2\n"
+#: What it begins with whatever the number is.
+FAMILY = b"lupin journal "
 #: No content is longer, in bytes: a length beyond it is no length.
 MAX_CONTENT = 64 * 1024 * 1024
 _HEADER = struct.Struct("<II")

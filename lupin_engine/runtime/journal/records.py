@@ -18,7 +18,7 @@ from typing import Any
 
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Event
-from lupin_engine.runtime.journal.frames import read_frames
+from lupin_engine.runtime.journal.frames import FAMILY, MAGIC, read_frames
 from lupin_engine.runtime.journal.shorthand import SHORT_PROGRESS, SHORT_VALUE, Shorthand, progress_of
 
 HEAD, START, EVENT, VALUE, TIMER = "head", "start", "event", "value", "timer"
@@ -147,6 +147,8 @@ def read_journal(path: Path) -> JournalFile:
 def journal_of(path: Path, data: bytes) -> JournalFile:
     """Return what is in the bytes of a file; errors as for `read_journal`."""
     found = read_frames(data)
+    if data.startswith(FAMILY) and not data.startswith(MAGIC):
+        raise JournalError(f"{path} was written by another version of the engine; this one does not read it")
     if not found.contents:
         raise JournalError(f"{path} is no journal, or was broken off at its first record")
     try:

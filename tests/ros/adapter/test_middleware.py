@@ -285,6 +285,21 @@ def test_timers_repeat_until_cancelled_and_one_shots_do_not(make_node: MakeNode)
     assert shots == [1]
 
 
+def test_nothing_is_kept_of_timers_that_are_over(make_node: MakeNode) -> None:
+    """An orchestrator makes one for each deadline."""
+    node = make_node("node")
+    node.spin_once(0.0)
+    before = len(node.node.default_callback_group.entities)
+    for _ in range(100):
+        node.call_later(60.0, lambda: None).cancel()
+    fired: list[bool] = []
+    kept = node.call_later(0.0, lambda: fired.append(True))
+    spin_until([node], lambda: fired)
+    assert len(node.node.default_callback_group.entities) <= before + 1
+    kept.cancel()
+    assert node.node.default_callback_group.has_entity(next(iter(node.node.timers)))
+
+
 def test_call_later_follows_simulated_time(make_node: MakeNode) -> None:
     ros = make_node("simulated", ["--ros-args", "-p", "use_sim_time:=true"])
     world, shots = make_node("world"), []

@@ -145,6 +145,15 @@ def test_a_file_with_a_name_of_no_date_is_nobodys_newest(tmp_path: Path) -> None
     assert (tmp_path / "20270115T080000.000Z_idle.journal").exists()
 
 
+def test_a_journal_of_another_version_is_called_so(tmp_path: Path) -> None:
+    file = tmp_path / "x.journal"
+    file.write_bytes(b"lupin journal 1\n" + b"x" * 100)
+    with pytest.raises(JournalError) as told:
+        read_journal(file)
+    why = "was written by another version of the engine; this one does not read it"
+    assert str(told.value) == f"{file} {why}"
+
+
 def test_so_many_missions_are_kept(tmp_path: Path) -> None:
     """The oldest go first, the idle times between them as well."""
     clock = VirtualClock(0.0, 1.8e9)
