@@ -28,7 +28,6 @@ from lupin_engine.ros.adapter.node import RosNode
 from lupin_engine.ros.adapter.qos import Qos
 from lupin_engine.ros.launch.nodes import nodes_of
 from lupin_gateway import stop
-from lupin_nav.client import NavClient
 from lupin_perception.node import layout
 from lupin_perception.node import settings as perception
 from lupin_sim.node import robot, senses
@@ -121,7 +120,6 @@ def _recording(note: Callable[..., None]) -> Iterator[None]:
     """Let `note` hear of all that nodes declare, and let none of them spin."""
     publisher, subscribe, serve = RosNode.publisher, RosNode.subscribe, RosNode._serve
     service, action, serve_action = RosNode.service, RosNode.action, RosNode.serve_action
-    explore = NavClient.__init__
 
     def on_topic(of: Any, serves: bool) -> Any:
         def declare(ros: RosNode, kind: Any, topic: str, qos: Qos, *more: Any) -> Any:
@@ -137,10 +135,6 @@ def _recording(note: Callable[..., None]) -> Iterator[None]:
 
         return declare
 
-    def on_nav(client: NavClient, *given: Any) -> None:
-        explore(client, *given)
-        client._start_exploring()  # at its first search it subscribes to the map
-
     with contextlib.ExitStack() as stack:
         for owner, name, replaced in (
             (RosNode, "publisher", on_topic(publisher, True)),
@@ -149,19 +143,12 @@ def _recording(note: Callable[..., None]) -> Iterator[None]:
             (RosNode, "service", on_request(service, "service", False)),
             (RosNode, "action", on_request(action, "action", False)),
             (RosNode, "serve_action", on_request(serve_action, "action", True)),
-            (RosNode, "spin", _end),
+            (RosNode, "rehearsed", lambda _: None),
             # It hears the state of another orchestrator, should there be one, at its start only.
             (orchestrator, "other_orchestrator", lambda *_: ""),
-            (NavClient, "__init__", on_nav),
         ):
             stack.enter_context(patch.object(owner, name, replaced))
         yield
-
-
-def _end(ros: RosNode) -> None:
-    """Do what a node does when it is told to stop: others wait for threads and sockets of its own."""
-    for callback in ros._stop_callbacks:
-        callback()
 
 
 def _type_name(kind: Any) -> str:

@@ -138,6 +138,48 @@ def test_it_says_to_whom_the_robot_is_open(
     assert listening.advice == "other computers can find and command these"
 
 
+@pytest.mark.parametrize(
+    ("shell", "source", "told"),
+    [
+        ({}, "wheels", ("off: who reaches a node may use all of it", "ok", "")),
+        (
+            {"ROS_SECURITY_ENABLE": "true"},
+            "wheels",
+            (
+                "on, and nodes do not start",
+                "problem",
+                "the Fast DDS of the wheels has no security: unset ROS_SECURITY_ENABLE, or use an apt ROS 2",
+            ),
+        ),
+        (
+            {"ROS_SECURITY_ENABLE": "true"},
+            "apt",
+            (
+                "on, and nobody is kept out",
+                "note",
+                "nodes without permissions take part all the same: set ROS_SECURITY_STRATEGY=Enforce",
+            ),
+        ),
+        (
+            {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"},
+            "apt",
+            ("on, with no keystore", "problem", "no enclaves there; see docs/security.md"),
+        ),
+    ],
+)
+def test_it_says_whether_permissions_are_asked_for(
+    monkeypatch: pytest.MonkeyPatch, shell: dict[str, str], source: str, told: tuple[str, str, str]
+) -> None:
+    """By SROS2, and whether that can be."""
+    for name in ("ROS_SECURITY_ENABLE", "ROS_SECURITY_STRATEGY", "ROS_SECURITY_KEYSTORE"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in shell.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(environment, "rclpy_source", lambda: source)
+    (found,) = (finding for finding in health.look_at_network() if finding.topic == "SROS2")
+    assert (found.found, found.state, found.advice) == told
+
+
 def test_another_middleware_is_not_closed_by_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where there can be one: with an apt ROS 2."""
     for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", *VARIABLES):

@@ -164,10 +164,27 @@ def look_at_network() -> Iterator[Finding]:
     doors = open_to()
     closed = Finding("open to", "this machine only")
     yield Finding("open to", "others, too", "note", doors) if doors else closed
+    yield from _permissions()
     heard = exposed(current_domain())
     if heard:
         found = f"{heard} participant{'s' * (heard > 1)} of domain {current_domain()} on this machine"
         yield Finding("listening to others", found, "note", "other computers can find and command these")
+
+
+def _permissions() -> Iterator[Finding]:
+    """Whether nodes need certificates and permissions, which the network alone does not ask for."""
+    if os.environ.get("ROS_SECURITY_ENABLE", "").lower() != "true":
+        yield Finding("SROS2", "off: who reaches a node may use all of it")
+    elif environment.rclpy_source() == "wheels":
+        advice = "the Fast DDS of the wheels has no security: unset ROS_SECURITY_ENABLE, or use an apt ROS 2"
+        yield Finding("SROS2", "on, and nodes do not start", "problem", advice)
+    elif os.environ.get("ROS_SECURITY_STRATEGY") != "Enforce":
+        advice = "nodes without permissions take part all the same: set ROS_SECURITY_STRATEGY=Enforce"
+        yield Finding("SROS2", "on, and nobody is kept out", "note", advice)
+    else:
+        keystore = os.environ.get("ROS_SECURITY_KEYSTORE", "")
+        advice = "" if Path(keystore, "enclaves").is_dir() else "no enclaves there; see docs/security.md"
+        yield Finding("SROS2", f"on, with {keystore or 'no keystore'}", "problem" if advice else "ok", advice)
 
 
 def _profile() -> Finding:
