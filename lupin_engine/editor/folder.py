@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from lupin_engine.bindings.catalog import BINDINGS, binding_files
+from lupin_engine.bindings.catalog import BINDINGS, LUPIN_FILE, binding_files
 from lupin_engine.bindings.file import BindingNode
 from lupin_engine.chart.documents import LifecycleNode, MissionNode, PartNode
 from lupin_engine.chart.nodes import Node
@@ -86,7 +86,9 @@ class Folder:
 
     def kind(self, path: Path) -> type[Node] | None:
         """Return what a file is: by what it says, else by where it stands; None when it is none of ours."""
-        if path.suffixes != [".yaml"] or self.scan(path).key_token(("scenario",)) is not None:
+        if path.suffixes != [".yaml"] or path.name == LUPIN_FILE:
+            return None
+        if self.scan(path).key_token(("scenario",)) is not None:
             return None  # a scenario names its mission, too
         said = kind_of(self.scan(path))
         if said is not None:

@@ -48,6 +48,18 @@ def test_a_binding_has_findings_of_its_own(folder: Folder) -> None:
     )
 
 
+def test_what_it_may_not_reach_is_told_while_it_is_written(folder: Folder) -> None:
+    """And the file that allows it is no mission, wherever it stands."""
+    path, robot = folder.path / "bindings" / "photo_arm.yaml", folder.path / "lupin.yaml"
+    folder.put(path, folder.text(path).replace("/lupin/arm/preset", "/other/arm"))
+    (found,) = folder.check(path)
+    assert (found.place.line, found.rule) == (12, "not-allowed")
+    robot.write_text("allow: {services: /other/arm}", encoding="utf-8")
+    folder.put(robot, folder.text(robot))
+    assert (folder.check(path), folder.check(robot)) == ((), ())
+    assert robot not in folder.missions()
+
+
 def test_missions_see_what_is_written_in_it(folder: Folder) -> None:
     """An operation that was added a moment ago, and is not saved, is offered."""
     path = folder.path / "bindings" / "photo_arm.yaml"
