@@ -78,7 +78,8 @@ def test_keys_of_a_binding_are_offered(folder: Folder) -> None:
     path = folder.path / "bindings" / "photo_arm.yaml"
     folder.put(path, folder.text(path) + "    \n")
     offered = {offer.label for offer in complete(folder, path, len(folder.text(path)) - 1).found}
-    assert offered == {"action", "code_when", "cut_short", "progress", "rejected", "result", "unavailable"}
+    expected = {"action", "code_when", "cut_short", "progress", "rejected", "result", "unavailable"}
+    assert offered == {*expected, "on_restart", "watch"}
 
 
 @pytest.mark.parametrize(
