@@ -36,8 +36,9 @@ if TYPE_CHECKING:
     # Most missions have no bindings, and nearly all that a check takes are imports.
     from lupin_engine.bindings.data import Binding
 
-#: How much is remembered: every scenario of a folder, or the missions of a few, without reading them twice.
-MAX_DOCUMENTS = 64
+#: How much is remembered: every scenario of a folder, or all the missions that a node offers, without reading
+#: them twice.
+MAX_DOCUMENTS = 512
 MAX_CHARTS = 32
 
 _D = TypeVar("_D", bound=FileNode)

@@ -1,15 +1,21 @@
 """The folder of the missions that the node offers: what stands in it is what can be started.
 
-Files are looked at again and again, and understood only when they have changed (see `missions.load`), so a
-look costs a fraction of a millisecond. A change that has errors is told once and otherwise changes nothing.
+Files are looked at again and again, and read only when they have changed, so a look costs a fraction of a
+millisecond; to understand many takes seconds, so that is done beside the node's thread. A change that has
+errors is told once and otherwise changes nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from lupin_engine.bindings.catalog import BINDINGS, lupin_file
 from lupin_engine.bindings.reader import check_definition
 from lupin_engine.chart.findings import Findings
 from lupin_engine.errors import ChartError, LupinError
@@ -28,9 +34,15 @@ from lupin_engine.ros.bindings.definitions import interface_types
 
 #: How often the folder is looked at while no mission runs, in seconds.
 LOOK_PERIOD_S = 1.0
+#: A file that was changed so lately, in seconds, is read: it may have been changed again within one tick of
+#: its file system's clock.
+SETTLED_S = 2.0
 #: How many missions a folder may have, and how many bytes they and their parts: to understand more takes
-#: seconds, in which the robot's state is not told.
+#: many seconds, in which no mission can be started.
 MAX_FILES, MAX_BYTES = 200, 1_000_000
+
+#: What tells that files have changed: by name, when that was last, in nanoseconds, and their size.
+_Marks = Mapping[Path, tuple[int, int]]
 
 
 class MissionsFolder:
@@ -45,6 +57,9 @@ class MissionsFolder:
         #: What stood beside the named missions from the beginning; None before that was looked at.
         self._others: set[Path] | None = None
         self._refused: LoadedMissions | None = None
+        #: What came of the files when they were read last, and by what it is seen that they are the same.
+        self._read: LoadedMissions | LupinError | None = None
+        self._marks: _Marks = {}
         #: What is wrong with the files as they are now; empty when they can be used.
         self.problem = ""
 
@@ -54,6 +69,15 @@ class MissionsFolder:
         Raises:
             LupinError: a mission does not exist or has errors, or a binding does not fit an interface.
         """
+        self._marks = self._look_marks()
+        try:
+            self._read = self._load()
+        except LupinError as problem:
+            self._read = problem
+            raise
+        return self._read
+
+    def _load(self) -> LoadedMissions:
         bundle = self._bundle()
         if bundle is not None:
             file = unpack(bundle)
@@ -66,6 +90,12 @@ class MissionsFolder:
             where = "say where they are with -p missions_path:=FOLDER"
             raise LupinError(f"no missions in {self._path}; {where}")
         return self._understood(self._path, files)
+
+    def _look_marks(self) -> _Marks:
+        """Return by what it is seen whether files have changed; nothing where all is read every time."""
+        if self._keys or self._path.suffix == BUNDLE:
+            return {}
+        return _marks({self._path, *(Path(name).parent for name in self._names)})
 
     def _bundle(self) -> Bundle | None:
         """Return what `missions_path` names where that is a bundle, signed where it must be.
@@ -108,7 +138,7 @@ class MissionsFolder:
     def changed(self, current: LoadedMissions) -> LoadedMissions | None:
         """Return the chart of files that were changed; None when nothing has, or what has cannot be used."""
         try:
-            loaded = self.load()
+            loaded = self._load_changed()
         except LupinError as problem:
             self.problem = str(problem)
             return None
@@ -117,9 +147,66 @@ class MissionsFolder:
         self.problem, self._refused = "", None
         return None if loaded.chart is current.chart else loaded
 
+    def _load_changed(self) -> LoadedMissions:
+        """Return what `load` does, without reading files again that are the same as the last time."""
+        marks = self._look_marks()
+        newest = max((changed for changed, _ in marks.values()), default=0)
+        is_settled = bool(marks) and abs(time.time_ns() - newest) >= SETTLED_S * 1e9
+        if self._read is None or marks != self._marks or not is_settled:
+            return self.load()
+        if isinstance(self._read, LupinError):
+            raise self._read
+        return self._read
+
     def refuse(self, loaded: LoadedMissions, reason: str) -> None:
         """Note that these missions cannot be used here, so that it is not tried again and again."""
         self._refused, self.problem = loaded, reason
+
+
+class FolderWatch:
+    """Looks at a folder beside the node's thread, one look after the other."""
+
+    def __init__(
+        self,
+        folder: MissionsFolder,
+        post: Callable[[Callable[[], None]], None],
+        failed: Callable[[str], None],
+    ) -> None:
+        """`post` runs a call on the node's thread, in order; `failed` logs an exception there."""
+        self._folder = folder
+        self._post = post
+        self._failed = failed
+        self._pool = ThreadPoolExecutor(1, "missions")
+
+    def look(self, current: LoadedMissions, then: Callable[[LoadedMissions | None], None]) -> None:
+        """Look at the files as they are from now on; `then` gets what `MissionsFolder.changed` returns."""
+        self._pool.submit(self._look, current, then)
+
+    def _look(self, current: LoadedMissions, then: Callable[[LoadedMissions | None], None]) -> None:
+        loaded: LoadedMissions | None = None
+        try:
+            loaded = self._folder.changed(current)
+        except Exception as problem:  # whoever waits must go on
+            self._post(partial(self._failed, repr(problem)))
+        self._post(partial(then, loaded))
+
+    def close(self) -> None:
+        """Look no more."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _marks(folders: Iterable[Path]) -> _Marks:
+    """Return by what it is seen whether something in folders of missions has changed."""
+    found: dict[Path, tuple[int, int]] = {}
+    for folder in folders:
+        inside = (folder.glob(pattern) for pattern in ("*.yaml", f"{PARTS}/*.yaml", f"{BINDINGS}/*.yaml"))
+        for file in (*itertools.chain(*inside), lupin_file(folder)):
+            try:
+                about = file.stat()
+            except OSError:
+                continue  # it is not there, or was just removed
+            found[file] = about.st_ctime_ns, about.st_size
+    return found
 
 
 def _check_sizes(folder: Path, files: Sequence[Path]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 
 from lupin_engine import __version__
 from lupin_engine.machine.event import HELD_BACK, TOLD, Event
@@ -31,6 +32,7 @@ JOURNAL_PARAMETERS: Mapping[str, Parameter] = {
         BOOL, False, "whether the mission is held, and none begins, while the journal cannot be written"
     ),
     "journal_missions": Parameter(COUNT, 200, "of how many missions the journal is kept", minimum=1),
+    "journal_megabytes": Parameter(COUNT, 1000, "how large all that is kept is together, in MB", minimum=50),
     "journal_days": Parameter(NUMBER, 60.0, "for how many days the journal is kept", minimum=0.01),
 }
 #: How often it is tried again to write, in seconds.
@@ -51,9 +53,11 @@ class Keeping:
         given = ros.parameters()
         self.required = bool(given["journal_required"])
         self.folder = journal_folder(str(given["journal_path"] or ""))
-        keep = Keep(int(given["journal_missions"]), float(given["journal_days"]))
+        size = 1_000_000 * int(given["journal_megabytes"])
+        keep = Keep(int(given["journal_missions"]), float(given["journal_days"]), size)
         self.journal = Journal(self.folder, keep, self._post, self._changed)
-        self._slices = Slices(ros.post)
+        #: What is written of many targets at once, and what is published of them.
+        self._writes, self._slices = Slices(ros.post), Slices(ros.post)
         self._loaded: LoadedMissions | None = None
         self._retry_at = 0.0
         self._part = 1
@@ -71,6 +75,7 @@ class Keeping:
 
     def close(self) -> None:
         """Have all that was noted on the disk, and end."""
+        self._writes.finish()
         self._slices.finish()
         self.journal.close()
 
@@ -84,6 +89,7 @@ class Keeping:
         self, loaded: LoadedMissions, machine: Machine, mission: str = "", mission_id: str = ""
     ) -> None:
         """Begin a file with the memory of a machine as it is, for a mission or for the time between them."""
+        self._writes.finish()  # the outcomes of a file's steps are in that file
         if loaded is not self._loaded:
             names = loaded.short_names
             self.journal.keep_files(loaded.hash, {names[name]: raw for name, raw in loaded.sources.items()})
@@ -130,7 +136,7 @@ class Keeping:
             return
         counts = {outcome.counter: view.counts.get(outcome.name, 0) for outcome in profile.outcomes}
         self.journal.ended({"state": view.lifecycle, "code": view.code, "total": view.total, **counts})
-        self.journal.when_kept(lambda: self._slices.add(lambda: self._rest(head.mission_id, machine)))
+        self.journal.when_kept(lambda: self._writes.add(lambda: self._rest(head.mission_id, machine)))
 
     def _rest(self, mission_id: str, machine: Machine) -> None:
         """Write into a file about no mission, unless the next one has begun meanwhile."""
@@ -174,7 +180,7 @@ class Keeping:
         for number, fields in found.left.unpublished.items():
             self._send_when_kept(number, fields, send)
         for told, fields in new:
-            self.publish(told, fields, send)
+            self.publish(told, partial(_given, fields), send)
 
     def remember(self, left: Leftover, commands: CommandMemory) -> None:
         """Have commands known that another process was given: none is carried out twice."""
@@ -188,9 +194,16 @@ class Keeping:
 
     # -- what leaves when it is kept ----------------------------------------------------------------------
 
-    def publish(self, told: Publish, fields: Fields, send: Callable[[Fields], None]) -> None:
-        """Publish an outcome when it is kept, and note that it was."""
-        self._send_when_kept(self.journal.outcome(told, fields), fields, send)
+    def publish(
+        self, told: Publish, fields_of: Callable[[Publish], Fields], send: Callable[[Fields], None]
+    ) -> None:
+        """Publish an outcome when it is kept, and note that it was; of many at once some in each turn."""
+
+        def write() -> None:
+            fields = fields_of(told)
+            self._send_when_kept(self.journal.outcome(told, fields), fields, send)
+
+        self._writes.add(write)
 
     def _send_when_kept(self, number: int, fields: Fields, send: Callable[[Fields], None]) -> None:
         def kept() -> None:
@@ -224,3 +237,7 @@ class Keeping:
         else:
             self._tell(Event(TOLD, {"code": UNRECORDED_CODE, "detail": where}))
         self._work()  # before what has waited goes on
+
+
+def _given(fields: Fields, _: Publish) -> Fields:
+    return fields

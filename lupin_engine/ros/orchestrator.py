@@ -49,14 +49,14 @@ from lupin_engine.ros.bindings.client import BoundClient
 from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_engine.ros.displays import Displays
-from lupin_engine.ros.folder import LOOK_PERIOD_S, MissionsFolder
+from lupin_engine.ros.folder import LOOK_PERIOD_S, FolderWatch, MissionsFolder
 from lupin_engine.ros.keeping import JOURNAL_PARAMETERS, Keeping
 from lupin_engine.ros.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE, NODE
 from lupin_engine.ros.outlet import NodeClock, RosOutlet
 from lupin_engine.ros.readiness import Readiness
 from lupin_engine.ros.resuming import CONTINUE, RESUME_PARAMETERS, LookBack, look_back
 from lupin_engine.ros.single import listen_for_an_elder, other_orchestrator
-from lupin_engine.ros.telling import Telling
+from lupin_engine.ros.telling import LOG_PARAMETERS, Telling
 from lupin_engine.ros.told import ToldState
 from lupin_engine.runtime.client_clocks import STALE, STALE_AFTER_S, ClientClocks
 from lupin_engine.runtime.engine import Engine
@@ -80,6 +80,7 @@ OWN_PARAMETERS: Mapping[str, Parameter] = {
     "mission_id_prefix": Parameter(TEXT, "lupin", "what mission ids begin with"),
     **JOURNAL_PARAMETERS,
     **RESUME_PARAMETERS,
+    **LOG_PARAMETERS,
 }
 
 
@@ -91,6 +92,9 @@ class Orchestrator:
         self._loaded = loaded
         self._chart = chart = loaded.chart
         self._folder = folder
+        self._watch = FolderWatch(folder, ros.post, lambda told: ros.log.error("missions", problem=told))
+        #: How many requests wait for a look at the folder, and whether one is under way for nobody.
+        self._waiting, self._looks = 0, False
         self._clock = NodeClock(ros)
         given = ros.parameters()
         self._prefix = str(given["mission_id_prefix"])
@@ -202,6 +206,7 @@ class Orchestrator:
     def _close(self) -> None:
         for driver in self._drivers.values():
             driver.close()
+        self._watch.close()
         self._keeping.close()
 
     # -- requests ---------------------------------------------------------------------------------------
@@ -212,6 +217,7 @@ class Orchestrator:
             interface_class(start.type),
             start.name,
             self._start,
+            begins=lambda _: True,
             stale_after=partial(self._too_old, START),
             refuse=lambda response, reason: self._answer(response, StartAnswer(False, reason=reason)),
         )
@@ -250,16 +256,37 @@ class Orchestrator:
         kind: Any,
         name: str,
         callback: Callable[[Any, Any], Any],
+        begins: Callable[[Any], bool] = lambda _: False,
         stale_after: StaleAfter = None,
         refuse: Callable[[Any, str], Any] | None = None,
     ) -> None:
-        """Serve requests: who is answered may rely on it, whatever happens to this process."""
+        """Serve requests: who is answered may rely on it, whatever happens to this process.
+
+        `begins` says whether a request begins a mission: what is started is what the files say now.
+        """
 
         def later(request: Any, response: Any, answer: Callable[[Any], None]) -> None:
-            found = callback(request, response)
-            self._keeping.when_kept(lambda: answer(found))
+            def act() -> None:
+                found = callback(request, response)
+                self._keeping.when_kept(lambda: answer(found))
+
+            self._in_turn(act, begins(request))
 
         self._ros.serve_later(kind, name, later, stale_after=stale_after, refuse=refuse)
+
+    def _in_turn(self, act: Callable[[], None], begins: bool) -> None:
+        """Carry out a request; what comes while one waits for a look at the folder comes after that."""
+
+        def looked(loaded: LoadedMissions | None) -> None:
+            self._waiting -= 1
+            self._take(loaded)
+            act()
+
+        if self._waiting or (begins and is_idle(self._machine)):
+            self._waiting += 1
+            self._watch.look(self._loaded, looked)
+        else:
+            act()
 
     def _serve_answers(self) -> None:
         """Serve the answers that the missions know; those of missions that went away are refused.
@@ -298,11 +325,9 @@ class Orchestrator:
         except LupinError as problem:  # a workspace that was built before there was one
             self._ros.log.error("no commands can be taken", problem=str(problem))
         else:
-            self._answer_when_kept(kind, COMMAND_SERVICE, command, stale_after=too_old, refuse=refuse)
+            self._answer_when_kept(kind, COMMAND_SERVICE, command, _begins, too_old, refuse)
 
     def _carry_out(self, asked: CommandRequest) -> CommandAnswer:
-        if asked.verb == START_VERB:
-            self._look()  # what is started is what the files say now
         event = commands.read_command(asked, self._chart, self._new_mission_id())
         if isinstance(event, Refusal):
             self._ros.log.info("command", verb=shortened(asked.verb), answer=event.text, **asked.origin)
@@ -313,7 +338,6 @@ class Orchestrator:
 
     def _start(self, request: Any, response: Any) -> Any:
         asked = self._wire.start.read_request(messages.read(request))
-        self._look()  # what is started is what the files say now
         mission_id = self._new_mission_id()
         named = {"mission_type": asked.mission, "mission_id": mission_id}
         step = self._ask(Event(START, {**named, **given_fields(asked.request)}))
@@ -352,17 +376,26 @@ class Orchestrator:
     # -- missions that come and go ----------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Take over missions that were added, changed or removed, unless one is running.
+        """Look for missions that were added, changed or removed, unless one is running.
 
         However quiet it is, the robot's clock is looked at as well.
         """
         self._work()
         self._keeping.look(self._machine)
         self._continue()
+        if is_idle(self._machine) and not self._looks:
+            self._looks = True
+            self._watch.look(self._loaded, self._looked)
+
+    def _looked(self, loaded: LoadedMissions | None) -> None:
+        self._looks = False
+        self._take(loaded)
+
+    def _take(self, loaded: LoadedMissions | None) -> None:
+        """Take over what a look at the folder has found, unless a mission has begun meanwhile."""
         if not is_idle(self._machine):
             return
-        loaded = self._folder.changed(self._loaded)
-        if loaded is not None:
+        if loaded is not None and loaded.chart is not self._chart:
             try:
                 self._go_on_with(loaded)
                 self._ros.log.info("missions loaded anew", missions=list(loaded.chart.missions))
@@ -477,7 +510,7 @@ class Orchestrator:
         view = self._machine.view
         for command in step.commands:
             if isinstance(command, Publish):
-                self._keeping.publish(command, self._told.outcome(command), self._outcomes.publish)
+                self._keeping.publish(command, self._told.outcome, self._outcomes.publish)
             elif isinstance(command, Report):
                 self._telling.report(command, view)
         for moment in step.trail[:-1]:
@@ -515,6 +548,10 @@ class _Publisher:
 
     def publish(self, fields: Fields) -> None:
         self._publisher.publish(messages.write(self._make(), fields))
+
+
+def _begins(request: Any) -> bool:
+    return bool(request.verb == START_VERB)
 
 
 def _asked(request: Any) -> CommandRequest:

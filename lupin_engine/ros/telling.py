@@ -19,15 +19,25 @@ from lupin_engine.machine.event import Report
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.step import Step, View
 from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.plugin.contract import Parameter
+from lupin_engine.plugin.types import COUNT, TEXT
 from lupin_engine.ros import messages
 from lupin_engine.ros.adapter.host import Slices
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.displays import giving_way
-from lupin_engine.ros.names import CHART_TOPIC, MISSIONS_TOPIC, POSSIBLE_TOPIC, STEPS_TOPIC
+from lupin_engine.ros.names import CHART_TOPIC, MISSIONS_TOPIC, NODE, POSSIBLE_TOPIC, STEPS_TOPIC
 from lupin_engine.ros.single import new_boot
 from lupin_engine.ros.told import StepMoment, StepNews, ToldPossible, step_told
 from lupin_engine.runtime.clock import Clock
+from lupin_engine.runtime.journal.journal import domain_folder
 from lupin_engine.runtime.offer import missions_record
+
+#: The node's parameters about its log.
+LOG_PARAMETERS: Mapping[str, Parameter] = {
+    "log_path": Parameter(TEXT, "", "folder of the log; empty: the user's state folder, by ROS domain"),
+    "log_bytes": Parameter(COUNT, 10_000_000, "how large a file of the log grows, in bytes", minimum=100_000),
+    "log_files": Parameter(COUNT, 5, "how many earlier files of the log are kept", minimum=1),
+}
 
 
 class Telling:
@@ -44,9 +54,18 @@ class Telling:
         self._possible = ros.publisher(String, POSSIBLE_TOPIC, Qos.LATCHED)
         self._chart = ros.publisher(String, CHART_TOPIC, Qos.LATCHED)
         self._slices = Slices(ros.post)
+        self._open_log(ros.parameters())
         self._offered = ""
         self._foreseen = ToldPossible(self.boot)
         self.is_news = StepNews().is_news
+
+    def _open_log(self, given: Mapping[str, Any]) -> None:
+        folder = domain_folder("log", str(given["log_path"] or ""))
+        self._ros.log_book.about = {"boot": self.boot}
+        try:
+            self._ros.log_book.write_to(folder / f"{NODE}.jsonl", given["log_bytes"], given["log_files"])
+        except OSError as problem:
+            self._ros.log.warning("the log is written to the console only", problem=str(problem))
 
     def go_on_with(self, loaded: LoadedMissions) -> None:
         """Tell of other missions from here on."""
@@ -58,6 +77,8 @@ class Telling:
 
     def step(self, step: Step, view: View, origin: Mapping[str, str]) -> None:
         """Log a step and publish its record; `origin` is who commanded it, as far as that is known."""
+        ids = {"mission_id": view.mission_id, "target": view.target, "step": step.sequence}
+        self._ros.log_book.about = {"boot": self.boot, **ids}
         self._log(step, view)
         at = StepMoment(self._clock.now(), self._ros.now(), time.time_ns())
         record = step_told(step, view, self._loaded, self.boot, at, origin)
@@ -82,8 +103,10 @@ class Telling:
         counts = {outcome.counter: view.counts[outcome.name] for outcome in profile.outcomes}
         self._ros.log.info("mission ended", mission_id=report.mission_id, total=view.total, **counts)
         for visit in report.visits:
-            record = messages.visit_record(visit, profile)
-            self._slices.add(partial(self._ros.log.info, "target", **record))
+            self._slices.add(partial(self._tell_visit, visit))
+
+    def _tell_visit(self, visit: Mapping[str, Any]) -> None:
+        self._ros.log.info("target", **messages.visit_record(visit, self._loaded.chart.profile))
 
     # -- missions ---------------------------------------------------------------------------------------
 

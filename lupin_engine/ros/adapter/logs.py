@@ -1,10 +1,15 @@
-"""Logging: structured events as lines of the node's logger, callbacks whose exceptions end up there, and
-warnings that are not repeated.
+"""Logging: structured events as lines of the node's logger and of a file, callbacks whose exceptions end up
+there, and lines that are not repeated.
 """
 
 from __future__ import annotations
 
+import logging
+import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from logging.handlers import RotatingFileHandler
+from pathlib import Path
 from typing import Any
 
 import structlog
@@ -15,6 +20,12 @@ from lupin_engine.errors import shortened
 
 #: How many letters a line may have: some of them are others' words. A traceback is not cut.
 MAX_LINE = 4000
+#: Equal lines are counted for so many seconds, and so many different ones of a text are told meanwhile.
+COUNT_S, MOST = 10.0, 200
+#: Details by which lines do not differ.
+_IDS = frozenset({"command_id", "age"})
+#: The detail of a line that is not counted.
+_UNCOUNTED = "_uncounted"
 
 
 def guarded(callback: Callable[..., Any], log: FilteringBoundLogger) -> Callable[..., Any]:
@@ -46,14 +57,105 @@ class WarnOnce:
             self._log.warning(text, **details)
 
 
-def ros_log(node: Node) -> FilteringBoundLogger:
-    """Return a structlog logger that writes to the node's logger: console, log file and /rosout."""
-    logger: FilteringBoundLogger = structlog.wrap_logger(
-        _RosSink(node.get_logger()),
-        processors=[structlog.processors.format_exc_info, _as_line],
-        wrapper_class=structlog.make_filtering_bound_logger(0),
-    )
-    return logger
+@dataclass
+class _Counted:
+    """Lines of one text since a moment: which were told, and how many were not."""
+
+    since: float
+    told: set[int] = field(default_factory=set)
+    more: int = 0
+
+
+class _RecordFile(RotatingFileHandler):
+    """A file of records; one that cannot be written changes nothing, for the console says the same."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802
+        """Go on."""
+
+
+class NodeLog:
+    """The log of a node: `log` writes to its logger (console and /rosout), and as JSON lines to a file.
+
+    Lines that are equal but for the ids of commands are counted for `COUNT_S` seconds, and so are those of
+    one text beyond `MOST`: a flood of requests must not become one of lines.
+    """
+
+    def __init__(self, node: Node, now: Callable[[], float] = time.monotonic) -> None:
+        """`now` is a steady clock, in seconds."""
+        self._now = now
+        self._counted: dict[tuple[str, str], _Counted] = {}
+        self._file: _RecordFile | None = None
+        #: What every line of the file says besides, such as the mission that is under way.
+        self.about: dict[str, Any] = {}
+        self.log: FilteringBoundLogger = structlog.wrap_logger(
+            _RosSink(node.get_logger()),
+            processors=[structlog.processors.format_exc_info, self._count, self._record, _as_line],
+            wrapper_class=structlog.make_filtering_bound_logger(0),
+        )
+
+    def write_to(self, path: Path, size: int, files: int) -> None:
+        """Write records to a file, too: with `size` bytes it becomes `NAME.1`, and so on up to `files`.
+
+        Raises:
+            OSError: there can be no such folder.
+        """
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = _RecordFile(path, maxBytes=size, backupCount=files, delay=True, encoding="utf-8")
+
+    def flush(self) -> None:
+        """Tell how many lines were not told; to be called every `COUNT_S` seconds."""
+        for key, counted in list(self._counted.items()):
+            if self._now() - counted.since >= COUNT_S:
+                self._tell_more(key)
+
+    def close(self) -> None:
+        """Tell what was counted, and close the file."""
+        for key in list(self._counted):
+            self._tell_more(key)
+        if self._file is not None:
+            self._file.close()
+
+    def _tell_more(self, key: tuple[str, str]) -> None:
+        counted = self._counted.pop(key)
+        if counted.more:
+            level, text = key
+            seconds = max(1.0, self._now() - counted.since)
+            told = f"{text}: {counted.more} times more in {seconds:.0f} s"
+            getattr(self.log, level)(told, **{_UNCOUNTED: True})
+
+    def _count(self, _: Any, level: str, event: EventDict) -> EventDict:
+        if event.pop(_UNCOUNTED, False):
+            return event
+        key = level, str(event.get("event", ""))
+        counted = self._counted.get(key)
+        if counted is not None and self._now() - counted.since >= COUNT_S:
+            self._tell_more(key)
+            counted = None
+        if counted is None:
+            if len(self._counted) >= MOST:
+                self._tell_more(next(iter(self._counted)))
+            counted = self._counted[key] = _Counted(self._now())
+        line = hash(repr([(name, value) for name, value in event.items() if name not in _IDS]))
+        if line in counted.told or len(counted.told) >= MOST:
+            counted.more += 1
+            raise structlog.DropEvent
+        counted.told.add(line)
+        return event
+
+    def _record(self, _: Any, level: str, event: EventDict) -> EventDict:
+        if self._file is not None:
+            details = {name: _plain(value) for name, value in event.items()}
+            record = _STAMPED(None, level, {**self.about, **details, "level": level})
+            line = structlog.processors.JSONRenderer(default=str)(None, level, record)
+            self._file.handle(logging.makeLogRecord({"msg": line}))
+        return event
+
+
+_STAMPED = structlog.processors.TimeStamper(fmt="iso", utc=True, key="time")
+
+
+def _plain(value: Any) -> Any:
+    return shortened(value, MAX_LINE) if isinstance(value, str) else value
 
 
 def _as_line(_: Any, __: str, event: EventDict) -> str:

@@ -64,7 +64,7 @@ from lupin_engine.ros.adapter.actions import (
 from lupin_engine.ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
 from lupin_engine.ros.adapter.dds.profile import use_profile
 from lupin_engine.ros.adapter.executor import Executor, LivingEntities, Serving, StaleAfter
-from lupin_engine.ros.adapter.logs import guarded, ros_log
+from lupin_engine.ros.adapter.logs import COUNT_S, NodeLog, guarded
 from lupin_engine.ros.adapter.parameters import Declared, DeclaredParameters
 from lupin_engine.ros.adapter.peers import (
     action_channels,
@@ -160,7 +160,9 @@ class RosNode:
         self._context = Context()
         self.node = self._make_node(name, arguments)
         self.name: str = self.node.get_name()
-        self.log = ros_log(self.node)
+        #: Where `log` goes.
+        self.log_book = NodeLog(self.node)
+        self.log = self.log_book.log
         self._executor = Executor(self._context, self.log)
         self._executor.add_node(self.node)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -187,14 +189,17 @@ class RosNode:
             self.steady_timer(PEER_CHECK_PERIOD_S, self._check_peers)
             vitals = self._vitals = Vitals(self.node, time.monotonic())
             self.steady_timer(REPORT_S, lambda: vitals.report(time.monotonic()))
+            self.steady_timer(COUNT_S, self.log_book.flush)
         except BaseException:
             self.close()
             raise
 
     def _make_node(self, name: str, arguments: Sequence[str]) -> Node:
+        enclave = _enclave_arguments(name, arguments)
         try:
             rclpy.init(
-                args=[*arguments, *_enclave_arguments(name, arguments)],
+                # What rcl writes into a file of its own, which never ends, is said on the console as well.
+                args=["--ros-args", "--disable-external-lib-logs", "--", *arguments, *enclave],
                 context=self._context,
                 signal_handler_options=SignalHandlerOptions.NO,
             )
@@ -536,6 +541,7 @@ class RosNode:
             host.close()
         for caller in self._callers:
             caller.release()
+        self.log_book.close()
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()

@@ -402,6 +402,7 @@ class Bringup:
             self._observer.arrived(kind, data, self.monitor)
 
     def _look_at_processes(self) -> None:
+        self.supervisor.cut_logs()
         deaths = self.supervisor.deaths()
         # At the start everything is needed. Later the mission has its own answer to a dead plugin: a declared
         # error; and a new orchestrator goes on with it, held.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -19,6 +20,8 @@ from pathlib import Path
 from lupin_engine.ros.adapter.process import SUPERVISED
 from lupin_engine.ros.launch import shared_memory
 
+#: How large the log of a process becomes before it is begun anew, in bytes; the one before is kept.
+LOG_BYTES = 10_000_000
 #: Lines of its log that are shown when a process has died.
 SHOWN_LINES = 12
 #: Period of the check of a stopping process, in seconds.
@@ -122,6 +125,11 @@ class Supervisor:
             found.append(Death(child.name, code, child.log, last_lines(child.log)))
         return found
 
+    def cut_logs(self) -> None:
+        """Begin logs anew that have become too large."""
+        for child in self._children:
+            cut_log(child.log)
+
     def note_segments(self) -> None:
         """Remember which shared memory each process uses, to remove it should the process be killed."""
         for child in self._children:
@@ -193,6 +201,16 @@ def _wait(condition: Callable[[], bool], allowed: Callable[[], float | None]) ->
     begin = time.monotonic()
     while not condition() and time.monotonic() - begin < (allowed() or 0.0):
         time.sleep(POLL_S)
+
+
+def cut_log(log: Path, most: int = LOG_BYTES) -> None:
+    """Move what a process has written to `NAME.1` when it is more than `most` bytes; it goes on writing."""
+    with contextlib.suppress(OSError):
+        if log.stat().st_size <= most:
+            return
+        with contextlib.suppress(OSError):  # on a full disk room is what counts
+            shutil.copyfile(log, log.with_name(f"{log.name}.1"))
+        os.truncate(log, 0)
 
 
 def last_lines(log: Path, count: int = SHOWN_LINES) -> tuple[str, ...]:

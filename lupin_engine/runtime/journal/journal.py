@@ -63,10 +63,11 @@ _MOMENT, _STAMP = "%Y%m%dT%H%M%S", re.compile(r"(\d{8}T\d{6})\.(\d{3})Z")
 
 @dataclass(frozen=True)
 class Keep:
-    """How much is kept: files of so many missions, for so many days."""
+    """How much is kept: files of so many missions, for so many days, of so many bytes together."""
 
     missions: int = 200
     days: float = 60.0
+    size: int = 1_000_000_000
 
 
 class Journal:
@@ -169,9 +170,13 @@ class Journal:
         for file in idle[:-KEPT_IDLE]:
             file.unlink(missing_ok=True)
         oldest = self.wall_ns() * 1e-9 - self._keep.days * 86400.0
+        size = 0
         for number, file in enumerate(reversed(missions)):
             try:
-                if number >= self._keep.missions - (current not in idle) or file.stat().st_mtime < oldest:
+                about = file.stat()
+                size += about.st_size
+                many = number >= self._keep.missions - (current not in idle) or size > self._keep.size
+                if many or about.st_mtime < oldest:
                     file.unlink()
             except OSError:
                 continue  # somebody else removed it
@@ -311,10 +316,15 @@ def _newest_stamp(folder: Path) -> int:
 
 def journal_folder(path: str = "", domain: int | None = None) -> Path:
     """Return the folder of the journal of a ROS domain, by default this process's; or `path`, if given."""
+    return domain_folder("journal", path, domain)
+
+
+def domain_folder(name: str, path: str = "", domain: int | None = None) -> Path:
+    """Return where an orchestrator of a ROS domain, by default this process's, keeps something; or `path`."""
     if path:
         return Path(path)
     here = ros_domain() if domain is None else domain
-    return user_folder("XDG_STATE_HOME", ".local/state") / "journal" / f"domain-{here}"
+    return user_folder("XDG_STATE_HOME", ".local/state") / name / f"domain-{here}"
 
 
 def journal_files(folder: Path) -> list[Path]:

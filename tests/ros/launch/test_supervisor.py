@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.ros.adapter import process
-from lupin_engine.ros.launch.supervisor import Patience, Supervisor, group_lives, last_lines
+from lupin_engine.ros.launch.supervisor import Patience, Supervisor, cut_log, group_lives, last_lines
 from tests.ros.launch.processes import until
 
 #: A child that tells when it is there, and lives until it is told to end.
@@ -174,6 +174,22 @@ def test_the_lifeline_ends_with_the_file(monkeypatch: pytest.MonkeyPatch) -> Non
     os.close(reader)
     monkeypatch.delenv(process.SUPERVISED, raising=False)
     assert process.end_with_supervisor() is None
+
+
+def test_a_log_does_not_grow_for_ever(supervisor: Supervisor, tmp_path: Path) -> None:
+    """The process goes on writing; what it wrote before is kept once."""
+    supervisor.start("talker", ["sh", "-c", "echo first; read word; echo $word; sleep 60"])
+    log = supervisor.folder / "talker.log"
+    until(lambda: log.read_text() == "first\n", "the first word", 20.0)
+    cut_log(log, 6)
+    assert log.read_text() == "first\n"
+    cut_log(log, 5)
+    assert (log.read_text(), log.with_name("talker.log.1").read_text()) == ("", "first\n")
+    (child,) = supervisor._children
+    assert child.process.stdin is not None
+    child.process.stdin.write(b"second\n")
+    child.process.stdin.flush()
+    until(lambda: log.read_text() == "second\n", "the second word", 20.0)
 
 
 def test_the_last_lines_of_a_log(tmp_path: Path) -> None:

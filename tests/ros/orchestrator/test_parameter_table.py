@@ -83,6 +83,10 @@ MORE = {
     "journal_required",
     "journal_missions",
     "journal_days",
+    "journal_megabytes",
+    "log_path",  # JSON lines that never fill a disk
+    "log_bytes",
+    "log_files",
     "resume_policy",
     "max_targets",  # a request of 65,535 targets held the node up for 43 s
     "estop_timeout_s",  # a stop that was told steadily and falls silent is engaged

@@ -187,6 +187,21 @@ def test_who_is_old_goes(tmp_path: Path) -> None:
     assert only(tmp_path).head.mission_id == "new"
 
 
+def test_what_is_too_large_together_goes(tmp_path: Path) -> None:
+    """The oldest first; the file that is written stays however large it is."""
+    clock = VirtualClock(0.0, 1.8e9)
+    keeper = Keeper(tmp_path, clock, Keep(size=2500))
+    machine = Machine(World(chart({"A": {}}), {}, {}, {}))
+    for number in range(4):
+        keeper.begin(machine, f"m{number}")
+        keeper.settle()
+        newest = journal_files(tmp_path)[-1]
+        newest.write_bytes(newest.read_bytes() + b"x" * 1000)
+        clock.move_to(clock.now() + 1.0)
+    keeper.journal.close()
+    assert [file.stem[-2:] for file in journal_files(tmp_path)] == ["m2", "m3"]
+
+
 # -- the disk ---------------------------------------------------------------------------------------------
 
 
