@@ -33,6 +33,7 @@ FOLDERS: Mapping[str, str] = MappingProxyType(
     {
         **dict.fromkeys(("lsp", "schema", "types"), "verbs.programs"),
         **dict.fromkeys(("bundle", "security"), "verbs.doors"),
+        "campaign": "verbs.proofs",
     }
 )
 #: verb -> what it does. Each lives in the module `lupin_engine.cli.verbs.VERB` under its own name.
@@ -46,6 +47,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "simulate": "Run a mission in virtual time, without ROS.",
         "test": "Run scenarios against missions, without ROS.",
         "prove": "Look at every way that missions can go, without ROS.",
+        "campaign": "Run a mission in thousands of random worlds.",
         "diagram": "Draw a mission.",
         "graph": "Show the live map: who publishes, subscribes, serves and calls what.",
         "record": "Record every topic into a file for Foxglove, Lichtblick, rosbag2.",

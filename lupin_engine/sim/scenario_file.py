@@ -412,15 +412,9 @@ class ExpectNode(Node):
     at_least: Duration = Field(None, description="shortest duration of the whole")
 
 
-class ScenarioNode(Node):
-    """A scenario: one mission, a script, and what is expected."""
+class ScriptNode(Node):
+    """A script: what is asked for, how servers answer, and what happens meanwhile."""
 
-    ELSEWHERE = MappingProxyType(
-        {"timeout": ("a scenario has no timeout", "write 'limit: 10 min', or 'within' under 'expect'")}
-    )
-
-    scenario: str = Field(description="one sentence: what is promised")
-    mission: str = Field(description="mission, by name or file")
     request: dict[str, Any] = Field(default_factory=dict, description="what the request carries")
     parameters: dict[str, Written] = Field(default_factory=dict, description="settings")
     seed: int = Field(0, description="what everything that comes by chance is drawn from")
@@ -434,6 +428,17 @@ class ScenarioNode(Node):
     limit: Duration = Field(None, description="virtual time after which the simulation stops")
     mocks: list[MockNode] = Field(default_factory=list, description="what operations come to")
     when: list[WhenNode] = Field(default_factory=list, description="what happens meanwhile")
+
+
+class ScenarioNode(ScriptNode):
+    """A scenario: one mission, a script, and what is expected."""
+
+    ELSEWHERE = MappingProxyType(
+        {"timeout": ("a scenario has no timeout", "write 'limit: 10 min', or 'within' under 'expect'")}
+    )
+
+    scenario: str = Field(description="one sentence: what is promised")
+    mission: str = Field(description="mission, by name or file")
     properties: dict[str, PropertyNode] = Field(
         default_factory=dict, description="what is true all the time, as missions write it, beside theirs"
     )

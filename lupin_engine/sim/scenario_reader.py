@@ -32,6 +32,7 @@ from lupin_engine.sim.scenario_file import (
     NameOf,
     OutcomeNode,
     ScenarioNode,
+    ScriptNode,
     WhenNode,
 )
 from lupin_engine.sim.scripted import AnyOf, Between, MockOutcome, OnCancel, Rule
@@ -253,7 +254,7 @@ class ScenarioNames:
 class ScriptReader:
     """Reads what is simulated."""
 
-    def __init__(self, node: ScenarioNode, words: ScenarioNames) -> None:
+    def __init__(self, node: ScriptNode, words: ScenarioNames) -> None:
         self._node = node
         self._words = words
 
@@ -370,7 +371,7 @@ class ScriptReader:
             problem = "say one of 'at' (a duration), 'on' (a state) and 'start_of' (an operation)"
             self._words.wrong(node.place, "when", problem)
             return
-        effects: list[Effect] = [*self._effects(node)]
+        effects: list[Effect] = [*self.effects(node)]
         if node.expect is not None:
             effects.append(TakeView())
             self._words.variables(node.expect)
@@ -396,7 +397,8 @@ class ScriptReader:
         self._words.wrong(node.at("nth"), "when.nth", problem)
         return 1
 
-    def _effects(self, node: WhenNode) -> Iterator[Effect]:
+    def effects(self, node: WhenNode) -> Iterator[Effect]:
+        """Yield what happens then, whenever that is."""
         words = self._words
         if node.request is not None:
             allowed = (*words.chart.profile.events, *words.chart.answers)

@@ -1,0 +1,1 @@
+"""The verbs that look for runs which nobody has thought of."""

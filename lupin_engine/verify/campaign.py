@@ -1,0 +1,179 @@
+"""Campaigns: thousands of random worlds in virtual time, watched for the same properties as all others.
+
+What a seed comes to is the same on every machine. Sums of seeds are the same in whatever order they are added
+up: of what was found several times the smallest seed counts.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+from lupin_engine.chart.model import Chart, Transition
+from lupin_engine.errors import LupinError
+from lupin_engine.machine.scope import World
+from lupin_engine.machine.step import Step
+from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.plugin.profile import START
+from lupin_engine.replay.reconstruction import RunRecord
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.sim.simulation import Run, Script, Simulation
+from lupin_engine.verify.authored import properties_of
+from lupin_engine.verify.draws import draw, pool_of
+from lupin_engine.verify.properties import Monitor, Property
+from lupin_engine.verify.rates import Rates
+
+#: The property that a simulation comes to its end.
+STANDSTILL = "time_goes_on"
+
+#: Two transitions, one taken after the other, no third between them.
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Violation:
+    """A property that a run violates, for the first time at a moment: the step of that number, or the end."""
+
+    name: str
+    seed: int
+    text: str
+    time: float
+    steps: int
+
+
+@dataclass
+class CampaignSum:
+    """What some seeds came to, in `seconds` of virtual time and with so many `processor` seconds.
+
+    `pairs` and `transitions` have the smallest seed that reached each, `runs_of_pair` how many seeds did.
+    `first` is of each property the violation that comes after the fewest steps.
+    """
+
+    seeds: int = 0
+    missions: int = 0
+    steps: int = 0
+    seconds: float = 0.0
+    processor: float = 0.0
+    relevant: Counter[str] = field(default_factory=Counter)
+    violated: Counter[str] = field(default_factory=Counter)
+    first: dict[str, Violation] = field(default_factory=dict)
+    transitions: dict[str, int] = field(default_factory=dict)
+    pairs: dict[Pair, int] = field(default_factory=dict)
+    runs_of_pair: Counter[Pair] = field(default_factory=Counter)
+    ended: Counter[str] = field(default_factory=Counter)
+
+    def add(self, other: CampaignSum) -> None:
+        """Take in what other seeds came to."""
+        for name in ("seeds", "missions", "steps", "seconds", "processor"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        for name in ("relevant", "violated", "runs_of_pair", "ended"):
+            getattr(self, name).update(getattr(other, name))
+        _keep_smallest(self.transitions, other.transitions)
+        _keep_smallest(self.pairs, other.pairs)
+        for violation in other.first.values():
+            self.keep(violation)
+
+    def keep(self, violation: Violation) -> None:
+        """Keep a violation if its story is the shortest, and of those the smallest seed's."""
+        known = self.first.get(violation.name)
+        if known is None or (violation.steps, violation.seed) < (known.steps, known.seed):
+            self.first[violation.name] = violation
+
+    @property
+    def last_new(self) -> int:
+        """The last seed that reached a pair which none before it had."""
+        return max(self.pairs.values(), default=0)
+
+    @property
+    def chance_of_new(self) -> float:
+        """How likely a further seed reaches a new pair, by Good and Turing: at most 1."""
+        once = sum(1 for count in self.runs_of_pair.values() if count == 1)
+        return min(1.0, once / self.seeds) if self.seeds else 1.0
+
+
+def _keep_smallest(known: dict[Any, int], found: Mapping[Any, int]) -> None:
+    for key, seed in found.items():
+        if seed < known.get(key, seed + 1):
+            known[key] = seed
+
+
+# -- one seed --------------------------------------------------------------------------------------------
+
+
+class Campaign:
+    """A mission, loaded, with the worlds that its seeds are."""
+
+    def __init__(self, loaded: LoadedMissions, rates: Rates, parameters: Mapping[str, Any]) -> None:
+        self.loaded = loaded
+        self.rates = rates
+        self.parameters = {**rates.parameters, **parameters}
+        self.world: World = make_world(loaded.chart, self.parameters)
+        self.properties: tuple[Property, ...] = properties_of(loaded.chart)
+        self._pool = pool_of(self.world, rates.script.mission)
+        #: Where the files stood that were read, and where they are at home: what is told names the latter.
+        self.folders = ("", "")
+        rules = (rule for state in self.chart.states.values() for rule in state.transitions)
+        self.rules = {rule.id: rule for rule in rules if rule.refuse is None}
+
+    @property
+    def chart(self) -> Chart:
+        """The chart of the mission."""
+        return self.loaded.chart
+
+    @property
+    def can_be_taken(self) -> int:
+        """How many transitions the chart has that do more than refuse."""
+        return len(self.rules)
+
+    def never_taken(self, found: CampaignSum) -> list[Transition]:
+        """Return those that no seed took."""
+        return [rule for name, rule in self.rules.items() if name not in found.transitions]
+
+    def script(self, seed: int) -> Script:
+        """Return the world of a seed."""
+        return draw(self.rates, seed, self._pool)
+
+    def run(self, seed: int, into: CampaignSum) -> Run | None:
+        """Run a seed, and count what it came to; None when time stood still in it."""
+        simulation = Simulation(self.chart, self.script(seed), self.parameters, self.world)
+        monitor = Monitor(self.properties)
+        simulation.listener = lambda step: monitor.take(step, simulation.machine.scope)
+        into.seeds += 1
+        run = None
+        try:
+            run = simulation.run()
+            monitor.end(run.seconds)
+            into.ended[run.view.lifecycle] += 1
+        except LupinError as problem:
+            monitor.breaches[STANDSTILL] = simulation.steps[-1], str(problem)
+        into.seconds += simulation.now
+        into.relevant.update(monitor.relevant)
+        self._count(simulation.steps, seed, into)
+        for name, text, step in monitor.told:
+            into.violated[name] += 1
+            number = step.sequence if step is not None else len(simulation.steps)
+            text = text.replace(*self.folders) if self.folders[0] else text
+            violation = Violation(name, seed, text, simulation.now if step is None else step.time, number)
+            into.keep(violation)
+        return run
+
+    def _count(self, steps: Sequence[Step], seed: int, into: CampaignSum) -> None:
+        taken = [rule for step in steps for rule in step.taken if rule in self.rules]
+        pairs = set(pairwise(taken))
+        into.steps += len(steps)
+        into.missions += sum(1 for step in steps if step.event.name == START and step.accepted)
+        into.runs_of_pair.update(pairs)
+        _keep_smallest(into.transitions, dict.fromkeys(taken, seed))
+        _keep_smallest(into.pairs, dict.fromkeys(pairs, seed))
+
+    def recorded(self, violation: Violation) -> RunRecord:
+        """Return the run of a violation up to the step that it is about."""
+        script = self.script(violation.seed)
+        simulation = Simulation(self.chart, script, self.parameters, self.world)
+        with suppress(LupinError):  # time stands still: the steps are there all the same
+            simulation.run()
+        return RunRecord(tuple(simulation.steps[: violation.steps]), self.parameters, script.seed)

@@ -1,0 +1,172 @@
+"""The seeds of a campaign dealt out in batches: to this process, or to any executor of `concurrent.futures`.
+
+A worker gets the files of the mission with its batch, and loads them once, by their hash. A batch that is
+lost with its worker is dealt out again, so no seed is lost.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from lupin_engine import __version__
+from lupin_engine.errors import LupinError
+from lupin_engine.missions.load import LoadedMissions, load_files
+from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.verify.campaign import Campaign, CampaignSum
+from lupin_engine.verify.rates import default_rates, read_rates
+
+#: A batch of seeds, and how often it was dealt out.
+_Dealt = tuple[range, int]
+#: How many seeds a batch has, how many batches wait for each worker, how often one is dealt out at most.
+BATCH, AHEAD, TRIES = 20, 3, 4
+
+
+@dataclass(frozen=True)
+class CampaignTask:
+    """What workers need to make the same runs: the bytes of the files, by their names in a folder.
+
+    `hash` is that of the mission's files; `folder` is where those stand whose bytes are in `files`.
+    """
+
+    hash: str
+    folder: str
+    lifecycle: str
+    mission: str
+    files: tuple[tuple[str, bytes], ...] = field(repr=False)
+    rates: bytes = field(default=b"", repr=False)
+    rates_file: str = ""
+    parameters: tuple[tuple[str, Any], ...] = ()
+    version: str = __version__
+
+
+@lru_cache(maxsize=4)
+def _unpacked(task: CampaignTask) -> Campaign:
+    """Return the campaign of a task, loaded in this process.
+
+    Raises:
+        LupinError: another engine is installed here, or the files do not say the same here.
+    """
+    if task.version != __version__:
+        raise LupinError(f"a worker has engine {__version__}, and not {task.version}: install the same there")
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in (*task.files, *([(task.rates_file, task.rates)] if task.rates else [])):
+            (Path(folder) / name).parent.mkdir(parents=True, exist_ok=True)
+            (Path(folder) / name).write_bytes(content)
+        loaded = load_files(Path(folder) / task.lifecycle, [Path(folder) / task.mission], load_catalog())
+        if loaded.hash != task.hash:
+            raise LupinError(f"a worker reads another mission than {task.hash[:12]}: {loaded.hash[:12]}")
+        rates = default_rates(loaded.chart)
+        if task.rates:
+            rates = read_rates(Path(folder) / task.rates_file, loaded.chart)
+        campaign = Campaign(loaded, rates, dict(task.parameters))
+        campaign.folders = (folder, task.folder)
+        return campaign
+
+
+def run_batch(task: CampaignTask, seeds: range) -> CampaignSum:
+    """Run some seeds of a task; what a worker does."""
+    return run_seeds(_unpacked(task), seeds)
+
+
+def run_seeds(campaign: Campaign, seeds: range) -> CampaignSum:
+    """Run some seeds one after the other."""
+    found, began = CampaignSum(), time.process_time()
+    for seed in seeds:
+        campaign.run(seed, found)
+    found.processor = time.process_time() - began
+    return found
+
+
+def make_task(loaded: LoadedMissions, rates: Path | None, parameters: Mapping[str, Any]) -> CampaignTask:
+    """Return what a worker needs for the campaign of one mission, whose rates have been read once."""
+    short = loaded.short_names
+    named = {Path(name).resolve(): short[name] for name in loaded.sources}
+    return CampaignTask(
+        loaded.hash,
+        str(loaded.lifecycle.parent),
+        named[loaded.lifecycle.resolve()],
+        named[loaded.files[0].resolve()],
+        tuple((short[name], content) for name, content in loaded.sources.items()),
+        rates.read_bytes() if rates is not None else b"",
+        "rates.yaml",
+        tuple(sorted(parameters.items())),
+    )
+
+
+@dataclass
+class Dealer:
+    """Deals the seeds of a campaign out; `found` is the sum of the batches that came back, in any order.
+
+    `executors` makes an executor, and another one where that is broken; without it this process does the
+    work. `told` is called after each batch.
+    """
+
+    campaign: Campaign
+    seeds: int
+    told: Callable[[CampaignSum], None] = lambda _: None
+    executors: Callable[[], Executor] | None = None
+    workers: int = 1
+    task: CampaignTask | None = None
+    found: CampaignSum = field(default_factory=CampaignSum)
+    lost: int = 0
+
+    def run(self) -> CampaignSum:
+        """Run all seeds; after a KeyboardInterrupt `found` has those that came back.
+
+        Raises:
+            LupinError: a batch was lost again and again, or a worker cannot run it.
+        """
+        batches = (range(at, min(at + BATCH, self.seeds)) for at in range(0, self.seeds, BATCH))
+        if self.executors is None or self.task is None:
+            for batch in batches:
+                self._take(run_seeds(self.campaign, batch))
+            return self.found
+        left: Iterator[_Dealt] = ((batch, 1) for batch in batches)
+        while lost := self._deal(left):
+            self.lost += len(lost)
+            again = [(batch, tries + 1) for batch, tries in lost]
+            if any(tries > TRIES for _, tries in again):
+                raise LupinError(f"the seeds {lost[0][0].start} to {lost[0][0].stop - 1} end every worker")
+            left = _chain(again, left)
+        return self.found
+
+    def _take(self, batch: CampaignSum) -> None:
+        self.found.add(batch)
+        self.told(self.found)
+
+    def _deal(self, left: Iterator[_Dealt]) -> list[_Dealt]:
+        """Deal batches out until none is left or the executor breaks; return those that were lost with it."""
+        assert self.executors is not None, "there are workers"
+        assert self.task is not None, "workers have a task"
+        executor, out, lost = self.executors(), dict[Future[CampaignSum], _Dealt](), list[_Dealt]()
+        try:
+            while not lost:
+                for batch, tries in islice(left, AHEAD * self.workers - len(out)):
+                    out[executor.submit(run_batch, self.task, batch)] = batch, tries
+                if not out:
+                    break
+                done, _ = wait(out, return_when=FIRST_COMPLETED)
+                for future in done:
+                    dealt = out.pop(future)
+                    try:
+                        self._take(future.result())
+                    except BrokenExecutor:
+                        lost.append(dealt)
+            return [*lost, *out.values()]
+        finally:
+            with suppress(Exception):
+                executor.shutdown(wait=False, cancel_futures=True)
+
+
+def _chain(first: list[_Dealt], then: Iterator[_Dealt]) -> Iterator[_Dealt]:
+    yield from first
+    yield from then

@@ -1,0 +1,56 @@
+"""A random world for each seed: which targets, and what happens when. Servers draw when they are asked."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+from lupin_engine.machine.itineraries import identity_of
+from lupin_engine.machine.memory import Memory
+from lupin_engine.machine.requests import read_request
+from lupin_engine.machine.scope import EvaluationScope, World
+from lupin_engine.sim.scripted import Between
+from lupin_engine.sim.simulation import Happening, Script
+from lupin_engine.verify.rates import Rates
+
+
+def pool_of(world: World, mission: str) -> tuple[str, tuple[str, ...]]:
+    """Return the field of a request that lists targets, and what it lists by itself; nothing if none does."""
+    asked = {"mission_type": mission}
+    values, refusal = read_request(world, asked, EvaluationScope(world, Memory()).at("", 0.0))
+    for name, value in values.items() if refusal is None else ():
+        if isinstance(value, list) and value:
+            try:
+                return name, tuple(identity_of(item) for item in value)
+            except ValueError:
+                continue
+    return "", ()
+
+
+def draw(rates: Rates, seed: int, pool: tuple[str, Sequence[str]]) -> Script:
+    """Return the world of a seed: the same on every machine."""
+    dice = random.Random(f"campaign/{seed}")
+    script = rates.script
+    happenings = [*script.happenings, *_by_chance(rates, dice)]
+    request = {**script.request, **_targets(rates, dice, *pool)}
+    return replace(script, request=request, happenings=tuple(happenings), seed=script.seed + seed)
+
+
+def _targets(rates: Rates, dice: random.Random, field: str, known: Sequence[str]) -> dict[str, Any]:
+    if not field or field in rates.script.request:
+        return {}
+    fewest, most = rates.targets or (1, len(known))
+    number = dice.randint(min(fewest, len(known)), min(most, len(known)))
+    return {field: dice.sample(list(known), number)}
+
+
+def _by_chance(rates: Rates, dice: random.Random) -> Iterator[Happening]:
+    for chance in rates.chances:
+        time = dice.expovariate(1.0 / chance.every)
+        while time < rates.script.limit:
+            for wait, effect in chance.effects:
+                after = dice.uniform(wait.low, wait.high) if isinstance(wait, Between) else wait
+                yield Happening(effect, round(time + after, 3))
+            time += dice.expovariate(1.0 / chance.every)

@@ -1,0 +1,239 @@
+"""The file of a campaign: how often what goes wrong, in the words of scenarios; and what holds without one.
+
+    campaign: a rough week
+    limit: 24 h                    # of operation, for each seed
+    targets: {between: [1, 29]}    # of those that the mission would visit by itself
+    mocks:                         # as in a scenario; chance is drawn for every attempt
+      - do: nav.go
+        then: {any_of: [{weight: 95 %}, {weight: 4 %, fail: blocked}, {weight: 1 %, never: true}]}
+    chance:                        # what happens every so often, on average
+      - every: 3 h
+        do: [{value: {stop: true}}, {after: {between: [1 s, 5 min]}, value: {stop: false}}]
+
+Whatever the file does not mock answers as `default_rules` say; what ends is begun again (`around_the_clock`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.model import Chart, Input, Invoke, State
+from lupin_engine.chart.nodes import Node
+from lupin_engine.chart.source import Map, read
+from lupin_engine.chart.validation import validate
+from lupin_engine.errors import ChartError
+from lupin_engine.plugin.builtin import MISSING
+from lupin_engine.plugin.contract import Operation
+from lupin_engine.plugin.profile import START
+from lupin_engine.sim.scenario_file import Duration, Latency, ScriptNode, WhenNode
+from lupin_engine.sim.scenario_reader import ScenarioNames, ScriptReader, check_names
+from lupin_engine.sim.scripted import AnyOf, Between, MockOutcome, OnCancel, Rule
+from lupin_engine.sim.simulation import Ask, Effect, Happening, Script, Tell
+
+#: How long each seed works when nobody says otherwise, in seconds.
+SHIFT = 3600.0
+
+
+class ChanceStepNode(WhenNode):
+    """One thing that happens by chance; `after` counts from the moment at which it all began."""
+
+    after: Latency = Field(None, description="duration from the beginning")
+
+
+class ChanceNode(Node):
+    """What happens every so often."""
+
+    every: Duration = Field(description="mean time between two of them")
+    do: list[ChanceStepNode] = Field(description="what happens then, in order")
+
+
+class CampaignNode(ScriptNode):
+    """Random worlds: how servers answer, and what happens, each by its rate."""
+
+    campaign: str = Field(description="one sentence: what kind of world it is")
+    targets: Any = Field(None, description="how many of its targets a mission gets: a number, or `between`")
+    chance: list[ChanceNode] = Field(default_factory=list, description="what happens every so often")
+
+
+@dataclass(frozen=True)
+class Chance:
+    """Effects that come every so often; each a time after the first, drawn where it is a `Between`."""
+
+    every: float
+    effects: tuple[tuple[float | Between, Effect], ...]
+
+
+@dataclass(frozen=True)
+class Rates:
+    """What random worlds are drawn from. `targets` are the fewest and the most, None: as the request says."""
+
+    name: str
+    script: Script
+    chances: tuple[Chance, ...]
+    targets: tuple[int, int] | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+# -- without a file --------------------------------------------------------------------------------------
+
+
+def default_rates(chart: Chart) -> Rates:
+    """Return what is drawn from where nobody says anything: everything goes wrong now and then."""
+    mission = next(iter(chart.missions))
+    script = Script(mission, {}, default_rules(chart), around_the_clock(chart), SHIFT)
+    return Rates("everything goes wrong now and then", script, tuple(default_chances(chart)))
+
+
+def default_rules(chart: Chart) -> tuple[Rule, ...]:
+    """Return for each operation of a chart how it ends: mostly well, now and then in every way there is."""
+    operations = {
+        invoke.name: invoke.operation for state in chart.states.values() for invoke in _invokes(state)
+    }
+    return tuple(Rule(name, (_outcomes(operation),)) for name, operation in sorted(operations.items()))
+
+
+def _invokes(state: State) -> Iterator[Invoke]:
+    if state.invoke is not None:
+        yield state.invoke
+    if state.for_each is not None:
+        yield state.for_each.invoke
+
+
+def _outcomes(operation: Operation) -> AnyOf:
+    takes = Between(0.5, max(1.0, 4.0 * operation.mock.after))
+    ends: list[tuple[float, MockOutcome | AnyOf]] = [
+        (88.0, MockOutcome(after=takes)),
+        (2.0, MockOutcome(never=True)),
+        (1.0, MockOutcome(accepted_after=None)),
+        (1.0, MockOutcome(after=takes, accepted_after=Between(0.1, 6.0))),
+        (1.0, MockOutcome(after=takes, on_cancel=OnCancel.IGNORE)),
+        (1.0, MockOutcome(after=takes, on_cancel=OnCancel.SILENT)),
+        (1.0, MockOutcome(after=takes, cancel_after=Between(0.0, 6.0))),
+    ]
+    if operation.codes:
+        fails = tuple(MockOutcome(code=code.name, after=takes) for code in operation.codes)
+        ends.append((5.0, AnyOf(fails, (1.0,) * len(fails))))
+    weights, outcomes = zip(*ends, strict=True)
+    return AnyOf(outcomes, weights)
+
+
+def default_chances(chart: Chart) -> Iterator[Chance]:
+    """Yield requests of people, and what yes-or-no inputs and the levels of numbers do."""
+    resume = f"operator.{chart.profile.resume}"
+    for event in (*chart.profile.events, *chart.answers):
+        every = 1200.0 if event == resume else 3600.0
+        yield Chance(every, ((0.0, Ask(event)),))
+    some = (Between(1.0, 120.0), Tell(MISSING, []))
+    yield Chance(7200.0, ((0.0, Tell(MISSING, ["a server that is needed"])), some))
+    for found in chart.inputs.values():
+        usual, others = _values(found)
+        for value in others:
+            back = (Between(0.5, 300.0), Tell(found.value, usual))
+            yield Chance(3600.0 * len(others), ((0.0, Tell(found.value, value)), back))
+
+
+def _values(found: Input) -> tuple[Any, tuple[Any, ...]]:
+    """Return what an input is as a rule, and what else it may come to be; nothing where nobody can know."""
+    if found.type.kind == "bool":
+        return bool(found.initial), (not found.initial,)
+    if not found.levels or found.initial is None:
+        return None, ()
+    low = 0.0 if found.minimum is None else found.minimum
+    return found.initial, tuple(low + (found.initial - low) * share for share in (0.05, 0.15, 0.23))
+
+
+def around_the_clock(chart: Chart) -> tuple[Happening, ...]:
+    """Return what people do at the places where a mission would wait for ever: each time, a while later."""
+    stages, found = chart.profile.stages, list[Happening]()
+    for state in chart.states.values():
+        asked = [rule.event for rule in state.transitions if rule.refuse is None]
+        if not state.label or (state.parent and chart.states[state.parent].label == state.label):
+            continue
+        if state.label in (*stages.ended, *stages.ready) and START in asked:
+            found.append(Happening(Ask(START), 60.0, state.name, 0))
+        elif state.label in stages.faulted:
+            outs = [event for event in asked if event.startswith("operator.")]
+            found += [Happening(Ask(event), 60.0, state.name, 0) for event in outs[:1]]
+    if chart.profile.resume:
+        resume = Ask(f"operator.{chart.profile.resume}")
+        waits = [state.name for state in chart.states.values() if state.paused]
+        found += [Happening(resume, 120.0, name, 0) for name in waits]
+    return tuple(found)
+
+
+# -- from a file -----------------------------------------------------------------------------------------
+
+
+def read_rates(file: Path, chart: Chart) -> Rates:
+    """Read the file of a campaign.
+
+    Raises:
+        ChartError: with everything that is wrong with it.
+    """
+    findings = Findings()
+    raw = read(file, findings)
+    node = validate(raw, CampaignNode, findings, lenient=True) if isinstance(raw, Map) else None
+    if node is None:
+        raise ChartError(findings.all)
+    words = ScenarioNames(chart, findings)
+    check_names(node, words)
+    reader = ScriptReader(node, words)
+    script, parameters = reader.script(), reader.parameters()
+    chances = tuple(chance for one in node.chance for chance in _chance(one, reader, words))
+    targets = _targets(node, words)
+    if findings.errors:
+        raise ChartError(findings.errors)
+    mocked = {rule.operation for rule in script.rules}
+    rules = (*script.rules, *(rule for rule in default_rules(chart) if rule.operation not in mocked))
+    happenings = (*script.happenings, *around_the_clock(chart))
+    limit = SHIFT if node.limit is None else script.limit
+    whole = Script(
+        script.mission,
+        script.request,
+        rules,
+        happenings,
+        limit,
+        script.starts,
+        script.seed,
+        clock=script.clock,
+    )
+    return Rates(node.campaign, whole, chances, targets, parameters)
+
+
+def _chance(node: ChanceNode, reader: ScriptReader, words: ScenarioNames) -> Iterator[Chance]:
+    check_names(node, words)
+    every = words.duration(node.at("every"), "chance.every", node.every)
+    if every is not None and every <= 0.0:
+        words.wrong(node.at("every"), "chance.every", "the time between two is more than nothing")
+    steps: list[tuple[float | Between, Effect]] = []
+    for step in node.do:
+        if {"at_", "on", "start_of", "nth", "expect"} & step.model_fields_set:
+            problem = "what happens by chance has 'after' and nothing else to say when"
+            words.wrong(step.place, "chance.do", problem, "write it under 'when', or leave it out")
+        wait = words.latency(step.at("after"), "after", step.after) or 0.0
+        steps += [(wait, effect) for effect in reader.effects(step)]
+    if not steps:
+        words.wrong(node.place, "chance.do", "nothing happens", "say request, value, event or server_gone")
+    yield Chance(every or SHIFT, tuple(steps))
+
+
+def _targets(node: CampaignNode, words: ScenarioNames) -> tuple[int, int] | None:
+    given = node.targets
+    if given is None:
+        return None
+    found = given.get("between") if isinstance(given, dict) and set(given) == {"between"} else [given, given]
+    bounds = [each for each in found if type(each) is int] if isinstance(found, list) else []
+    if len(bounds) == 2 and 0 < bounds[0] <= bounds[1]:
+        return bounds[0], bounds[1]
+    problem = "expected how many targets, from 1 on"
+    words.wrong(node.at("targets"), "targets", problem, "write 'targets: 5' or 'targets: {between: [1, 29]}'")
+    return None
+
+
+__all__ = ["SHIFT", "CampaignNode", "Chance", "Rates", "default_rates", "read_rates"]

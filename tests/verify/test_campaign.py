@@ -1,0 +1,225 @@
+"""Campaigns: the same for a seed on every machine, what is violated as a small scenario, no seed lost."""
+
+from __future__ import annotations
+
+import os
+import signal
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lupin_engine.cli.main import main
+from lupin_engine.errors import ChartError
+from lupin_engine.machine.itineraries import Itineraries
+from lupin_engine.missions.selection import load_missions
+from lupin_engine.sim.scenario import Missions, load_scenario
+from lupin_engine.verify.campaign import Campaign, CampaignSum
+from lupin_engine.verify.dealing import BATCH, CampaignTask, Dealer, make_task, run_batch, run_seeds
+from lupin_engine.verify.minimise import Minimiser
+from lupin_engine.verify.rates import default_rates, read_rates
+from tests import shipped
+
+RATES = """\
+campaign: a short and rough day
+limit: 10 min
+targets: {between: [1, 3]}
+mocks:
+  - do: nav.go_to
+    then: {any_of: [{weight: 80 %, after: {between: [1 s, 9 s]}}, {weight: 20 %, fail: nav_status_6}]}
+chance:
+  - every: 5 min
+    do: [{value: {estop: true}}, {after: {between: [1 s, 20 s]}, value: {estop: false}}]
+  - {every: 2 min, do: [{request: operator.resume}]}
+  - {every: 4 min, do: [{request: operator.abort}]}
+"""
+
+
+def made(folder: Path, text: str = RATES) -> Campaign:
+    """Return a campaign of the inspection mission with rates."""
+    file = folder / "rates.yaml"
+    file.write_text(text, encoding="utf-8")
+    loaded = load_missions(["inspection"], shipped.catalog())
+    return Campaign(loaded, read_rates(file, loaded.chart), {})
+
+
+def facts(found: CampaignSum) -> dict[str, Any]:
+    """Return what must be the same however it was run."""
+    return {**vars(found), "processor": 0.0, "seconds": round(found.seconds, 6)}
+
+
+def test_a_seed_is_the_same_wherever_it_is_run(tmp_path: Path) -> None:
+    """Here, as a worker runs it from the bytes of the files, and in another order."""
+    campaign = made(tmp_path)
+    here = run_seeds(campaign, range(6))
+    task = make_task(campaign.loaded, tmp_path / "rates.yaml", {})
+    there = CampaignSum()
+    for batch in (range(4, 6), range(4)):
+        there.add(run_batch(task, batch))
+    assert facts(here) == facts(there)
+    assert here.missions > 6
+    assert here.violated == {}
+    assert {len(rule) > 0 for rule in here.transitions} == {True}
+
+
+def test_a_worker_with_other_files_is_told(tmp_path: Path) -> None:
+    """The hash is that of the mission's files."""
+    task = make_task(made(tmp_path).loaded, tmp_path / "rates.yaml", {})
+    other = CampaignTask(
+        "0" * 64, task.folder, task.lifecycle, task.mission, task.files, task.rates, task.rates_file
+    )
+    with pytest.raises(Exception, match="a worker reads another mission than 000000000000: "):
+        run_batch(other, range(1))
+
+
+class KilledOnce:
+    """Executors of processes, of which the first loses a worker after its first batch."""
+
+    def __init__(self) -> None:
+        self.made: list[ProcessPoolExecutor] = []
+
+    def __call__(self) -> Executor:
+        """Return another one."""
+        self.made.append(ProcessPoolExecutor(2, get_context("spawn")))
+        if len(self.made) == 1:
+            self.made[0].submit(os.getpid).result()
+        return self.made[-1]
+
+    def kill(self, _: CampaignSum) -> None:
+        """Kill a process of the first executor, once."""
+        processes = list(self.made[0]._processes.values()) if len(self.made) == 1 else []
+        if processes and processes[0].is_alive():
+            os.kill(processes[0].pid or 0, signal.SIGKILL)
+
+
+def test_a_worker_that_is_killed_loses_no_seed(tmp_path: Path) -> None:
+    """What was under way is dealt out again, and the sum is what one process finds."""
+    campaign = made(tmp_path, RATES.replace("10 min", "1 min"))
+    killer = KilledOnce()
+    task = make_task(campaign.loaded, tmp_path / "rates.yaml", {})
+    dealer = Dealer(campaign, 5 * BATCH, killer.kill, killer, 2, task)
+    found = dealer.run()
+    assert (len(killer.made) > 1, dealer.lost > 0, found.seeds) == (True, True, 5 * BATCH)
+    assert facts(found) == facts(run_seeds(campaign, range(5 * BATCH)))
+
+
+class Breaks(Executor):
+    """An executor whose workers all die."""
+
+    def submit(self, *_: Any, **__: Any) -> Future[Any]:
+        """Return what has failed already."""
+        future: Future[Any] = Future()
+        future.set_exception(BrokenProcessPool("gone"))
+        return future
+
+
+def test_seeds_that_end_every_worker_are_told(tmp_path: Path) -> None:
+    """Not for ever."""
+    campaign = made(tmp_path)
+    task = make_task(campaign.loaded, tmp_path / "rates.yaml", {})
+    dealer = Dealer(campaign, 10, executors=Breaks, workers=1, task=task)
+    with pytest.raises(Exception, match="the seeds 0 to 9 end every worker"):
+        dealer.run()
+
+
+def test_what_is_violated_becomes_a_small_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which fails by the same property, and holds without the defect."""
+    campaign = made(tmp_path)
+    with monkeypatch.context() as defect:
+        defect.setattr(Itineraries, "close_rest", lambda *_: None)
+        found = run_seeds(campaign, range(10))
+        violation = found.first["all_closed"]
+        file, missions = tmp_path / "all_closed.scenario.yaml", Missions(shipped.catalog())
+        minimiser = Minimiser("all_closed", "All.", file, campaign.loaded.files[0], missions)
+        text = minimiser.text(campaign.recorded(violation), campaign.script(violation.seed))
+        file.write_text(text, encoding="utf-8")
+        scenario = load_scenario(file, shipped.catalog())
+        failed = [one.what for one in scenario.failures(scenario.run())]
+    assert failed == ["violated: all_closed"]
+    assert len(text.splitlines()) < 12
+    assert "operator.abort" in text
+    again = load_scenario(file, shipped.catalog())
+    assert again.failures(again.run()) == []
+
+
+def test_rates_are_checked_like_everything(tmp_path: Path) -> None:
+    """All at once, each with its place."""
+    wrong = (
+        RATES.replace("[1, 3]", "[3, 1]")
+        .replace("nav_status_6", "nav_staus_6")
+        .replace("every: 5 min", "every: 5")
+        .replace("estop: true", "estp: true")
+        .replace(
+            "{every: 4 min, do: [{request: operator.abort}]}", "{every: 4 min, do: [{at: 3 s, request: x}]}"
+        )
+    )
+    with pytest.raises(ChartError) as caught:
+        made(tmp_path, wrong)
+    assert str(caught.value).replace(f"{tmp_path}/rates.yaml:", "").splitlines() == [
+        "3:10: error: targets: expected how many targets, from 1 on; write 'targets: 5' or "
+        "'targets: {between: [1, 29]}' [wrong-shape]",
+        "6:88: error: nav.go_to: unknown code 'nav_staus_6'; did you mean 'nav_status_6'? [undeclared-code]",
+        "8:12: error: every: a duration needs a unit, got 5; write '5 s' [no-unit]",
+        "9:19: error: when.value: unknown value 'estp'; did you mean 'estop'? [unknown-value]",
+        "11:25: error: chance.do: what happens by chance has 'after' and nothing else to say when; write it "
+        "under 'when', or leave it out [wrong-shape]",
+        "11:44: error: when: unknown request 'x'; allowed: 'mission.start', 'operator.abort', "
+        "'operator.dock', 'operator.pause', 'operator.reset', 'operator.resume', 'operator.skip_current' "
+        "[unknown-event]",
+    ]
+
+
+def test_the_verb_tells_what_was_looked_at(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And what was never taken, and when it stopped finding."""
+    (tmp_path / "rates.yaml").write_text(RATES, encoding="utf-8")
+    rates = str(tmp_path / "rates.yaml")
+    assert main(["campaign", "inspection", "--seeds", "3", "--jobs", "1", "--rates", rates]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["property", "looked", "at", "violated", "by"]
+    assert "    never: FAULT.AGAIN.after.0 (" in "\n".join(lines)
+    assert lines[-2].startswith("pairs of transitions: ")
+    assert lines[-1].startswith("3 seeds, ")
+
+
+def test_wrong_use_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A file that is not there, a setting that does not exist, a cluster that does not answer."""
+    given = ["campaign", "inspection", "--rates", str(tmp_path / "no.yaml"), "--set", "nav_timeout=3 s"]
+    assert main(given) == 2
+    assert capsys.readouterr().err.splitlines() == [
+        f"lupin: no file '{tmp_path}/no.yaml'; without --rates everything goes wrong now and then",
+        "--set: unknown parameter 'nav_timeout'; did you mean 'nav_timeout_s'?",
+    ]
+    pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+    assert main(["campaign", "inspection", "--cluster", "tcp://127.0.0.1:9"]) == 2
+    assert "no Dask scheduler answers at 'tcp://127.0.0.1:9': " in capsys.readouterr().err
+    assert default_rates(shipped.mission("inspection")).targets is None
+
+
+@pytest.mark.timeout(400)
+def test_a_cluster_that_loses_a_worker_loses_no_seed(tmp_path: Path) -> None:
+    """Four worker processes of a real Dask cluster, one of them killed in the middle."""
+    distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+    campaign = made(tmp_path, RATES.replace("10 min", "1 min"))
+    task = make_task(campaign.loaded, tmp_path / "rates.yaml", {})
+    with (
+        distributed.LocalCluster(
+            n_workers=4, threads_per_worker=1, dashboard_address=None, processes=True
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        client.wait_for_workers(4)
+        pids = list(client.run(os.getpid).values())
+        killed: list[int] = []
+
+        def kill(_: CampaignSum) -> None:
+            if not killed:
+                killed.append(pids[0])
+                os.kill(pids[0], signal.SIGKILL)
+
+        dealer = Dealer(campaign, 12 * BATCH, kill, client.get_executor, len(pids), task)
+        found = dealer.run()
+    assert (len(set(pids)), killed, found.seeds) == (4, pids[:1], 12 * BATCH)
+    assert facts(found) == facts(run_seeds(campaign, range(12 * BATCH)))
