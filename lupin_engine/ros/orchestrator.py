@@ -124,7 +124,13 @@ class Orchestrator:
         self._told = ToldState(self._wire, lambda: self._machine, self._clock.now, self._stamp)
         self._deadline: tuple[float, RosTimer] | None = None
         drivers.update(_clients(ros, loaded, chart.plugins, self._outlet, machine.world.parameters))
-        drivers[BUILTIN] = Readiness(drivers, self._outlet, ros.steady_timer, ros.now)
+        drivers[BUILTIN] = Readiness(
+            drivers,
+            self._outlet,
+            ros.steady_timer,
+            ros.now,
+            goes_on=back is not None and back.machine is not None,
+        )
         self._drivers = drivers
         ros.on_stop(self._close)
         #: What goes on from here as soon as ROS has stored the values that it was made for.

@@ -26,15 +26,20 @@ class Readiness:
         outlet: Outlet,
         every: Callable[[float, Callable[[], None]], TimerHandle],
         now: Callable[[], float],
+        goes_on: bool = False,
     ) -> None:
-        """`every(period, callback)` starts a repeating timer, `now` tells the node's time."""
+        """`every(period, callback)` starts a repeating timer, `now` tells the node's time.
+
+        Who `goes_on` with another process's memory knows what that one was told, which need not be so any
+        more: then it is told what is so, also when nothing is missing.
+        """
         self._drivers = drivers
         self._outlet = outlet
         self._now = now
         self._attempt = ""
         self._progress = ""
         self._polls = 0  # in a row that found something missing
-        self._gone: list[str] = []  # as it was told last
+        self._gone: list[str] | None = None if goes_on else []  # as it was told last
         self._timer = every(POLL_PERIOD_S, self._poll)
 
     def missing(self) -> list[str]:

@@ -20,9 +20,9 @@ pytestmark = pytest.mark.timeout(180)
 NODE = "mission_orchestrator"
 
 
-def kill(world: World) -> None:
-    """Kill the orchestrator."""
-    process = world.processes[NODE]
+def kill(world: World, node: str = NODE) -> None:
+    """Kill a node."""
+    process = world.processes[node]
     process.send_signal(signal.SIGKILL)
     process.wait(10.0)
 
@@ -94,6 +94,28 @@ def test_a_command_is_done_once_also_by_the_next_orchestrator(world: World, oper
     operator.ask("pause")
     assert {state.lifecycle_state for state in operator.states} <= {"BOOT", "READY"}
     assert sorted(outcomes(operator).items()) == [(("1", 3), 1), (("12", 0), 1), (("5", 0), 1)]
+
+
+def test_what_was_missing_when_it_died_may_be_back(world: World, operator: Operator, own_state: Path) -> None:
+    """Else no mission could be started any more after this one, for something that is there."""
+    world.start_all(speed=1.0)
+    operator.in_state("READY")
+    assert operator.start("29").accepted
+    operator.in_state("INSPECTING", "NAVIGATING")
+    kill(world, "greenhouse_bridge")
+
+    def is_told() -> bool:
+        told = [record.data for record in read_journal(journal_files(own_state)[-1]).records]
+        return any(data[:1] == ("plugins.missing",) for data in told)
+
+    operator.until(is_told, "the bridge is missed")
+    kill(world)
+    world.start("greenhouse_bridge")
+    start_again(world, operator)
+    assert operator.ask("resume").success
+    assert operator.ask("abort").success
+    operator.in_state("DONE")
+    operator.until(lambda: operator.start("1").accepted, "the next mission")
 
 
 def test_other_missions_than_before_close_it(world: World, operator: Operator, tmp_path: Path) -> None:
