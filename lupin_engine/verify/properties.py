@@ -27,7 +27,7 @@ from typing import NamedTuple
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.machine.event import Act, Cancel, Report, Start
 from lupin_engine.machine.holds import OWN_HOLDS
-from lupin_engine.machine.memory import Invocation, Memory, Phase, Traversal
+from lupin_engine.machine.memory import Invocation, Memory, Phase
 from lupin_engine.machine.scope import EvaluationScope
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.builtin import BUILTIN
@@ -81,6 +81,8 @@ class Verdict(NamedTuple):
 
 
 NOT_ABOUT, HOLDS = Verdict(False), Verdict(True)
+_NOT_ABOUT: tuple[Remembered, Verdict] = ((), NOT_ABOUT)
+_HOLDS: tuple[Remembered, Verdict] = ((), HOLDS)
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,8 @@ def over(memory: Memory) -> tuple[str, ...]:
 
 def closed(memory: Memory) -> int:
     """Return how many visits have their outcome, over all sweeps."""
-    return sum(map(_closed, memory.itineraries.values()))
+    walks = memory.itineraries.values()
+    return sum([sum(walk.past.values()) + len([v for v in walk.visits if v.status]) for walk in walks])
 
 
 def _is_over(invocation: Invocation, memory: Memory) -> bool:
@@ -140,31 +143,35 @@ def _is_over(invocation: Invocation, memory: Memory) -> bool:
     return not any(kind == "retry" and owner == invocation.id for _, _, kind, (owner, _) in timers)
 
 
-def _closed(walk: Traversal) -> int:
-    return sum(walk.past.values()) + sum(1 for visit in walk.visits if visit.status)
-
-
-@dataclass
 class Monitor:
-    """Watches the steps of one machine: `relevant` counts by property, `breaches` has the first of each.
+    """Watches the steps of one machine: `breaches` has the first of each property, with its step.
 
-    What has been broken once is not looked at again: one breach is one story.
+    What has been broken once is not told again: one breach is one story.
     """
 
-    properties: tuple[Property, ...]
-    relevant: dict[str, int] = field(default_factory=dict)
-    breaches: dict[str, tuple[Step | None, str]] = field(default_factory=dict)
-    before: Glance = field(default_factory=Glance)
-    _states: dict[str, Remembered] = field(default_factory=dict)
+    def __init__(self, properties: tuple[Property, ...]) -> None:
+        self.properties = properties
+        self.breaches: dict[str, tuple[Step | None, str]] = {}
+        self._before = Glance()
+        self._states = [one.first for one in properties]
+        self._watches = [one.watch for one in properties]
+        self._relevant = [0] * len(properties)
 
     def take(self, step: Step, scope: EvaluationScope) -> None:
         """Judge a step that has just been made by the machine with this scope."""
-        passage = Passage(self.before, step, scope)
-        for one in self.properties:
-            state = self._states.get(one.name, one.first)
-            self._states[one.name], verdict = one.watch(state, passage)
-            self._count(one, verdict, step)
-        self.before = glance(scope.memory)
+        passage, states = Passage(self._before, step, scope), self._states
+        for index, watch in enumerate(self._watches):
+            states[index], verdict = watch(states[index], passage)
+            if verdict.relevant:
+                self._relevant[index] += 1
+                if verdict.breach:
+                    self.breaches.setdefault(self.properties[index].name, (step, verdict.breach))
+        self._before = glance(scope.memory)
+
+    @property
+    def relevant(self) -> dict[str, int]:
+        """How many steps each property was about, those left out that were about none."""
+        return {one.name: n for one, n in zip(self.properties, self._relevant, strict=True) if n}
 
     @property
     def told(self) -> list[tuple[str, str, Step | None]]:
@@ -173,14 +180,10 @@ class Monitor:
 
     def end(self, now: float) -> None:
         """Judge what is open when the run is over."""
-        for one in self.properties:
-            self._count(one, one.end(self._states.get(one.name, one.first), now), None)
-
-    def _count(self, one: Property, verdict: Verdict, step: Step | None) -> None:
-        if verdict.relevant:
-            self.relevant[one.name] = self.relevant.get(one.name, 0) + 1
-        if verdict.breach and one.name not in self.breaches:
-            self.breaches[one.name] = step, verdict.breach
+        for one, state in zip(self.properties, self._states, strict=True):
+            verdict = one.end(state, now)
+            if verdict.breach:
+                self.breaches.setdefault(one.name, (None, verdict.breach))
 
 
 # -- what every chart keeps ------------------------------------------------------------------------------
@@ -194,7 +197,7 @@ def _built_in(name: str, says: str) -> Callable[[_Rule], _Rule]:
     def add(rule: _Rule) -> _Rule:
         def watch(state: Remembered, passage: Passage) -> tuple[Remembered, Verdict]:
             told = rule(passage)
-            return state, NOT_ABOUT if told is None else HOLDS if not told else Verdict(True, told)
+            return _NOT_ABOUT if told is None else _HOLDS if not told else (state, Verdict(True, told))
 
         _found.append(Property(name, says, watch))
         return rule
@@ -267,10 +270,10 @@ def _closed_once(passage: Passage) -> str | None:
     begun = [walk for walk in memory.itineraries.values() if walk.begun]
     visited = {visit.target for walk in begun for visit in (*walk.visits, *walk.earlier.values())}
     same = passage.before.mission_id == memory.mission_id
-    closed = sum(map(_closed, memory.itineraries.values())) - (passage.before.closed if same else 0)
+    newly = closed(memory) - (passage.before.closed if same else 0)
     # What is published outside of a visit is about a target that has none.
-    if sum(1 for command in told if command.target in visited) > closed:
-        return f"{', '.join(c.target for c in told)} told, but {closed} closed"
+    if sum(1 for command in told if command.target in visited) > newly:
+        return f"{', '.join(c.target for c in told)} told, but {newly} closed"
     return ""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -20,6 +21,7 @@ from lupin_engine.sim.scenario import Missions, load_scenario
 from lupin_engine.verify.campaign import Campaign, CampaignSum
 from lupin_engine.verify.dealing import BATCH, CampaignTask, Dealer, make_task, run_batch, run_seeds
 from lupin_engine.verify.minimise import Minimiser
+from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.rates import default_rates, read_rates
 from tests import shipped
 
@@ -170,6 +172,35 @@ def test_rates_are_checked_like_everything(tmp_path: Path) -> None:
         "'operator.dock', 'operator.pause', 'operator.reset', 'operator.resume', 'operator.skip_current' "
         "[unknown-event]",
     ]
+
+
+def test_the_page_says_what_is_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every property is on it, its rates can be drawn from, its scenario fails with the defect planted."""
+    page = (Path(__file__).parents[2] / "docs" / "proof.md").read_text(encoding="utf-8")
+    assert [one.name for one in BUILT_IN if f"`{one.name}`" not in page] == []
+    blocks = re.findall(r"```yaml[^\n]*\n(.*?)```", page, re.DOTALL)
+    (rates,) = [block for block in blocks if block.startswith("campaign:")]
+    assert made(tmp_path, rates).rates.targets == (1, 29)
+    (scenario,) = [block for block in blocks if block.startswith("scenario:")]
+    file = tmp_path / "one.scenario.yaml"
+    file.write_text(scenario, encoding="utf-8")
+    loaded = load_scenario(file, shipped.catalog())
+    assert loaded.failures(loaded.run()) == []
+    monkeypatch.setattr(Itineraries, "close_rest", lambda *_: None)
+    assert [one.what for one in loaded.failures(loaded.run())] == ["violated: all_closed"]
+
+
+@pytest.mark.parametrize("name", ["inspection", "exploration"])
+def test_the_shipped_missions_keep_all_properties(name: str) -> None:
+    """In worlds of their own, with restarts; all but two are looked at: they have no invariants, and the
+    itinerary of the exploration leaves targets open on purpose.
+    """
+    loaded = load_missions([name], shipped.catalog())
+    file = Path(__file__).parents[1] / "campaigns" / f"{name}.yaml"
+    campaign = Campaign(loaded, read_rates(file, loaded.chart), {})
+    found = run_seeds(campaign, range(2))
+    assert found.first == {}
+    assert {one.name for one in BUILT_IN} - found.relevant.keys() <= {"invariants", "all_closed"}
 
 
 def test_the_verb_tells_what_was_looked_at(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
