@@ -15,7 +15,7 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 pytest.importorskip("mcap_ros2", reason="the extra record is not installed here")
 
 from mcap_ros2.writer import Writer
-from playwright.sync_api import BrowserContext, Locator, Page, expect
+from playwright.sync_api import Browser, BrowserContext, CDPSession, Locator, Page, expect
 
 from tests.browsing import PHONE, opened
 from tests.console.pages import STEPS, ServedPages, SimulationPage
@@ -127,6 +127,104 @@ def test_it_begins_again_also_while_the_past_is_looked_at(page: Page) -> None:
     expect(page.locator(".virtual-time")).to_have_text("0 s")
     page.get_by_role("link", name="Log").click()
     expect(page.get_by_role("region", name="Timeline")).not_to_contain_text("nav.go_to")
+
+
+def test_a_second_try_is_counted_where_it_runs(page: Page) -> None:
+    """In the chart and beside it, and with what runs now."""
+    page.get_by_role("link", name="Mission").click()
+    page.get_by_role("button", name="Start inspection").click()
+    page.get_by_role("link", name="Simulation").click()
+    operation = page.get_by_role("group", name="nav.go_to")
+    expect(page.get_by_role("group", name="nav.localize")).to_be_visible()
+    bar(page).get_by_role("button", name="Step").click()
+    operation.get_by_label("Fail with").select_option("nav_status_6")
+    operation.get_by_role("button", name="Fail now").click()
+    expect(operation).to_have_count(0)
+    bar(page).get_by_role("button", name="Step").click()
+    expect(operation).to_be_visible()
+    expect(page.locator(".control-running")).to_contain_text("try 2")
+    page.get_by_role("link", name="Chart").click()
+    expect(page.locator(".chart .pill", has_text="nav.go_to: try 2")).to_be_visible()
+    expect(page.locator(".paper .retry text")).to_have_text("↻ 2")
+
+
+def test_two_fingers_zoom_the_chart_and_not_the_page(browser: Browser, simulation: ServedPages) -> None:
+    context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True, locale="en-GB")
+    for page in opened(context, f"{simulation.url}#chart"):
+        drawing, stage = page.locator(".paper svg"), page.locator(".stage").bounding_box()
+        before = drawing.bounding_box()
+        assert before is not None
+        assert stage is not None
+        place = stage["x"] + stage["width"] / 2, stage["y"] + 100
+        fingers = context.new_cdp_session(page)
+        spread(fingers, "touchStart", place, 20)
+        for apart in range(20, 80, 10):
+            spread(fingers, "touchMove", place, apart)
+        fingers.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        wider = "([svg, least]) => svg.getBoundingClientRect().width > least"
+        page.wait_for_function(wider, arg=[drawing.element_handle(), 1.3 * before["width"]])
+        assert page.evaluate("visualViewport.scale") == 1
+    context.close()
+
+
+def spread(fingers: CDPSession, kind: str, place: tuple[float, float], apart: float) -> None:
+    """Touch on both sides of a place, so many pixels from it."""
+    x, y = place
+    points = [{"x": x + way * apart, "y": y, "id": number} for number, way in enumerate((-1, 1))]
+    fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+
+LISTS = """
+mission: Lists
+summary: Take a list, which may be empty.
+request:
+  names: {type: list of text, default: [a, b], summary: what to do}
+initial: WAIT
+states:
+  WAIT: {after: {1 h: done}}
+  done: {type: final}
+"""
+
+
+def test_an_empty_list_is_sent_on_purpose_only(context: BrowserContext, tmp_path: Path) -> None:
+    """A field that is left alone keeps its default; a comma alone is a list of nothing."""
+    file = tmp_path / "lists.yaml"
+    file.write_text(LISTS)
+    with ServedPages("simulate", str(file)) as served:
+        for page in opened(context, f"{served.url}#control"):
+            page.get_by_text("Options").click()
+            for text, sent in ((",", []), ("", None)):
+                page.get_by_label(re.compile("^names")).fill(text)
+                page.get_by_role("button", name="Start lists").click()
+                expect(page.locator(".control-answer.good")).to_contain_text("start")
+                records = [
+                    json.loads(line["msg"]["data"]) for line in served.history() if line["topic"] == STEPS
+                ]
+                started = [
+                    each["step"]["data"] for each in records if each["step"]["event"] == "mission.start"
+                ]
+                assert started[-1].get("names") == sent
+                page.get_by_role("button", name="Begin again").click()
+                expect(page.locator(".virtual-time")).to_have_text("0 s")
+
+
+def test_every_view_lives_without_half_of_its_topics_and_without_webgl(
+    context: BrowserContext, simulation: ServedPages
+) -> None:
+    """A simulation has the orchestrator's topics only; the browser gives no context of WebGL."""
+    context.add_init_script(
+        "const get = HTMLCanvasElement.prototype.getContext;"
+        "HTMLCanvasElement.prototype.getContext = function (kind, ...more) {"
+        "  return /webgl|webgpu/.test(kind) ? null : get.call(this, kind, ...more); };"
+    )
+    for page in opened(context, f"{simulation.url}#simulation"):
+        names = page.locator("nav a").evaluate_all("links => links.map((link) => link.hash)")
+        assert len(names) > 7
+        for name in names:
+            page.goto(f"{simulation.url}{name}")
+            expect(page.locator("main .panel, main canvas").first).to_be_visible()
+            expect(page.locator("main [role=alert]")).to_have_count(0)
+            expect(page.locator("#stop")).to_be_enabled()
 
 
 def test_a_phone_has_the_controls_of_time_and_the_faults(

@@ -57,7 +57,7 @@ const always: Topic<unknown>[] = [];
 export function topic<Message, T = Message>(name: string, type: string, how: How<Message, T>): Topic<T> {
   const past = new Past<T>(how.keep, how);
   const heardAt = signal<number | undefined>(undefined);
-  const silences = new Past<number>(1000);
+  const silences = new Past<number>(1000, { same: (one, other) => one === other });
   let readers = 0;
   let end = (): void => undefined;
   /** When it was heard last in the history, and by this page on the connection that it has. */

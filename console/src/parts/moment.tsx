@@ -71,7 +71,7 @@ export function MomentBar() {
           max={to}
           step="any"
           value={at ?? to}
-          onInput={({ currentTarget }) => showMoment(currentTarget.valueAsNumber >= to - (to - from) / 500 ? Infinity : currentTarget.valueAsNumber)}
+          onInput={({ currentTarget }) => void showMoment(currentTarget.valueAsNumber >= to - (to - from) / 500 ? Infinity : currentTarget.valueAsNumber)}
           onKeyDown={scrubByKey}
         />
       </span>

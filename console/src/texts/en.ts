@@ -229,6 +229,7 @@ export const en = {
     },
   },
   log: {
+    older: "Show what was before",
     title: "Log",
     timeline: "Timeline",
     // what happened

@@ -231,6 +231,7 @@ export const nl: Texts = {
     },
   },
   log: {
+    older: "Toon wat daarvoor was",
     title: "Logboek",
     timeline: "Tijdlijn",
     start: (what) => `start ${what}`,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,9 +38,9 @@ class Served:
     url: str
 
 
-@pytest.fixture(scope="module")
-def serve(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Served]]:
-    """Start `lupin … --hmi` and return when its page is there. What it started ends with the module."""
+@contextmanager
+def serving(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Served]]:
+    """Give a function that starts `lupin … --hmi` and returns when its page is there; in the end all end."""
     started: list[Lupin] = []
     with claimed_domain() as domain:
 
@@ -59,9 +60,17 @@ def serve(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Se
 
 
 @pytest.fixture(scope="module")
-def robot(serve: Callable[..., Served]) -> Served:
-    """`lupin up --hmi` with the simulated greenhouse, fast."""
-    return serve("up", "--speed", "4")
+def serve(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Served]]:
+    """Start `lupin … --hmi` for a module that needs one of its own."""
+    with serving(tmp_path_factory) as start:
+        yield start
+
+
+@pytest.fixture(scope="session")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """`lupin up --hmi` with the simulated greenhouse, fast; modules share it and leave it at rest."""
+    with serving(tmp_path_factory) as start:
+        yield start("up", "--speed", "4")
 
 
 @pytest.fixture

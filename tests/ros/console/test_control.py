@@ -363,6 +363,12 @@ def test_a_viewer_looks_and_is_told_why_not(
         "You may look only: commanding needs the role of an operator."
     }
     button(page, "start inspection").click(force=True)
+    page.get_by_role("link", name="Map").click()
+    drive = page.get_by_role("button", name="Drive to a place")
+    expect(drive).to_be_disabled()
+    expect(page.locator("main")).to_contain_text(
+        "You may look only: commanding needs the role of an operator."
+    )
     attendant.spin(0.3)
     assert view(attendant)["lifecycle"] in ("READY", "DONE")
 

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -17,8 +18,9 @@ import pytest
 
 pytest.importorskip("playwright", reason="playwright is not installed here")
 
-from playwright.sync_api import Browser, Locator, Page, expect
+from playwright.sync_api import Browser, BrowserContext, Locator, Page, Route, expect
 
+from tests.browsing import opened
 from tests.ros.console.conftest import PATIENCE_MS, Served
 
 
@@ -26,6 +28,12 @@ def command(robot: Served, *words: str) -> None:
     """Command the orchestrator from a shell, as somebody else may."""
     options = ["--domain", str(robot.lupin.domain)]
     subprocess.run([sys.executable, "-m", "lupin_engine.cli.main", *words, *options], check=True, timeout=60)
+
+
+@pytest.fixture(scope="module")
+def robot(serve: Callable[..., Served]) -> Served:
+    """One whose past and whose deaths are this module's alone."""
+    return serve("up", "--speed", "4")
 
 
 @pytest.fixture(scope="module")
@@ -227,6 +235,69 @@ def test_a_browser_whose_clock_is_an_hour_off_shows_the_robots_time(
     context.close()
 
 
+#: More steps than a page keeps that shows what is now.
+MANY = 5800
+
+
+def test_what_a_page_forgets_is_loaded_when_it_is_looked_for(
+    context: BrowserContext, mission: Served
+) -> None:
+    """Of an hour and more a page has the end; the log, Home and the report of a shift get the rest."""
+    path = f"{mission.url}history?since=0&topics=/mission_orchestrator/steps"
+    first = json.loads(context.request.get(path).text().splitlines()[0])
+    record = json.loads(first["msg"]["data"])
+    names = ("configuration", "asking", "held", "attempts", "cancelling")
+    record["view"] = {**{name: [] for name in names}, "lifecycle": "BOOT", "mission": "", "holds": {}}
+
+    def step(number: int) -> str:
+        at = first["at"] - 100 * (MANY - number)
+        told = {"event": "value", "sequence": number - MANY, "notes": [f"long ago {number}"], "time": 0.0}
+        text = json.dumps({**record, "wall_ns": at * 1_000_000, "step": {**told, "configuration": []}})
+        return json.dumps({**first, "at": at, "msg": {"data": text}})
+
+    before = "\n".join(map(step, range(MANY)))
+    asked: list[str] = []
+
+    def answer(route: Route) -> None:
+        asked.append(route.request.url)
+        if "since=0&" in route.request.url:
+            route.fulfill(body=f"{before}\n{route.fetch().text()}")
+        else:
+            route.continue_()
+
+    context.route(re.compile("/history"), answer)
+    for page in opened(context, f"{mission.url}#log"):
+        older = page.get_by_role("button", name="Show what was before")
+        older.click()
+        search(page, "long ago 0")
+        expect(line(page, "long ago 0")).to_have_count(1)
+        expect(older).to_have_count(0)
+        page.get_by_role("link", name="Chart").click()
+        page.get_by_role("link", name="Log").click()
+        expect(older).to_be_visible()
+        expect(line(page, "long ago 0")).to_have_count(0)
+        page.get_by_role("slider", name="Timeline").press("Home")
+        expect(page.locator(".moment-past")).to_be_visible()
+        expect(line(page, "long ago 0")).to_have_count(1)
+        begin = datetime.fromisoformat(moment_of(page).replace("Z", "+00:00")).timestamp()
+        assert begin * 1000 == pytest.approx(first["at"] - 100 * MANY, abs=1)
+        assert sum("since=0&" in url for url in asked) == 3
+
+
+def test_a_page_that_was_frozen_is_back_at_what_is_now(log: Page, mission: Served) -> None:
+    """A laptop that slept: what happened meanwhile is shown, and is in the log, without being loaded anew."""
+    session = log.context.new_cdp_session(log)
+    session.send("Page.setWebLifecycleState", {"state": "frozen"})
+    command(mission, "pause")
+    session.send("Page.setWebLifecycleState", {"state": "active"})
+    expect(log.locator(".bar .where")).to_contain_text("paused")
+    expect(log.locator(".bar .pill.good").first).to_be_visible()
+    search(log, "pause accepted")
+    expect(line(log, "pause accepted")).to_have_count(2)
+    command(mission, "resume")
+    expect(log.locator(".bar .where")).not_to_contain_text("paused")
+
+
 def test_a_death_of_the_orchestrator_is_a_gap(log: Page, mission: Served) -> None:
     """`kill -9`: the silence, the new start, and what was before are all in the log, also after a reload."""
     os.kill(mission.lupin.pid_of("mission_orchestrator"), signal.SIGKILL)
@@ -238,4 +309,4 @@ def test_a_death_of_the_orchestrator_is_a_gap(log: Page, mission: Served) -> Non
         expect(log.locator(".lines-all").get_by_role("row").first).to_contain_text("✖")
         log.reload()
     search(log, "pause accepted")
-    expect(line(log, "pause accepted")).to_have_count(1)
+    expect(line(log, "pause accepted").first).to_be_visible()

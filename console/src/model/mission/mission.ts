@@ -200,7 +200,7 @@ export interface ChartRecord {
 }
 
 export const state = topic<MissionState, Omit<MissionState, "header">>("/mission/state", MSG_TYPES.MissionState, {
-  keep: 20_000,
+  keep: 2000,
   always: true,
   read: ({ header: _, ...rest }) => rest,
   same: alike,
@@ -209,7 +209,7 @@ export const state = topic<MissionState, Omit<MissionState, "header">>("/mission
 });
 
 export const steps = topic<Text, StepRecord>(`${ORCHESTRATOR}/steps`, MSG_TYPES.StdMsgsString, {
-  keep: 50_000,
+  keep: 5000,
   always: true,
   read: (message) => {
     const record = json<StepRecord>(message);
@@ -226,7 +226,7 @@ export const steps = topic<Text, StepRecord>(`${ORCHESTRATOR}/steps`, MSG_TYPES.
 export const possible = topic<Text, { sequence: number; requests: readonly Possible[] }>(
   `${ORCHESTRATOR}/possible`,
   MSG_TYPES.StdMsgsString,
-  { keep: 5000, always: true, read: json, same: alike, lag: LAG_MS },
+  { keep: 500, always: true, read: json, same: alike, lag: LAG_MS },
 );
 
 /** What an orchestrator of an earlier version did not tell; recordings are kept for long. */
@@ -276,7 +276,7 @@ export function wholePicture(hash: string): Promise<string> {
 }
 
 export const observations = topic<Observation>("/floranova/observations", MSG_TYPES.Observation, {
-  keep: 5000,
+  keep: 500,
   always: true,
   read: (message) => message,
   when: ({ header }) => header.stamp.sec * 1000 + header.stamp.nanosec / 1e6 || undefined,

@@ -101,7 +101,7 @@ function placed(at: number): FloorPlace | undefined {
 
 /** Where the robot is. All of /tf is heard: a throttle passes the last message, which may always be another publisher's. */
 export const robot = topic<TFMessage, FloorPlace>("/tf", MSG_TYPES.TFMessage, {
-  keep: 36_000,
+  keep: 5000,
   always: true,
   read: (message, at) => {
     tree.take(message, at);

@@ -161,7 +161,8 @@ export const problems = computed(() => entries.value.filter(({ severity }) => se
 
 /** When the first thing was that is known. */
 export const begin = computed(() => {
-  const firsts = [entries.value[0]?.at, state.past.standing().list[0]?.at].filter((at) => at !== undefined);
+  const pasts = [state.past.standing(), steps.past.standing()];
+  const firsts = [entries.value[0]?.at, ...pasts.map(({ list }) => list[0]?.at)].filter((at) => at !== undefined);
   return firsts.length ? Math.min(...firsts) : undefined;
 });
 

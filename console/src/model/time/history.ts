@@ -1,7 +1,8 @@
 // What happened before this page was opened, and while it was not connected, from the gateway: lines of JSON.
 import { batch, computed, effect, signal } from "@preact/signals";
+import { gateway } from "../page";
 import { link } from "../../wire/link";
-import { moment } from "./past";
+import { moment, wholePast } from "./past";
 import { topics, type Arrived } from "../topics";
 
 /** A message that the gateway has kept: `at` in milliseconds since 1970. */
@@ -73,11 +74,38 @@ export function loadAnew(): void {
   loadMore();
 }
 
+/** Whether this page has forgotten something that the gateway may have kept. */
+export function hasOlder(): boolean {
+  return ["/mission/state", "/mission_orchestrator/steps"].some((name) => topics.get(name)?.past.forgot.value);
+}
+
+/** Load what this page has forgotten, and keep it until what is now is shown again. */
+export async function loadOlder(): Promise<void> {
+  if (!hasOlder()) return;
+  wholePast.value = true;
+  for (const { past } of topics.values()) past.forgot.value = false;
+  newest = 0;
+  loadMore();
+  await loading;
+}
+
+/** Keep no more than what is now needs: of a robot, of which the gateway has the rest. */
+export function forgetOlder(): void {
+  if (moment.peek() !== null) return;
+  wholePast.value = (gateway.peek()?.mode ?? "robot") !== "robot";
+  batch(() => {
+    for (const { past } of topics.values()) past.trim();
+  });
+}
+
 export function startHistory(): void {
   link.opened.push(loadMore);
   // Topics that no view has shown are not heard: what they said until now comes when the past is looked at.
   const isPast = computed(() => moment.value !== null);
   effect(() => {
-    if (isPast.value) loadMore();
+    if (isPast.value) {
+      wholePast.value = true;
+      loadMore();
+    } else if (gateway.value) forgetOlder();
   });
 }

@@ -21,12 +21,18 @@ export interface Standing<T> {
   readonly edition: number;
 }
 
+/** Whether a page keeps so much more than it needs to show what is now: while somebody looks at what was. */
+export const wholePast = signal(true);
+const WHOLE = 10;
+
 export class Past<T> {
+  /** Whether something was forgotten that the gateway may still have. */
+  readonly forgot = signal(false);
   private list: Known<T>[] = [];
   private edition = 0;
   private readonly changes = signal(0);
 
-  /** `most`: the oldest are forgotten beyond so many, and some more at once. */
+  /** `most`: the oldest are forgotten beyond so many, and some more at once; ten times as many while the whole past is kept. */
   constructor(
     private readonly most: number,
     private readonly keeping: Keeping<T> = {},
@@ -52,6 +58,7 @@ export class Past<T> {
   clear(): void {
     this.list = [];
     this.edition++;
+    this.forgot.value = false;
     this.changes.value = this.changes.peek() + 1;
   }
 
@@ -85,6 +92,13 @@ export class Past<T> {
     return { list: this.list, edition: this.edition };
   }
 
+  /** Forget at once what is beyond the bound as it is now. */
+  trim(): void {
+    const { edition } = this;
+    this.forget();
+    if (this.edition !== edition) this.changes.value = this.changes.peek() + 1;
+  }
+
   /** Put values between those that are there; both are in the order of time. */
   private merge(added: readonly Known<T>[]): void {
     const kept = this.list;
@@ -111,9 +125,11 @@ export class Past<T> {
 
   /** Forget so much at once that it is seldom done: of the older half what is minor, then the oldest. */
   private forget(): void {
-    const { most, keeping } = this;
+    const { keeping } = this;
+    const most = this.most * (wholePast.peek() ? WHOLE : 1);
     if (this.list.length <= most * 1.1) return;
     this.edition++;
+    this.forgot.value ||= !wholePast.peek();
     if (keeping.minor) {
       const half = this.list.length / 2;
       this.list = this.list.filter(({ value }, index) => index >= half || !keeping.minor!(value));

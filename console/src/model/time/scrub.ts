@@ -3,11 +3,13 @@ import { computed } from "@preact/signals";
 import { robotNow } from "./clock";
 import { begin, neighbour, problems, stepStory } from "../story/log";
 import { steps } from "../mission/mission";
+import { loadOlder } from "./history";
 import { moment } from "./past";
 import { TARGET } from "../story/story";
 
 /** Show a moment; one that is not over yet is now. */
-export function showMoment(at: number): void {
+export async function showMoment(at: number): Promise<void> {
+  if (at < (begin.peek() ?? at)) await loadOlder();
   const first = begin.peek() ?? at;
   moment.value = at >= robotNow() ? null : Math.max(at, first);
 }
@@ -16,7 +18,8 @@ export function goLive(): void {
   moment.value = null;
 }
 
-export function goToBegin(): void {
+export async function goToBegin(): Promise<void> {
+  await loadOlder();
   const first = begin.peek();
   if (first !== undefined) moment.value = first;
 }
@@ -67,7 +70,7 @@ export function scrubByKey(event: KeyboardEvent): boolean {
   const go = event.shiftKey ? goProblem : goStep;
   if (event.key === "ArrowLeft") go(-1);
   else if (event.key === "ArrowRight") go(1);
-  else if (event.key === "Home") goToBegin();
+  else if (event.key === "Home") void goToBegin();
   else if (event.key === "End" || (event.key === "Escape" && !event.shiftKey)) goLive();
   else return false;
   event.preventDefault();

@@ -1,7 +1,8 @@
 // What happened: the timeline, and the log below it. Whatever is clicked there sets the moment that all views show.
 import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
 import { robotNow } from "../../model/time/clock";
-import { isLoading } from "../../model/time/history";
+import { forgetOlder, hasOlder, isLoading, loadOlder } from "../../model/time/history";
 import { entries } from "../../model/story/log";
 import { open, texts } from "../../model/page";
 import { moment } from "../../model/time/past";
@@ -37,7 +38,7 @@ function Jump() {
           if (event.key !== "Enter") return;
           const at = timeOfDay(event.currentTarget.value, robotNow());
           wrong.value = at === undefined;
-          if (at !== undefined) showMoment(at);
+          if (at !== undefined) void showMoment(at);
         }}
       />
       {wrong.value && (
@@ -135,6 +136,7 @@ function Detail() {
 
 export function LogView() {
   const t = texts.value.log;
+  useEffect(() => forgetOlder, []);
   const [shown, all] = [lines.value.length, entries.value.length];
   const empty = isLoading.value ? t.loading : all ? t.nothingFound : t.nothing;
   return (
@@ -142,6 +144,11 @@ export function LogView() {
       <Timeline />
       <Panel title={t.title} tools={<span class="soft">{t.showing(shown, all)}</span>} class="log">
         <Filters />
+        {hasOlder() && (
+          <button class="log-older" disabled={isLoading.value} onClick={() => void loadOlder()}>
+            {t.older}
+          </button>
+        )}
         {shown ? <Lines /> : <p class="note soft">{empty}</p>}
         <Detail />
       </Panel>

@@ -41,7 +41,7 @@ function Line(props: { entry: Entry; index: number; isCurrent: boolean; isLater:
       aria-selected={isCurrent}
       class={`line ${TONES[severity]} ${isLater ? "later" : ""}`}
       style={{ top: `${index * LINE_PX}px` }}
-      onClick={() => showMoment(at)}
+      onClick={() => void showMoment(at)}
     >
       <span role="gridcell" class="line-time" title={dateTime(at)}>
         {clockTime(at)}
@@ -59,7 +59,7 @@ function Line(props: { entry: Entry; index: number; isCurrent: boolean; isLater:
             title={t.openState(state)}
             onClick={(event) => {
               event.stopPropagation();
-              showMoment(at);
+              void showMoment(at);
               open(`chart/${state}`);
             }}
           >
@@ -111,7 +111,7 @@ export function Lines() {
   const go = (index: number): void => {
     const entry = list[Math.max(0, index)];
     if (!entry) goLive();
-    else showMoment(entry.at);
+    else void showMoment(entry.at);
   };
   const key = (event: KeyboardEvent): void => {
     const page = Math.max(1, Math.floor(height.value / LINE_PX) - 2);

@@ -75,6 +75,10 @@ function lasting(at: number): { row: string; span: Span }[] {
   );
 }
 
+/** While nothing happens it is drawn this often: now moves by a pixel or two. */
+const DRAWN_EVERY_MS = 3000;
+const turn = computed(() => Math.floor(shownNow.value / DRAWN_EVERY_MS));
+
 /** The fingers that are on the canvas, by their pointers, where they are. */
 type Fingers = Map<number, number>;
 
@@ -103,7 +107,8 @@ function Canvas() {
   useSignalEffect(() => {
     void [size.value, theme.value, seen.value];
     const { from, to } = seenFromTo();
-    const now = moment.value === null ? shownNow.value : robotNow();
+    void (moment.value === null && turn.value);
+    const now = robotNow();
     const label = to - from > 300_000 ? (at: number) => clockTime(at).slice(0, 5) : clockTime;
     const scene = { rows: rows.value, gaps: gaps.value, from, to, now, moment: moment.value, label };
     cancelAnimationFrame(frame.current);
@@ -140,7 +145,7 @@ function Canvas() {
     } else if (moved.current > 4) panBy(before - event.clientX);
   };
   const up = (event: PointerEvent): void => {
-    if (fingers.current.delete(event.pointerId) && moved.current <= 4 && event.type === "pointerup") showMoment(timeAt(event.clientX));
+    if (fingers.current.delete(event.pointerId) && moved.current <= 4 && event.type === "pointerup") void showMoment(timeAt(event.clientX));
   };
   const point = (event: PointerEvent): void => {
     const box = canvas.current!.getBoundingClientRect();

@@ -3,7 +3,7 @@ import { computed, signal, untracked } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useMemo } from "preact/hooks";
 import { shownNow } from "../../model/time/clock";
-import { isLoading } from "../../model/time/history";
+import { forgetOlder, isLoading, loadOlder } from "../../model/time/history";
 import { open, texts } from "../../model/page";
 import { hindrance } from "../../model/mission/permission";
 import { loadPressed, pressed } from "../../model/people";
@@ -208,6 +208,10 @@ export function Report() {
   useEffect(() => {
     if (mayKnow) void loadPressed().catch(() => undefined);
   }, [mayKnow]);
+  useEffect(() => {
+    void loadOlder();
+    return forgetOlder;
+  }, []);
   const now = minute.value;
   const { from, to } = "hours" in chosen.value ? { from: now - chosen.value.hours * HOUR_MS, to: now } : chosen.value;
   const found = useMemo(() => untracked(() => shift(from, to)), [from, to, turn.value, isLoading.value, pressed.value]);
