@@ -16,7 +16,9 @@ from lupin_engine.ros.launch.description import NodeLaunch, command
 
 
 def declared_by(launches: Iterable[NodeLaunch]) -> list[Interface]:
-    """Return all interfaces that nodes declare with these parameters; ends that are outside are not told.
+    """Return all interfaces that nodes declare with these parameters, with the parts of actions.
+
+    Ends that are outside are not told.
 
     Raises:
         LupinError: a node cannot be started like that.
@@ -25,7 +27,7 @@ def declared_by(launches: Iterable[NodeLaunch]) -> list[Interface]:
     with tempfile.TemporaryDirectory() as folder, _apart(Path(folder)):
         for launch in launches:
             seen: list[Interface] = []
-            RosNode.rehearsed = lambda ros, seen=seen: seen.extend(interfaces(ros.node))
+            RosNode.rehearsed = lambda ros, seen=seen: seen.extend(interfaces(ros.node, parts=True))
             try:
                 launch.node.run(command(launch, Path(folder))[5:])
             except LupinError as problem:

@@ -22,8 +22,9 @@ NAMELESS = "_NODE_NAME_UNKNOWN_"
 #: Placeholder for such a node: a program that is no ROS node, or one that is starting or ending.
 UNKNOWN = "?"
 
-_ACTION = "/_action/"
-_SEND_GOAL = f"{_ACTION}send_goal"
+#: What stands between the name of an action and those of its parts.
+ACTION = "/_action/"
+_SEND_GOAL = f"{ACTION}send_goal"
 #: What every node has beside its own: parameters, log, diagnostics, type descriptions, life cycle.
 _HOUSEKEEPING_TOPICS = ("/rosout", "/parameter_events", DIAGNOSTICS_TOPIC)
 _HOUSEKEEPING_SERVICES = (
@@ -64,12 +65,13 @@ class _DdsTopic:
     readers: tuple[Any, ...]
 
 
-def interfaces(node: Any, without: Iterable[str] = ()) -> list[Interface]:
+def interfaces(node: Any, without: Iterable[str] = (), *, parts: bool = False) -> list[Interface]:
     """Return the interfaces that `node` (of rclpy) has discovered so far, by kind and name.
 
     Args:
         node: any node; discovery must have had its time.
         without: full names of nodes to leave out, such as the one that looks.
+        parts: also tell the services and topics that actions are made of: some only cancel.
     """
     hidden = frozenset(without)
     channels = {
@@ -77,7 +79,8 @@ def interfaces(node: Any, without: Iterable[str] = ()) -> list[Interface]:
         for name, _ in node.get_topic_names_and_types(no_demangle=True)
         if (channel := _channel(node, name, hidden)) is not None
     }
-    found = [*_topics(channels), *_services(channels), *_actions(channels)]
+    whole = channels if parts else {name: each for name, each in channels.items() if ACTION not in name}
+    found = [*_topics(whole), *_services(whole), *_actions(channels)]
     return sorted(found, key=lambda i: (("topic", "service", "action").index(i.kind), i.name))
 
 
@@ -107,7 +110,7 @@ def _channel(node: Any, name: str, hidden: frozenset[str]) -> _DdsTopic | None:
 def _topics(channels: Mapping[str, _DdsTopic]) -> Iterator[Interface]:
     for name, channel in channels.items():
         ends = [*channel.writers, *channel.readers]
-        if name.startswith("rt/") and _ACTION not in name and ends:
+        if name.startswith("rt/") and ends:
             problems = (*_definitions(ends), *_unmatched(channel))
             yield _interface(
                 "topic", name[2:], type_name(ends[0]), channel.writers, channel.readers, problems
@@ -116,8 +119,7 @@ def _topics(channels: Mapping[str, _DdsTopic]) -> Iterator[Interface]:
 
 def _services(channels: Mapping[str, _DdsTopic]) -> Iterator[Interface]:
     for name, requests in _requests(channels):
-        if _ACTION not in name:
-            yield from _asked("service", name, requests, "_Request")
+        yield from _asked("service", name, requests, "_Request")
 
 
 def _actions(channels: Mapping[str, _DdsTopic]) -> Iterator[Interface]:

@@ -6,13 +6,13 @@ The form is that of policy.xsd of sros2 (0.2.0), and of the governance of OMG DD
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from fnmatch import fnmatchcase
 from types import MappingProxyType
 from xml.etree import ElementTree as Xml
 
 from lupin_engine.plugin.contract import Access
-from lupin_engine.ros.adapter.network import Interface
+from lupin_engine.ros.adapter.network import ACTION, Interface
 from lupin_engine.ros.adapter.node import OPERATOR_ENCLAVE, enclave_of
 from lupin_engine.ros.names import DIAGNOSTICS_TOPIC
 
@@ -65,7 +65,8 @@ def policy(declared: Iterable[Interface], pages: Mapping[str, Access]) -> str:
         namespace, _, name = node.rpartition("/")
         path = OPERATOR_ENCLAVE if node == "/lupin_operator" else enclave_of(name)
         profiles = Xml.SubElement(Xml.SubElement(enclaves, "enclave", path=path), "profiles")
-        _fill(Xml.SubElement(profiles, "profile", ns=namespace or "/", node=name), allowed[node])
+        profile = Xml.SubElement(profiles, "profile", ns=namespace or "/", node=name)
+        _fill(profile, _without_parts(allowed[node]))
     return _text(root)
 
 
@@ -101,6 +102,13 @@ def _of_operators(known: Iterable[Interface]) -> set[Permission]:
     asked = {("service", "request", one.name) for one in known if one.kind == "service" and one.producers}
     own = {("topic", "publish", one.name) for one in known if one.is_housekeeping and one.kind == "topic"}
     return {("topic", "subscribe", "/*"), *asked, *own}
+
+
+def _without_parts(allowed: Iterable[Permission]) -> Iterator[Permission]:
+    """Yield permissions without those for the parts of actions that are permitted as a whole."""
+    of_node = list(allowed)
+    whole = {name for kind, _, name in of_node if kind == "action"}
+    yield from (one for one in of_node if one[2].partition(ACTION)[0] not in whole or one[0] == "action")
 
 
 def _fill(profile: Xml.Element, allowed: Iterable[Permission]) -> None:
