@@ -22,7 +22,8 @@ from typing import Any
 
 #: How pip-audit is told whom to ask, in the order of trying.
 SERVICES = (("--vulnerability-service", "pypi"), ("--vulnerability-service", "osv"))
-#: What every service knows: it is asked for this first, so that one that is not there costs one question.
+#: What every service knows: it is asked for this first, so that one that is not there costs one question. It
+#: comes with the environment, and we do not depend on it: what is known against it is left out.
 PROBE = "pip"
 PATIENCE_S = 600
 
@@ -98,7 +99,8 @@ def main(services: Iterable[Sequence[str]] = SERVICES) -> int:
     if service is None:
         print("audit: KNOWN VULNERABILITIES WERE NOT LOOKED UP: no service could be asked")
     else:
-        wrong += vulnerabilities([f"{one.name}=={one.version}" for one in packages], service)
+        named = [f"{one.name}=={one.version}" for one in packages if one.name != PROBE]
+        wrong += vulnerabilities(named, service)
     print(*wrong, sep="\n", end="\n" if wrong else "")
     print(f"audit: {len(wrong)} problems" + ("" if service else ", vulnerabilities not looked up"))
     return 1 if wrong else 0
