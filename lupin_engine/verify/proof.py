@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
-from lupin_engine.verify.explorer import Bounds, ExplorationProgress, Explored, SituationExplorer
-from lupin_engine.verify.graph import OF_THE_GRAPH, Graph, first_broken
-from lupin_engine.verify.properties import BUILT_IN
-from lupin_engine.verify.timing import timed_run
+from lupin_engine.verify.authored import properties_of
+from lupin_engine.verify.situations.explorer import (
+    NO_EXCEPTION,
+    Bounds,
+    ExplorationProgress,
+    Explored,
+    SituationExplorer,
+)
+from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph, first_broken
+from lupin_engine.verify.situations.timing import timed_run
+from lupin_engine.verify.situations.worlds import OF_PROPERTY
 
 
 class ProofVerdict(enum.Enum):
@@ -29,7 +36,8 @@ class Proven:
     """A property and what came of it.
 
     Of one that is broken `text` says how, and `steps` are those of a shortest run that breaks it; None where
-    no times were found at which everything can happen in that order.
+    no times were found at which everything can happen in that order. One `of_the_graph` is not broken by a
+    step, but by what cannot be reached after it; with `waits` by nothing that happens in time.
     """
 
     name: str
@@ -38,6 +46,8 @@ class Proven:
     text: str = ""
     moves: tuple[str, ...] = ()
     steps: tuple[Step, ...] | None = None
+    of_the_graph: bool = False
+    waits: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,10 +86,12 @@ def prove(
     Raises:
         TooMany: something grows without end; the text says what.
     """
-    watched = BUILT_IN
+    watched = properties_of(world.chart)
     explorer = SituationExplorer(world, watched, bounds)
     explored = explorer.explore(goes_on)
     found = [_of_steps(explorer, explored, one.name, one.says) for one in watched]
+    if NO_EXCEPTION in explored.breaches:
+        found.append(_of_steps(explorer, explored, NO_EXCEPTION, "The engine makes every step."))
     found += _of_graph(explorer, explored)
     dead = _dead(world.chart, explored) if explored.complete else ()
     return Proof(
@@ -115,7 +127,8 @@ def _of_graph(explorer: SituationExplorer, explored: Explored) -> list[Proven]:
         if situation is None:
             found.append(Proven(one.name, one.says, ProofVerdict.HOLDS))
         else:
-            found.append(_broken(explorer, explored.way_to(situation), one.name, one.says, one.why))
+            told = _broken(explorer, explored.way_to(situation), one.name, one.says, one.why)
+            found.append(replace(told, of_the_graph=True))
     return found
 
 
@@ -123,7 +136,9 @@ def _broken(explorer: SituationExplorer, way: Sequence[int], name: str, says: st
     way = [number for number in way if number >= 0]
     moves = tuple(explorer.moves.all[number].says for number in way)
     steps = timed_run(explorer, way)
-    return Proven(name, says, ProofVerdict.BROKEN, text, moves, None if steps is None else tuple(steps))
+    waits = bool(way) and explorer.moves.all[way[-1]].timer[0] == OF_PROPERTY
+    told = None if steps is None else tuple(steps)
+    return Proven(name, says, ProofVerdict.BROKEN, text, moves, told, waits=waits)
 
 
 def _dead(chart: Chart, explored: Explored) -> tuple[str, ...]:

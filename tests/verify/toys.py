@@ -6,9 +6,10 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.scope import World
-from lupin_engine.verify.explorer import Bounds, Explored, SituationExplorer
 from lupin_engine.verify.properties import BUILT_IN
-from lupin_engine.verify.situation import Situation
+from lupin_engine.verify.situations.explorer import Bounds, Explored, SituationExplorer
+from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph, first_broken
+from lupin_engine.verify.situations.situation import Situation
 from tests.machine.charts import PAUSE, chart
 
 #: Drives, may be paused, goes on to a read, and begins again.
@@ -56,3 +57,11 @@ class KeepingExplorer(SituationExplorer):
 def explored(of: Chart, memo: bool = True, **bounds: Any) -> Explored:
     """Return what is found in a chart."""
     return KeepingExplorer(of, memo, **bounds).explore()
+
+
+def broken(of: Chart, **bounds: Any) -> set[str]:
+    """Return the names of the properties that are broken in a chart."""
+    found = explored(of, **{"restarts": False, **bounds})
+    assert found.complete
+    graph = Graph(found)
+    return {*found.breaches, *(one.name for one in OF_THE_GRAPH if first_broken(graph, one) is not None)}

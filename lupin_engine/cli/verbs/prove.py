@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,9 +20,12 @@ from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.plugin.registry import load_catalog
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from lupin_engine.missions.load import LoadedMissions
-    from lupin_engine.verify.explorer import ExplorationProgress
     from lupin_engine.verify.proof import Proof, Proven
+    from lupin_engine.verify.situations.explorer import ExplorationProgress
+    from lupin_engine.verify.story import FailingScenario
 
 #: So often a line tells how far it is, in seconds.
 _EVERY = 1.0
@@ -44,6 +48,7 @@ _EVERY = 1.0
 )
 @click.option("--no-restarts", is_flag=True, help="The process does not end in the midst of a mission.")
 @click.option("--budget", metavar="DURATION", help="Stop after so much time, such as '60 s'.")
+@click.option("--no-scenarios", is_flag=True, help="Write no scenario that fails beside the mission.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as one JSON object.")
 @click.option("--quiet", "-q", is_flag=True, help="Print what is broken, and the last line.")
 @not_done()
@@ -54,13 +59,15 @@ def prove(
     late: int,
     no_restarts: bool,
     budget: str | None,
+    no_scenarios: bool,
     as_json: bool,
     quiet: bool,
 ) -> int:
     """Look at every way that missions can go, and tell what holds in all of them.
 
     MISSIONS are names of missions or mission files. Servers may answer anything that their catalogs declare,
-    late, twice or never; inputs change; every request comes at any time.
+    late, twice or never; inputs change; every request comes at any time. For what is broken a scenario that
+    fails is written beside the mission, named for the property.
 
     Exit code: 0 everything holds; 1 something is broken; 2 wrong usage, or a mission has errors; 3 not
     proven: the budget ran out, or it was interrupted.
@@ -69,7 +76,7 @@ def prove(
     from lupin_engine.errors import Problems
     from lupin_engine.missions.selection import load_missions
     from lupin_engine.runtime.setup import make_world
-    from lupin_engine.verify.explorer import Bounds
+    from lupin_engine.verify.situations.explorer import Bounds
 
     problems, catalog = Problems(UsageError), load_catalog()
     seconds = None
@@ -86,15 +93,16 @@ def prove(
     proofs = []
     for one, parameters in worlds:
         tell = _progress(one.names[0], seconds, not (as_json or quiet) and sys.stderr.isatty())
-        proofs.append((one, _proven(one, make_world(one.chart, parameters), bounds, tell)))
+        proof = _proven(one, make_world(one.chart, parameters), bounds, tell)
+        proofs.append((one, proof, {} if no_scenarios else _write_scenarios(one, proof, parameters)))
     if as_json:
-        click.echo(json.dumps([_record(one, proof) for one, proof in proofs], default=str))
+        click.echo(json.dumps([_record(one, proof, written) for one, proof, written in proofs], default=str))
     else:
-        for one, proof in proofs:
-            _show(one, proof, quiet)
-    if any(proof.broken for _, proof in proofs):
+        for one, proof, written in proofs:
+            _show(one, proof, written, quiet)
+    if any(proof.broken for _, proof, _ in proofs):
         return BROKEN
-    return 0 if all(proof.complete for _, proof in proofs) else NOT_PROVEN
+    return 0 if all(proof.complete for _, proof, _ in proofs) else NOT_PROVEN
 
 
 def _seconds(budget: str | None) -> float | None:
@@ -110,7 +118,7 @@ def _proven(
     loaded: LoadedMissions, world: Any, bounds: Any, tell: Callable[[ExplorationProgress], str]
 ) -> Proof:
     from lupin_engine.verify.proof import prove as prove_all
-    from lupin_engine.verify.situation import TooMany
+    from lupin_engine.verify.situations.situation import TooMany
 
     try:
         return prove_all(world, bounds, tell)
@@ -140,25 +148,36 @@ def _progress(name: str, seconds: float | None, shown: bool) -> Callable[[Explor
     return look
 
 
-def _show(loaded: LoadedMissions, proof: Proof, quiet: bool) -> None:
-    from lupin_engine.verify.proof import ProofVerdict
+def _write_scenarios(
+    loaded: LoadedMissions, proof: Proof, parameters: Mapping[str, Any]
+) -> dict[str, FailingScenario]:
+    """Write a scenario that fails for each property that is broken; return them by the property."""
+    from lupin_engine.cli.files import write_text
+    from lupin_engine.sim.scenario import Missions
+    from lupin_engine.verify.story import failing_scenario
 
-    marks = {
-        ProofVerdict.HOLDS: "✓",
-        ProofVerdict.BROKEN: "✗",
-        ProofVerdict.NOT_RELEVANT: "-",
-        ProofVerdict.NOT_PROVEN: "?",
-    }
+    written = {}
+    missions = Missions(load_catalog())
+    for one in proof.broken:
+        found = failing_scenario(one, Path(loaded.files[0]), parameters, missions)
+        if found is not None:
+            write_text(found.file, found.text)
+            written[one.name] = found
+    return written
+
+
+def _show(loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingScenario], quiet: bool) -> None:
+    from lupin_engine.cli.terminal.outcome import make_console
+
+    console = make_console()
     if not quiet:
         click.echo(f"{loaded.names[0]}")
     for one in proof.properties:
-        if not quiet or one.verdict is ProofVerdict.BROKEN:
-            about = (
-                "" if one.verdict in (ProofVerdict.HOLDS, ProofVerdict.BROKEN) else f" ({one.verdict.value})"
-            )
-            click.echo(f"  {marks[one.verdict]} {one.name}: {one.says}{about}")
-        if one.verdict is ProofVerdict.BROKEN:
-            _show_breach(one)
+        if not quiet or one.verdict is one.verdict.BROKEN:
+            mark, about = _MARKS[one.verdict.value]
+            click.echo(f"  {mark} {one.name}: {one.says}{about}")
+        if one.verdict is one.verdict.BROKEN:
+            _show_breach(one, written.get(one.name), console)
     if not quiet:
         for text in proof.dead:
             click.echo(f"  warning: nothing leads to {text}")
@@ -168,22 +187,30 @@ def _show(loaded: LoadedMissions, proof: Proof, quiet: bool) -> None:
     click.echo(f"{loaded.names[0]}: {_last_line(proof)}")
 
 
-def _show_breach(one: Proven) -> None:
+#: Verdict -> what stands before a property, and after it.
+_MARKS = {
+    "holds": ("✓", ""),
+    "broken": ("✗", ""),
+    "not relevant": ("-", " (not relevant: nothing that was looked at is about it)"),
+    "not proven": ("?", " (not proven)"),
+}
+
+
+def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console) -> None:
+    """Tell how a property is broken: as `lupin simulate` tells it, or as the moves that lead there."""
+    from lupin_engine.cli.terminal.outcome import show_timeline, tell_story
+    from lupin_engine.replay.timeline import timeline
+
     click.echo(f"      {one.text}")
-    if one.steps is None:
-        click.echo("      no times were found at which this happens in this order; it may be none")
-        for text in one.moves:
-            click.echo(f"      {text}")
+    if scenario is not None:
+        tell_story(scenario.run, console, lambda _: None)
+        show_timeline(timeline(scenario.run), console)
+        click.echo(f"      wrote {scenario.file}; lupin test {scenario.file} shows it again")
         return
-    for step in one.steps:
-        what = ", ".join((*step.taken, *step.notes))
-        click.echo(f"      {step.time:9.3f} s  {step.event.name} {_told(step)}{what}")
-
-
-def _told(step: Any) -> str:
-    data = step.event.data
-    told = " ".join(str(data[name]) for name in ("name", "value", "attempt", "code") if name in data)
-    return f"{told}: " if told else ": "
+    if one.steps is None:
+        click.echo("      no times were found at which this happens in that order: it may not be possible")
+    for text in one.moves:
+        click.echo(f"      {text}")
 
 
 def _last_line(proof: Proof) -> str:
@@ -196,7 +223,7 @@ def _last_line(proof: Proof) -> str:
     return f"proven: {seen}, up to {progress.depth} moves deep"
 
 
-def _record(loaded: LoadedMissions, proof: Proof) -> dict[str, Any]:
+def _record(loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingScenario]) -> dict[str, Any]:
     from dataclasses import asdict
 
     from lupin_engine.runtime.record import step_record
@@ -216,6 +243,7 @@ def _record(loaded: LoadedMissions, proof: Proof) -> dict[str, Any]:
                 "verdict": one.verdict.value,
                 "text": one.text,
                 "moves": list(one.moves),
+                "scenario": str(written[one.name].file) if one.name in written else None,
                 "steps": None if one.steps is None else [step_record(step) for step in one.steps],
             }
             for one in proof.properties

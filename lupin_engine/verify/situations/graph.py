@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_engine.verify.explorer import Explored, Is
-from lupin_engine.verify.worlds import Mover
+from lupin_engine.verify.situations.explorer import Explored, Is
+from lupin_engine.verify.situations.worlds import Mover
 
 _Mask = NDArray[np.bool_]
 
@@ -101,6 +101,8 @@ def _livelock(graph: Graph) -> _Mask:
     return ~graph.leads_to(goal, graph.by(Mover.ANSWER | Mover.TIMER))
 
 
+#: The properties of servers that say nothing, and of circles that take no time.
+SILENCE, NO_ZENO = "silence_is_told", "no_zeno"
 #: All of them, in the order in which they are told.
 OF_THE_GRAPH = (
     GraphProperty(
@@ -110,7 +112,7 @@ OF_THE_GRAPH = (
         "no answer, no request and no time leads to READY or DONE",
     ),
     GraphProperty(
-        "silence_is_told",
+        SILENCE,
         "If servers say nothing, time alone leads to a state in which somebody is told.",
         _untold,
         "time alone leads to no state in which somebody is told",
@@ -122,7 +124,7 @@ OF_THE_GRAPH = (
         "something moves, and neither an abort nor time ends that",
     ),
     GraphProperty(
-        "no_zeno",
+        NO_ZENO,
         "Nothing goes in a circle that takes no time.",
         lambda graph: graph.in_circles(graph.by(Mover.AT_ONCE)),
         "deadlines that are due at once lead to each other without end",

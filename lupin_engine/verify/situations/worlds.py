@@ -10,6 +10,7 @@ for those before which another one certainly comes.
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -21,13 +22,27 @@ from lupin_engine.machine.memory import Attempt, Phase, Timer
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.timers import Timers
 from lupin_engine.plugin.builtin import BUILTIN
-from lupin_engine.verify.classes import Classes
-from lupin_engine.verify.situation import RANKS, Situation, SlotTable, TrackedDict, TrackedMemory
+from lupin_engine.verify.properties import Remembered
+from lupin_engine.verify.situations.classes import Classes
+from lupin_engine.verify.situations.situation import (
+    RANKS,
+    WATCHED,
+    Situation,
+    SlotTable,
+    TrackedDict,
+    TrackedMemory,
+)
 
 #: A deadline: its kind, its owner and the event that it makes there.
 TimerName = tuple[str, str, str]
 #: Two deadlines of which the first certainly comes before the second.
 Rank = tuple[TimerName, TimerName]
+
+
+#: What properties remember, by their names.
+Watched = tuple[tuple[str, Remembered], ...]
+#: The kind of the deadlines of properties.
+OF_PROPERTY = "property"
 
 
 class Mover(enum.IntFlag):
@@ -80,7 +95,7 @@ class WorldMoves:
         self._numbers: dict[tuple[Any, ...], int] = {}
         self._everywhere = tuple(self._number((name,), move) for name, move in self._always(restarts))
         self._of_attempt: dict[tuple[int, int], tuple[int, ...]] = {}
-        self._of_timers: dict[tuple[int, int], tuple[bool, tuple[int, ...]]] = {}
+        self._of_timers: dict[tuple[int, ...], tuple[bool, tuple[int, ...]]] = {}
 
     def _number(self, key: tuple[Any, ...], move: WorldMove) -> int:
         found = self._numbers.get(key)
@@ -106,10 +121,10 @@ class WorldMoves:
         """Return the numbers of the moves that are possible."""
         table = self._table
         index = table.index
-        timers = situation[index["timers", ""]], situation[index[RANKS]]
+        timers = situation[index["timers", ""]], situation[index[RANKS]], situation[index[WATCHED]]
         found = self._of_timers.get(timers)
         if found is None:
-            found = self._of_timers[timers] = self._of(timers)
+            found = self._of_timers[timers] = self._due(situation)
         at_once, due = found
         if at_once:
             return due
@@ -126,11 +141,10 @@ class WorldMoves:
             moves += told
         return tuple(moves)
 
-    def _of(self, numbers: tuple[int, int]) -> tuple[bool, tuple[int, ...]]:
+    def _due(self, situation: Situation) -> tuple[bool, tuple[int, ...]]:
         """Return whether a deadline is due at once, and those that may be the next."""
-        table = self._table
-        timers: list[Timer] = table.value(table.index["timers", ""], numbers[0]) if numbers[0] else []
-        ranks = table.value(table.index[RANKS], numbers[1]) if numbers[1] else frozenset()
+        timers = running(self._table, situation)
+        ranks = self._table.get(situation, RANKS) or frozenset()
         now = [(kind, *about) for due, _, kind, about in timers if due <= 0.0]
         if now:
             return True, (self._number(now[0], WorldMove(Mover.TIMER | Mover.AT_ONCE, timer=now[0])),)
@@ -200,6 +214,18 @@ class WorldMoves:
         return not number or int(count) <= self.owed + 1
 
 
+def running(table: SlotTable, situation: Situation) -> list[Timer]:
+    """Return the deadlines that run in a situation, those of properties with them."""
+    timers: list[Timer] = table.get(situation, ("timers", "")) or []
+    return [*timers, *deadlines_of(table.get(situation, WATCHED) or ())]
+
+
+def deadlines_of(watched: Watched) -> list[Timer]:
+    """Return what properties wait for as deadlines."""
+    due = [(state[0], name) for name, state in watched if state and state[0] < math.inf]
+    return [(seconds, 0, OF_PROPERTY, (name, "")) for seconds, name in due]
+
+
 def forget_unwanted(memory: TrackedMemory, owed: int) -> None:
     """Of attempts that nobody waits for and that keep nothing from beginning, remember the newest only.
 
@@ -237,7 +263,7 @@ def in_order(memory: TrackedMemory) -> None:
 
 
 def ranks_after(
-    before: frozenset[Rank], armed: list[Timer], frozen: list[Timer], fresh: frozenset[TimerName]
+    before: frozenset[Rank], armed: list[Timer], frozen: list[Timer], fresh: set[TimerName]
 ) -> frozenset[Rank]:
     """Return which deadlines certainly come before which others, after a step.
 

@@ -203,6 +203,8 @@ def deciding(chart: Chart) -> Iterator[Value | None]:
     for hold in chart.holds.values():
         yield from (hold.engage_guard, hold.release_guard)
     yield from (invariant.that for invariant in chart.invariants.values())
+    for rule in chart.properties.values():
+        yield from (rule.always, rule.never, rule.eventually, rule.within, rule.after, rule.until)
     yield from (bound for spec in chart.inputs.values() for level in spec.levels for bound in _bounds(level))
     for mission in chart.missions.values():
         yield from (field.default for field in mission.request.values())

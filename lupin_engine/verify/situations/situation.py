@@ -16,7 +16,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from typing import Any
 
 from lupin_engine.machine.memory import Memory, Phase, Timer
-from lupin_engine.verify.relevance import Relevance
+from lupin_engine.verify.situations.relevance import Relevance
 
 #: The numbers of all slots; 0: there is nothing.
 Situation = tuple[int, ...]

@@ -23,7 +23,7 @@ from lupin_engine.plugin.contract import OPERATION_CODES
 from lupin_engine.plugin.profile import START
 from lupin_engine.plugin.types import Type
 from lupin_engine.runtime.possible import requests_of
-from lupin_engine.verify.relevance import Relevance, deciding, invokes
+from lupin_engine.verify.situations.relevance import Relevance, deciding, invokes
 
 #: What missions are called whose steps are looked at.
 MISSION_ID = "proof"

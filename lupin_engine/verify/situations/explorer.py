@@ -7,6 +7,7 @@ look-ups.
 
 from __future__ import annotations
 
+import math
 import pickle
 import tempfile
 from array import array
@@ -17,6 +18,7 @@ from hashlib import blake2b
 from operator import itemgetter
 from typing import IO, Any, NamedTuple, cast
 
+from lupin_engine.errors import reason
 from lupin_engine.machine.event import Cancel, Report
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Attempt, Phase
@@ -25,20 +27,40 @@ from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.sim.simulation import label_of
-from lupin_engine.verify.classes import Classes
-from lupin_engine.verify.properties import BUILT_IN, Glance, Passage, Property, closed, over, speaking
-from lupin_engine.verify.relevance import Relevance, invokes
-from lupin_engine.verify.situation import (
+from lupin_engine.verify.properties import (
+    BUILT_IN,
+    Glance,
+    Passage,
+    Property,
+    Remembered,
+    closed,
+    over,
+    speaking,
+)
+from lupin_engine.verify.situations.classes import Classes
+from lupin_engine.verify.situations.relevance import Relevance, invokes
+from lupin_engine.verify.situations.situation import (
     CALM,
     FIRST_NEW,
     RANKS,
+    WATCHED,
     Overflow,
     Situation,
     SlotTable,
+    TooMany,
     TrackedMemory,
     settle_names,
 )
-from lupin_engine.verify.worlds import TimerName, WorldMoves, forget_unwanted, in_order, ranks_after
+from lupin_engine.verify.situations.worlds import (
+    OF_PROPERTY,
+    TimerName,
+    Watched,
+    WorldMoves,
+    deadlines_of,
+    forget_unwanted,
+    in_order,
+    ranks_after,
+)
 
 #: Room for slots at the beginning.
 ROOM = 96
@@ -46,6 +68,8 @@ ROOM = 96
 IN_MEMORY = 200_000
 #: What the robot's clock always shows, in POSIX time: six in the morning of 2026-01-01, UTC.
 MORNING = 1767247200.0
+#: The property that no step raises an exception.
+NO_EXCEPTION = "no_exception"
 #: Between two looks at the clock and the budget.
 _PACE = 512
 
@@ -216,11 +240,19 @@ class SituationExplorer:
         before = TrackedMemory(self.table, situation)
         before.reads = memory.reads
         move = self.moves.all[number]
+        if move.timer[0] == OF_PROPERTY:
+            return self._late(memory, situation, move.timer[1]), memory.reads
         machine = Machine(self.world, memory)
         if move.timer[0] != "fresh":
             machine.trust(memory.fetch(self.table.index[CALM]))
-        step = self.moves.carry_out(machine, memory, move)
-        effect = _CUT if step is None else self._effect_of(memory, machine, step, situation, before)
+        try:
+            step = self.moves.carry_out(machine, memory, move)
+            effect = _CUT if step is None else self._effect_of(memory, machine, step, situation, before)
+        except (Overflow, TooMany):
+            raise
+        except Exception as problem:  # a defect of the engine, or of a plugin: told like what it breaks
+            told = f"{type(problem).__name__}: {reason(problem)}"
+            effect = Effect((), ((NO_EXCEPTION, told),), frozenset(), (), (), progress=False)
         return effect, memory.reads
 
     def _effect_of(
@@ -231,7 +263,7 @@ class SituationExplorer:
         situation: Situation,
         before: TrackedMemory | None,
     ) -> Effect:
-        breaches, relevant = self._judge(machine, step, before)
+        watched, breaches, relevant = self._judge(memory, machine, step, before)
         if step.event.name == "timer.cancel" or any(isinstance(c, Cancel) for c in step.commands):
             forget_unwanted(memory, self.bounds.owed)
         set_now = {(t[2], *t[3]) for timers in memory.looked_at_timers() for t in timers if t[1] >= FIRST_NEW}
@@ -240,33 +272,65 @@ class SituationExplorer:
             return _CUT
         in_order(memory)
         delta = dict(memory.changes())
-        timers = self.table.index["timers", ""], self.table.index["frozen", ""]
-        fresh = frozenset((kind, named.get(owner, owner), event) for kind, owner, event in set_now)
-        if fresh or any(slot in delta for slot in timers):
+        fresh = {(kind, named.get(owner, owner), event) for kind, owner, event in set_now}
+        self._set(delta, situation, WATCHED, watched or None)
+        fresh |= self._due_now(situation, watched)
+        slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]
+        if fresh or any(slot in delta for slot in slots):
             known = memory.fetch(self.table.index[RANKS]) or frozenset()
-            ranks = ranks_after(known, memory.timers, memory.frozen, fresh)
-            self._set(delta, situation, RANKS, ranks or None)
+            due = [*memory.timers, *deadlines_of(watched)]
+            self._set(delta, situation, RANKS, ranks_after(known, due, memory.frozen, fresh) or None)
         self._set(delta, situation, CALM, machine.calm)
         progress = any(isinstance(command, (Publish, Report)) for command in step.commands)
         renamed = tuple((old, new) for old, new in named.items() if "#" in new)
-        changes = tuple(delta.items())
-        return Effect(changes, breaches, relevant, step.taken, step.entered, progress, fresh, renamed)
+        return Effect(
+            tuple(delta.items()),
+            breaches,
+            relevant,
+            step.taken,
+            step.entered,
+            progress,
+            frozenset(fresh),
+            renamed,
+        )
+
+    def _due_now(self, situation: Situation, watched: Watched) -> set[TimerName]:
+        """Return the deadlines of properties that are set in a step."""
+        before = dict(self.table.get(situation, WATCHED) or ()) if watched else {}
+        new = tuple((name, state) for name, state in watched if before.get(name) != state)
+        return {(kind, *about) for _, _, kind, about in deadlines_of(new)}
 
     def _judge(
-        self, machine: Machine, step: Step, before: TrackedMemory | None
-    ) -> tuple[tuple[tuple[str, str], ...], frozenset[str]]:
-        """Return the properties that a step breaks, each with how, and those that it is about."""
+        self, memory: TrackedMemory, machine: Machine, step: Step, before: TrackedMemory | None
+    ) -> tuple[Watched, tuple[tuple[str, str], ...], frozenset[str]]:
+        """Return what properties remember, those that a step breaks, each with how, and those it is about."""
         # What always holds of a situation still does where nothing but live values changes.
         quiet = not (step.changed or step.codes or step.event.is_attempt_event)
         seen = Glance() if before is None else cast(Glance, _LazyGlance(before))
         passage = Passage(seen, step, machine.scope)
-        judged = [
-            (one.name, one.watch(one.first, passage)[1])
-            for one in self.properties
-            if not quiet or one not in BUILT_IN or (step.accepted is not None and one.name in _OF_REQUESTS)
-        ]
+        known: dict[str, Remembered] = {}
+        if len(self.properties) > len(BUILT_IN):
+            known = dict(memory.fetch(self.table.index[WATCHED]) or ())
+        judged = []
+        for one in self.properties:
+            if not quiet or one not in BUILT_IN or (step.accepted is not None and one.name in _OF_REQUESTS):
+                state, verdict = one.watch(known.get(one.name, one.first), passage)
+                known[one.name] = state
+                judged.append((one.name, verdict))
         breaches = tuple((name, verdict.breach) for name, verdict in judged if verdict.breach)
-        return breaches, frozenset(name for name, verdict in judged if verdict.relevant)
+        watched = tuple(sorted((name, state) for name, state in known.items() if state))
+        return watched, breaches, frozenset(name for name, verdict in judged if verdict.relevant)
+
+    def _late(self, memory: TrackedMemory, situation: Situation, name: str) -> Effect:
+        """Let the time of a property pass."""
+        one = next(each for each in self.properties if each.name == name)
+        known = dict(memory.fetch(self.table.index[WATCHED]) or ())
+        verdict = one.end(known[name], math.inf)
+        known[name] = (math.inf,)
+        delta: dict[int, int] = {}
+        self._set(delta, situation, WATCHED, tuple(sorted(known.items())))
+        breaches = ((name, verdict.breach),) if verdict.breach else ()
+        return Effect(tuple(delta.items()), breaches, frozenset({name}), (), (), progress=False)
 
     def _set(self, delta: dict[int, int], situation: Situation, name: tuple[str, str], value: Any) -> None:
         slot = self.table.index[name]

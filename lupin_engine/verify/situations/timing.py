@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Timer
 from lupin_engine.machine.step import Step
-from lupin_engine.verify.explorer import MORNING, Effect, SituationExplorer
-from lupin_engine.verify.situation import Situation, is_new
-from lupin_engine.verify.worlds import TimerName, WorldMove
+from lupin_engine.verify.situations.explorer import MORNING, Effect, SituationExplorer
+from lupin_engine.verify.situations.situation import Situation, is_new
+from lupin_engine.verify.situations.worlds import OF_PROPERTY, TimerName, WorldMove, running
 
 #: Between two things that happen, in seconds.
 GAP = 0.01
@@ -61,19 +61,19 @@ def _deadlines(
     explorer: SituationExplorer, way: Sequence[tuple[Situation, Effect]], made: Sequence[WorldMove]
 ) -> Iterator[Deadline]:
     """Yield every deadline along a way."""
-    running: dict[TimerName, Deadline] = {}
+    along: dict[TimerName, Deadline] = {}
     for number, (situation, effect) in enumerate(way):
-        armed = _by_name(explorer.table.get(situation, ("timers", "")))
+        armed = _by_name(running(explorer.table, situation))
         frozen = _by_name(explorer.table.get(situation, ("frozen", "")))
-        for name, one in list(running.items()):
+        for name, one in list(along.items()):
             if name in effect.fresh or (name not in armed and name not in frozen):
                 if number and made[number - 1].timer == name:
                     one.fired = number
                 elif not one.stops or len(one.stops[-1]) == 2:
                     one.waits.append(number)
-                yield running.pop(name)
+                yield along.pop(name)
         for name, delay in (armed | frozen).items():
-            one = running.setdefault(name, Deadline(number, delay))
+            one = along.setdefault(name, Deadline(number, delay))
             stopped = bool(one.stops) and len(one.stops[-1]) == 1
             if name in frozen and not stopped:
                 one.stops.append([number])
@@ -81,7 +81,7 @@ def _deadlines(
                 one.stops[-1].append(number)
             if not stopped and one.armed != number:
                 one.waits.append(number)
-    yield from running.values()
+    yield from along.values()
 
 
 def _by_name(timers: Sequence[Timer] | None) -> dict[TimerName, float]:
@@ -131,6 +131,8 @@ def _run(
     names: dict[str, str] = {}
     for move, time, (_, effect) in zip(made, times[1:], way[1:], strict=True):
         before = set(machine.memory.attempts)
+        if move.timer[0] == OF_PROPERTY:
+            break  # nothing happens then
         step = _carry_out(machine, move, time, names)
         if step is None or step.taken != effect.taken:
             return None

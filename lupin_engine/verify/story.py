@@ -1,0 +1,87 @@
+"""A counterexample as a story: a scenario that fails, and its run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import LupinError
+from lupin_engine.replay.reconstruction import RunRecord, script_of
+from lupin_engine.replay.yaml_text import yaml_text
+from lupin_engine.sim import SUFFIX
+from lupin_engine.sim.scenario import Missions, load_scenario_text
+from lupin_engine.sim.simulation import Run
+from lupin_engine.verify.proof import Proven
+from lupin_engine.verify.situations.graph import NO_ZENO, SILENCE
+from lupin_engine.verify.situations.relevance import invokes
+
+#: To how many digits times are written: the first with which the scenario fails will do.
+_DIGITS = (3, 6, 12)
+#: How much longer a scenario goes on that waits for something that does not come.
+_WAIT = "1 h"
+
+
+@dataclass(frozen=True)
+class FailingScenario:
+    """A scenario that fails because a property is broken: its file, its text and its run."""
+
+    file: Path
+    text: str
+    run: Run
+
+
+def failing_scenario(
+    broken: Proven, mission: Path, parameters: Mapping[str, Any], missions: Missions
+) -> FailingScenario | None:
+    """Return a scenario of a broken property; None where none was found that breaks it in a simulation.
+
+    A property of single steps is watched in every scenario, so nothing needs to be expected. For one of the
+    graph as a whole the scenario expects what cannot be reached: that the mission ends.
+
+    Args:
+        broken: the property, with the steps that lead to where it is broken.
+        mission: the file of the mission; the scenario stands beside it.
+        parameters: the settings of the proof.
+        missions: loads them.
+    """
+    if broken.steps is None or broken.name == NO_ZENO:
+        return None  # a simulation of a circle without time does not end
+    file = mission.with_name(f"{mission.stem}.{broken.name}{SUFFIX}")
+    record = RunRecord(broken.steps, dict(parameters))
+    chart = missions.chart(mission)
+    for digits in _DIGITS if not broken.of_the_graph else _DIGITS[-1:]:
+        parts = script_of(record, mission.stem, broken.says, chart, digits)
+        text = yaml_text({**parts, **_after(broken, chart, parts)})
+        run = _failing(broken, text, file, missions)
+        if run is not None:
+            return FailingScenario(file, text, run)
+    return None
+
+
+def _after(broken: Proven, chart: Chart, parts: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a scenario says of the time after the steps that lead to the breach."""
+    if not broken.of_the_graph:
+        return {"limit": _WAIT, "expect": {}} if broken.waits else {"expect": {}}
+    found: dict[str, Any] = {"limit": _WAIT}
+    if broken.name == SILENCE:
+        silent = dict.fromkeys(invoke.name for _, invoke in invokes(chart))
+        found["mocks"] = [*parts.get("mocks", ()), *({"do": name, "then": "never"} for name in silent)]
+    ended = (*chart.profile.stages.ended, *chart.profile.stages.ready)
+    labels = {state.label for state in chart.states.values()}
+    final = next((label for label in ended if label in labels), "")
+    return {**found, "expect": {"final": final} if final else {}}
+
+
+def _failing(broken: Proven, text: str, file: Path, missions: Missions) -> Run | None:
+    """Return the run of a scenario that shows the breach; None where it does not."""
+    try:
+        scenario = load_scenario_text(text, file, missions)
+        run = scenario.run()
+    except LupinError:
+        return None
+    if broken.of_the_graph:
+        return run if scenario.failures(run) else None
+    return run if any(name == broken.name for _, name, _ in run.violated) else None
