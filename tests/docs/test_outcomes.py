@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
 from lupin_engine.missions.folders import default_missions_folder
+from lupin_engine.sim.scripted import Between, MockOutcome, Rule
+from lupin_engine.sim.simulation import Simulation
 from tests.tools import load_tool
 
 ROOT = Path(__file__).parents[2]
@@ -131,3 +135,68 @@ def test_nothing_that_moves_is_started_while_held(generated: Cells, tool: Module
         assert not is_held or moving.isdisjoint(started), f"{event}: {row}, {column}: {cell}"
         moved += not moving.isdisjoint(started)
     assert moved, "no cell starts anything that moves: the words have changed"
+
+
+# -- not only where the tool leads --------------------------------------------------------------------------
+
+#: What a cell says of the way there: which targets are left, and what was reported before.
+_BY_HISTORY = ("closes ", "next target", "last_error")
+
+
+def test_a_cell_holds_in_situations_that_chance_leads_to(tool: ModuleType, asked: Cells) -> None:
+    """The first target in 400 random inspections, whatever was asked for and happened before."""
+    lab, differing, seen = tool.Lab(default_missions_folder()), list[str](), set[tuple[str, str, str]]()
+    for seed in range(400):
+        for place, cell in random_cells(tool, lab, random.Random(f"outcomes/{seed}")):
+            if place in asked:
+                seen.add(place)
+                wanted, found = (_without_history(text) for text in (asked[place], cell))
+                differing += [f"{place}: {wanted} / {found}"] if wanted != found else []
+    assert differing == []
+    assert len(seen) > 350
+
+
+def _without_history(cell: str) -> str:
+    parts = [part.partition("READY · ")[0] for part in cell.split("; ") if not part.startswith(_BY_HISTORY)]
+    return "; ".join(parts) or "nothing"
+
+
+def random_cells(
+    tool: ModuleType, lab: Any, dice: random.Random
+) -> Iterator[tuple[tuple[str, str, str], str]]:
+    """Yield what followed at once from each thing that happened by chance, as a cell of its place."""
+    operations = ("nav.localize", "nav.go_to", "nav.dock", "bridge.read_tag")
+    rules = tuple(Rule(name, (MockOutcome(after=Between(1.0, 20.0)),)) for name in operations)
+    simulation = lab._simulation(tool.Situation((), rules, parameters={"flower_scan_dwell_s": 5.0}))
+    simulation.begin()
+    often = ("start", "resume", "resume", "e-stop released", "battery recovered", "dependency back")
+    for _ in range(25):
+        until = simulation.now + dice.expovariate(1 / 6.0)
+        while simulation.next_due is not None and simulation.next_due <= until:
+            simulation.go_on()
+        simulation.wait_until(until)
+        event, before, known = (
+            dice.choice([*tool.EVENTS, *often]),
+            tool._Look.at(simulation),
+            len(simulation.steps),
+        )
+        place, is_meant = (event, before.row, _column(simulation)), _is_meant(simulation, before)
+        simulation.do(tool.EVENTS[event])
+        if is_meant:
+            yield place, tool._told(before, simulation.steps[known:], tool._Look.at(simulation))
+
+
+def _is_meant(simulation: Simulation, before: Any) -> bool:
+    """Say whether it is as the page takes it: at the first target, docked from there, no answer waits."""
+    memory, now = simulation.machine.memory, simulation.now
+    lacks = simulation.machine.input_value("missing", now) and "dependencies" not in before.row
+    walks = any(walk.begun for walk in memory.itineraries.values()) or "docked" not in before.row
+    is_first = before.view.target == "1" or not sum(before.view.counts.values())
+    return is_first and walks and not lacks and not memory.deferred
+
+
+def _column(simulation: Simulation) -> str:
+    held, machine = tuple(simulation.machine.memory.held), simulation.machine
+    if held == ("estop",):
+        return "e-stopped" if machine.input_value("estop", simulation.now) else "released"
+    return {(): "not held", ("pause",): "paused"}.get(held, "held by both")
