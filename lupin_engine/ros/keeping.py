@@ -145,8 +145,11 @@ class Keeping:
             self.begin(self._loaded, machine)
 
     def tend(self, machine: Machine) -> None:
-        """Write a snapshot, or begin another file, where one is due; to be called between steps."""
-        if self.journal.compact(machine):
+        """Write a snapshot, or begin another file, where one is due; to be called between steps.
+
+        Not while outcomes wait to be written: who begins at the snapshot would not know of them.
+        """
+        if self._writes.is_done and self.journal.compact(machine):
             self._begin_anew(machine)
 
     def look(self, machine: Machine) -> None:

@@ -92,6 +92,11 @@ class Slices:
             self._post(self._next_turn)
         self._go_on()
 
+    @property
+    def is_done(self) -> bool:
+        """Whether nothing waits."""
+        return not self._waiting
+
     def finish(self) -> None:
         """Do all that waits: there will be no other turn."""
         while self._waiting:

@@ -15,6 +15,7 @@ def test_what_is_too_much_for_a_turn_is_done_in_the_next_ones_in_order() -> None
     for number in range(2 * SLICE + 1):
         slices.add(partial(done.append, number))
     assert done == list(range(SLICE))
+    assert not slices.is_done
     (turn,) = posted
     posted.clear()
     turn()
@@ -23,6 +24,7 @@ def test_what_is_too_much_for_a_turn_is_done_in_the_next_ones_in_order() -> None
     while posted:
         posted.pop(0)()
     assert done == list(range(2 * SLICE + 2))
+    assert slices.is_done
 
 
 def test_a_few_are_done_at_once() -> None:
