@@ -41,34 +41,19 @@ main(["node", "mission_orchestrator", "--ros-args", "-p", "estop_timeout_s:=10.0
 
 
 class Desk(Operator):
-    """An operator who notes when the state came."""
-
-    def __init__(self) -> None:
-        super().__init__("desk")
-        self.times: list[float] = []
+    """An operator who knows when each state was told."""
 
     def spin(self, seconds: float) -> None:
         """Work for so long."""
         end = time.monotonic() + seconds
         self.until(lambda: time.monotonic() > end, "time", seconds + 60.0)
 
-    def until(self, condition: Any, what: str, timeout: float = 300.0) -> None:
-        """Work until a condition holds, and note every state."""
-
-        def holds() -> Any:
-            if len(self.states) > len(self.times):
-                self.times += [time.monotonic()] * (len(self.states) - len(self.times))
-            return condition()
-
-        super().until(holds, what, timeout)
-
     def silence(self) -> float:
-        """Return the longest time between two states since the last call, in seconds."""
-        found = max((b - a for a, b in itertools.pairwise(self.times)), default=0.0)
-        self.times.clear()
+        """Return the longest time between two states since the last call, by their stamps, in seconds."""
+        stamps = [state.header.stamp for state in self.states]
+        times = [stamp.sec + 1e-9 * stamp.nanosec for stamp in stamps]
         self.states[:-1] = []
-        self.times.append(time.monotonic())
-        return found
+        return max((after - before for before, after in itertools.pairwise(times)), default=0.0)
 
 
 @contextmanager
@@ -149,7 +134,6 @@ def measure_journal(seconds: float) -> None:
                 world.processes[NODE].terminate()
                 world.processes[NODE].wait(10.0)
                 desk.states.clear()
-                desk.times.clear()
                 world.run(NODE, [sys.executable, "-c", WITHOUT])
                 desk.in_state("READY")
             assert desk.start(*[str(number) for number in range(1, 8)]).accepted

@@ -19,6 +19,7 @@ from lupin_engine.bindings.catalog import BINDINGS, lupin_file
 from lupin_engine.bindings.reader import check_definition
 from lupin_engine.chart.findings import Findings
 from lupin_engine.errors import ChartError, LupinError
+from lupin_engine.machine.structure import dispatch_table
 from lupin_engine.missions.bundle import Bundle, check_signed, read_bundle, unpack
 from lupin_engine.missions.folders import (
     BUNDLE,
@@ -186,6 +187,8 @@ class FolderWatch:
         loaded: LoadedMissions | None = None
         try:
             loaded = self._folder.changed(current)
+            if loaded is not None:
+                dispatch_table(loaded.chart)  # kept for its machine: no step may take as long
         except Exception as problem:  # whoever waits must go on
             self._post(partial(self._failed, repr(problem)))
         self._post(partial(then, loaded))

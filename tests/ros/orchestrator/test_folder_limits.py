@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import shutil
-import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -64,15 +63,15 @@ def test_too_many_bytes_are_refused_and_a_running_node_goes_on(missions: Path) -
 
 
 class Watched:
-    """Someone who hears the state all the time."""
+    """Someone who hears the state all the time, and when each was told."""
 
     def __init__(self, operator: Operator) -> None:
         self.operator = operator
         self.times: list[float] = []
         operator.ros.subscribe(MissionState, "/mission/state", Qos.BACKLOG, self._hear)
 
-    def _hear(self, _: MissionState) -> None:
-        self.times.append(time.monotonic())
+    def _hear(self, state: MissionState) -> None:
+        self.times.append(state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec)
 
     @property
     def longest_silence(self) -> float:
@@ -130,4 +129,4 @@ def test_the_state_is_told_while_missions_are_loaded(
     told = len(watched.times)
     operator.until(lambda: len(watched.times) > told + 20, "states after that")
     record_property("silence_s", round(watched.longest_silence, 2))
-    assert watched.longest_silence < 1.5, "0.5 s where nothing else is done"
+    assert watched.longest_silence < 2.0, "the thread is let go on while files are read"

@@ -88,6 +88,7 @@ MORE = {
     "log_bytes",
     "log_files",
     "resume_policy",
+    "require_signed",  # only missions that somebody has signed
     "max_targets",  # a request of 65,535 targets held the node up for 43 s
     "estop_timeout_s",  # a stop that was told steadily and falls silent is engaged
     "other_battery_topic",  # robots tell their battery here or there
