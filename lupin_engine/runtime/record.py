@@ -50,8 +50,11 @@ def _plain(value: Any) -> Any:
 
 def command_record(command: Command) -> dict[str, Any]:
     """Return a command as JSON data, named by its kind."""
-    # A mission that is ended may publish thousands: they have nothing inside that must be copied.
-    data = vars(command) if isinstance(command, Publish) else asdict(command)
+    # A mission that is ended may tell of thousands of targets: these are plain already, and not copied.
+    if isinstance(command, Publish | Report):
+        data = {each.name: getattr(command, each.name) for each in fields(command)}
+    else:
+        data = asdict(command)
     return {"command": _NAMES[type(command)], **data}
 
 
