@@ -110,7 +110,7 @@ class Run:
                 heapq.heappop(self._due)[2]()
             self._look_after()
             self._hear(now)
-            if now - self._heard_at > FRESH_S or self._faults or self._respawning:
+            if now - self._heard_at > FRESH_S or self._faults or self._gone:
                 continue
             over_since = (over_since or now) if self._is_over() else None
             if over_since and (self._all_told() or now - over_since > STRAGGLER_S):
