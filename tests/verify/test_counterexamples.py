@@ -32,11 +32,17 @@ def test_a_breach_becomes_a_scenario_that_fails(tmp_path: Path, capsys: pytest.C
     shutil.copy(LIFECYCLE, tmp_path)
     mission = tmp_path / "planted.yaml"
     mission.write_text(PLANTED, encoding="utf-8")
-    assert main(["prove", str(mission), "--targets", "0", "--no-restarts"]) == 1
+    page = tmp_path / "proof.html"
+    assert main(["prove", str(mission), "--targets", "0", "--no-restarts", "--report", str(page)]) == 1
     told = capsys.readouterr().out
     assert "✗ never_c: never in_state('C')" in told
     assert "nav.localize failed: driver_error" in told
     assert "Planted: 2 broken;" in told
+    report = page.read_text(encoding="utf-8")
+    assert report.count("<svg") == 3, "what was reached, and a timeline for each of two counterexamples"
+    assert "<b class='broken'>2 broken</b>" in report
+    assert "planted.never_c.scenario.yaml" in report
+    assert "src=" not in report, "it needs nothing else"
     for name in ("never_c", "b_comes"):
         scenario = tmp_path / f"planted.{name}.scenario.yaml"
         assert main(["test", str(scenario)]) == 1

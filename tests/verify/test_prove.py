@@ -33,3 +33,14 @@ def test_wrong_usage_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     code, told = wrong(["inspection", "--budget", "60"], capsys)
     assert code == 2
     assert "--budget: expected duration, got '60'" in told
+
+
+def test_check_proves_within_a_budget(capsys: pytest.CaptureFixture[str]) -> None:
+    """What was not proven in time is told, and is no error; a budget that is none is."""
+    assert main(["check", "inspection", "--prove", "0 s"]) == 0
+    told = capsys.readouterr().out
+    assert "InspectionMission: not proven, the budget of 0 s ran out: 1 situations" in told
+    assert main(["check", "inspection", "--prove", "soon"]) == 2
+    assert "--prove: expected duration, got 'soon'" in capsys.readouterr().err
+    assert main(["check", "inspection", "--prove", "1 s", "--json"]) == 2
+    assert "--prove tells people" in capsys.readouterr().err

@@ -32,6 +32,12 @@ _BESIDE = {"part": "parts", "binding": "bindings"}
 @click.option("--strict", is_flag=True, help="Warnings count like errors for the exit code.")
 @click.option("--watch", "-w", is_flag=True, help="Check again whenever a file changes; Ctrl-C ends.")
 @click.option(
+    "--prove",
+    "budget",
+    metavar="DURATION",
+    help="Look at every way that the missions can go as well, for so long at most, such as '60 s'.",
+)
+@click.option(
     "--explain", metavar="RULE", help="Tell what a rule protects, with an example, and check nothing."
 )
 def check(
@@ -41,6 +47,7 @@ def check(
     as_github: bool,
     strict: bool,
     watch: bool,
+    budget: str | None,
     explain: str | None,
 ) -> int:
     """Check missions and tell everything that is wrong with them.
@@ -64,12 +71,24 @@ def check(
     named = " and ".join(f"--{form}" for form in forms)
     if len(forms) > 1:
         problems.add(f"{named} are different forms of the same findings; use one of them")
+    if budget is not None and (watch or forms):
+        problems.add("--prove tells people; leave out --json, --sarif, --github and --watch")
     if watch and forms:
         problems.add(f"--watch is for people and {named} for programs; use one of them")
     problems.tell()
     if watch:
         return watch_paths(paths, strict)
-    return check_paths(paths, forms[0] if forms else "text", strict)
+    code = check_paths(paths, forms[0] if forms else "text", strict)
+    return code if code or budget is None else _prove(paths, budget)
+
+
+def _prove(paths: Sequence[str], budget: str) -> int:
+    """Prove what `paths` name within a time; errors as for `check_paths`."""
+    from lupin_engine.cli.verbs.prove import prove_within, read_budget
+    from lupin_engine.missions.selection import folders
+
+    files = [file for name in paths or folders()[:1] for file in _meant_by(str(name))[1]]
+    return prove_within(list(dict.fromkeys(files)), read_budget("--prove", budget) or 0.0)
 
 
 def check_paths(paths: Sequence[str | Path], form: str = "text", strict: bool = False) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +49,12 @@ _EVERY = 1.0
 @click.option("--no-restarts", is_flag=True, help="The process does not end in the midst of a mission.")
 @click.option("--budget", metavar="DURATION", help="Stop after so much time, such as '60 s'.")
 @click.option("--no-scenarios", is_flag=True, help="Write no scenario that fails beside the mission.")
+@click.option(
+    "--report",
+    metavar="FILE.html",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write all that was found into one page.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as one JSON object.")
 @click.option("--quiet", "-q", is_flag=True, help="Print what is broken, and the last line.")
 @not_done()
@@ -60,6 +66,7 @@ def prove(
     no_restarts: bool,
     budget: str | None,
     no_scenarios: bool,
+    report: Path | None,
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -81,7 +88,9 @@ def prove(
     problems, catalog = Problems(UsageError), load_catalog()
     seconds = None
     with problems.collecting():
-        seconds = _seconds(budget)
+        seconds = read_budget("--budget", budget)
+    if report is not None and report.suffix != ".html":
+        problems.add(f"--report: {str(report)!r} must end in .html")
     loaded = [load_missions([name], catalog) for name in missions]
     worlds = []
     for one in loaded:
@@ -95,6 +104,11 @@ def prove(
         tell = _progress(one.names[0], seconds, not (as_json or quiet) and sys.stderr.isatty())
         proof = _proven(one, make_world(one.chart, parameters), bounds, tell)
         proofs.append((one, proof, {} if no_scenarios else _write_scenarios(one, proof, parameters)))
+    if report is not None:
+        from lupin_engine.cli.files import write_text
+        from lupin_engine.cli.proof_page import proof_page
+
+        write_text(report, proof_page(proofs, time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())))
     if as_json:
         click.echo(json.dumps([_record(one, proof, written) for one, proof, written in proofs], default=str))
     else:
@@ -105,13 +119,14 @@ def prove(
     return 0 if all(proof.complete for _, proof, _ in proofs) else NOT_PROVEN
 
 
-def _seconds(budget: str | None) -> float | None:
+def read_budget(option: str, budget: str | None) -> float | None:
+    """Read the duration of an option, in seconds; UsageError: it is none."""
     from lupin_engine.plugin.types import DURATION, convert
 
     try:
         return None if budget is None else float(convert(budget, DURATION))
     except ValueError as problem:
-        raise UsageError(f"--budget: {problem}; write a duration such as '60 s'") from None
+        raise UsageError(f"{option}: {problem}; write a duration such as '60 s'") from None
 
 
 def _proven(
@@ -146,6 +161,26 @@ def _progress(name: str, seconds: float | None, shown: bool) -> Callable[[Explor
         return f"the budget of {seconds:g} s ran out" if over else ""
 
     return look
+
+
+def prove_within(files: Sequence[Path], seconds: float) -> int:
+    """Prove missions within a time, shared among them; print what is broken and a line for each.
+
+    Returns:
+        `BROKEN`, or 0: what was not proven in time is told, and is no error.
+    """
+    from lupin_engine.missions.selection import load_missions
+    from lupin_engine.runtime.setup import make_world
+    from lupin_engine.verify.situations.explorer import Bounds
+
+    code = 0
+    for file in files:
+        loaded = load_missions([str(file)], load_catalog())
+        tell = _progress(loaded.names[0], seconds / len(files), shown=False)
+        proof = _proven(loaded, make_world(loaded.chart, {}), Bounds(), tell)
+        _show(loaded, proof, {}, quiet=True)
+        code = BROKEN if proof.broken else code
+    return code
 
 
 def _write_scenarios(
