@@ -8,6 +8,10 @@ from typing import Any
 import pytest
 
 from lupin_engine.cli.main import main
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.verify.proof import ProofVerdict, prove
+from lupin_engine.verify.situations.explorer import Bounds, ExplorationProgress
+from tests import shipped
 
 
 def test_a_budget_that_runs_out_proves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
@@ -44,3 +48,23 @@ def test_check_proves_within_a_budget(capsys: pytest.CaptureFixture[str]) -> Non
     assert "--prove: expected duration, got 'soon'" in capsys.readouterr().err
     assert main(["check", "inspection", "--prove", "1 s", "--json"]) == 2
     assert "--prove tells people" in capsys.readouterr().err
+
+
+def test_inspection_is_proven() -> None:
+    """The shipped mission with one target, in every situation: nothing is broken."""
+    proof = prove(make_world(shipped.mission("inspection"), {}), Bounds(targets=1, restarts=False))
+    assert proof.complete
+    assert proof.broken == []
+    assert {one.name for one in proof.properties if one.verdict is not ProofVerdict.HOLDS} == {"invariants"}
+
+
+def test_exploration_breaks_nothing_nearby() -> None:
+    """The first 15,000 situations of the other one; all of them take a minute."""
+
+    def far(progress: ExplorationProgress) -> str:
+        return "far enough" if progress.situations > 15_000 else ""
+
+    world = make_world(shipped.mission("exploration"), {"monitoring_sweeps": 1})
+    proof = prove(world, Bounds(targets=1), far)
+    assert proof.stopped == "far enough"
+    assert proof.broken == []
