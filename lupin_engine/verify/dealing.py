@@ -6,14 +6,23 @@ lost with its worker is dealt out again, so no seed is lost.
 
 from __future__ import annotations
 
+import signal
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import islice
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +109,20 @@ def make_task(loaded: LoadedMissions, rates: Path | None, parameters: Mapping[st
         "rates.yaml",
         tuple(sorted(parameters.items())),
     )
+
+
+class WorkerProcesses(ProcessPoolExecutor):
+    """Processes of this computer, which leave a Ctrl-C to the one that deals out, and end with it at once."""
+
+    def __init__(self, workers: int) -> None:
+        super().__init__(workers, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End; with `cancel_futures` what is under way is not waited for either."""
+        working = list((self._processes or {}).values())
+        super().shutdown(wait, cancel_futures=cancel_futures)
+        for process in working if cancel_futures else ():
+            process.terminate()
 
 
 @dataclass

@@ -19,7 +19,15 @@ from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.sim.scenario import Missions, load_scenario
 from lupin_engine.verify.campaign import Campaign, CampaignSum
-from lupin_engine.verify.dealing import BATCH, CampaignTask, Dealer, make_task, run_batch, run_seeds
+from lupin_engine.verify.dealing import (
+    BATCH,
+    CampaignTask,
+    Dealer,
+    WorkerProcesses,
+    make_task,
+    run_batch,
+    run_seeds,
+)
 from lupin_engine.verify.minimise import Minimiser
 from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.rates import default_rates, read_rates
@@ -106,6 +114,30 @@ def test_a_worker_that_is_killed_loses_no_seed(tmp_path: Path) -> None:
     found = dealer.run()
     assert (len(killer.made) > 1, dealer.lost > 0, found.seeds) == (True, True, 5 * BATCH)
     assert facts(found) == facts(run_seeds(campaign, range(5 * BATCH)))
+
+
+def test_an_interruption_ends_the_workers_at_once(tmp_path: Path) -> None:
+    """What came back is kept; nobody waits for what is under way."""
+    campaign = made(tmp_path, RATES.replace("10 min", "30 min"))
+    made_here: list[WorkerProcesses] = []
+
+    def processes() -> Executor:
+        made_here.append(WorkerProcesses(2))
+        return made_here[0]
+
+    def interrupt(_: CampaignSum) -> None:
+        working.extend((made_here[0]._processes or {}).values())
+        raise KeyboardInterrupt
+
+    working: list[Any] = []
+    task = make_task(campaign.loaded, tmp_path / "rates.yaml", {})
+    dealer = Dealer(campaign, 50 * BATCH, interrupt, processes, 2, task)
+    with pytest.raises(KeyboardInterrupt):
+        dealer.run()
+    for process in working:
+        process.join(20.0)
+    assert (len(working), [process.is_alive() for process in working]) == (2, [False, False])
+    assert dealer.found.seeds == BATCH
 
 
 class Breaks(Executor):

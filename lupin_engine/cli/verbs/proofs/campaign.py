@@ -72,13 +72,13 @@ def campaign(
 
     Exit code: 0 nothing is violated; 1 something is; 2 it could not be run; 130 interrupted.
     """
-    from lupin_engine.verify.dealing import Dealer, make_task
+    from lupin_engine.verify.dealing import Dealer, WorkerProcesses, make_task
 
     found = _campaign(mission, rates, settings)
     workers = min(jobs or os.cpu_count() or 1, seeds)
     dealer = Dealer(found, seeds, workers=workers)
     if cluster or workers > 1:
-        dealer.executors = _cluster(cluster, dealer) if cluster else _processes(workers)
+        dealer.executors = _cluster(cluster, dealer) if cluster else lambda: WorkerProcesses(workers)
         dealer.task = make_task(found.loaded, rates, found.parameters)
     began, interrupted = time.perf_counter(), False
     try:
@@ -119,20 +119,6 @@ def _campaign(mission: str, rates: Path | None, settings: tuple[str, ...]) -> Ca
 
 
 # -- who does the work -----------------------------------------------------------------------------------
-
-
-def _processes(workers: int) -> Callable[[], Executor]:
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    return lambda: ProcessPoolExecutor(workers, get_context("spawn"), _deaf)
-
-
-def _deaf() -> None:
-    """Let Ctrl-C be the business of the process that deals out."""
-    import signal
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _cluster(address: str, dealer: Dealer) -> Callable[[], Executor]:
