@@ -6,6 +6,7 @@ lost with its worker is dealt out again, so no seed is lost.
 
 from __future__ import annotations
 
+import gc
 import signal
 import tempfile
 import time
@@ -33,6 +34,8 @@ from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.verify.campaign import Campaign, CampaignSum
 from lupin_engine.verify.rates import default_rates, read_rates
 
+#: After how many steps garbage is looked for.
+STEPS_KEPT = 20_000
 #: A batch of seeds, and how often it was dealt out.
 _Dealt = tuple[range, int]
 #: How many seeds a batch has, how many batches wait for each worker, how often one is dealt out at most.
@@ -87,10 +90,16 @@ def run_batch(task: CampaignTask, seeds: range) -> CampaignSum:
 
 
 def run_seeds(campaign: Campaign, seeds: range) -> CampaignSum:
-    """Run some seeds one after the other."""
-    found, began = CampaignSum(), time.process_time()
+    """Run some seeds one after the other.
+
+    The command line looks for no garbage by itself; so it is looked for here, between runs.
+    """
+    found, began, clean = CampaignSum(), time.process_time(), 0
     for seed in seeds:
         campaign.run(seed, found)
+        if found.steps - clean > STEPS_KEPT:
+            gc.collect()
+            clean = found.steps
     found.processor = time.process_time() - began
     return found
 
