@@ -161,7 +161,7 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
         f"{owed} may still answer late, when nobody waits for that any more; what else is late is dropped.",
         "A deadline fires at any time, but not before one that was certainly due earlier.",
         f"{len(classes.requests)} requests, {len(classes.values)} values of inputs and {len(classes.events)}"
-        " events of plugins come at any time; of equal events one waits during a hold.",
+        " events of plugins come at any time; of equal events, and of times of day, one waits during a hold.",
         "The parameters are as given; the robot's clock stands still for whoever reads it.",
     ]
     found.append("What an operation's mock leaves behind as a live value was told before it ends well.")

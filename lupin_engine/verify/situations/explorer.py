@@ -272,7 +272,7 @@ class SituationExplorer:
             return _CUT
         in_order(memory)
         delta = dict(memory.changes())
-        fresh = {(kind, named.get(owner, owner), event) for kind, owner, event in set_now}
+        fresh = {(kind, named.get(owner, owner), event) for kind, owner, event in set_now if kind != "at"}
         self._set(delta, situation, WATCHED, watched or None)
         fresh |= self._due_now(situation, watched)
         slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]

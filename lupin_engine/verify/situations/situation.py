@@ -15,6 +15,7 @@ import pickle
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from typing import Any
 
+from lupin_engine.errors import shortened
 from lupin_engine.machine.memory import Memory, Phase, Timer
 from lupin_engine.verify.situations.relevance import Relevance
 
@@ -118,7 +119,9 @@ class SlotTable:
             self._values[slot].append(kept)
             if found > self._most:
                 what = ".".join(filter(None, name))
-                raise TooMany(f"{what} grows: it has had {found} values, the last one {value!r}")
+                raise TooMany(
+                    f"{what} grows: it has had {found} values, the last one {shortened(repr(value), 200)}"
+                )
         return found
 
     def value(self, slot: int, number: int) -> Any:
@@ -381,8 +384,7 @@ def settle_names(memory: TrackedMemory) -> dict[str, str]:
             attempt.id = name
     for field in ("timers", "frozen"):
         if renamed or memory.is_set(field):
-            numbered = [_numbered(timer, n, named) for n, timer in enumerate(getattr(memory, field), 1)]
-            setattr(memory, field, numbered)
+            setattr(memory, field, _lasting(getattr(memory, field), named))
     return named
 
 
@@ -407,6 +409,20 @@ def is_new(name: str) -> bool:
     return name[:1] == "a" and name[1:].isdigit()
 
 
-def _numbered(timer: Timer, number: int, named: Mapping[str, str]) -> Timer:
-    due, _, kind, (owner, event) = timer
-    return due, number, kind, (named.get(owner, owner), event)
+def _lasting(timers: list[Timer], named: Mapping[str, str]) -> list[Timer]:
+    """Return deadlines with their lasting names, in order of time and then of setting, numbered by that.
+
+    A time of day may come at any time, on no date in particular.
+    """
+    found = []
+    for due, _, kind, (owner, event) in timers:
+        if kind == "at":
+            word, _, time = event.split(" ")
+            due, event = _AT, f"{word} {_ANY_DATE} {time}"
+        found.append((due, kind, (named.get(owner, owner), event)))
+    found.sort(key=lambda timer: (timer[0], timer[2] if timer[1] == "at" else ("", "")))
+    return [(due, number, kind, about) for number, (due, kind, about) in enumerate(found, 1)]
+
+
+#: How far away every time of day is, in seconds, and the date that it is on.
+_AT, _ANY_DATE = 3600.0, "2026-01-01"

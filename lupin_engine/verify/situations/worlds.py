@@ -17,6 +17,7 @@ from typing import Any
 
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import RESUMED, Event
+from lupin_engine.machine.inputs import WAITS
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Attempt, Phase, Timer
 from lupin_engine.machine.step import Step
@@ -199,6 +200,8 @@ class WorldMoves:
 
     def _fire(self, machine: Machine, memory: TrackedMemory, wanted: TimerName) -> Step | None:
         kind, owner, event = wanted
+        if kind == "at" and any(waiting.name == WAITS for waiting in memory.deferred):
+            return None  # of times of day one waits for the release
         timers = memory.timers
         found = next(t for t in timers if (t[2], *t[3]) == wanted)
         timers.remove(found)
@@ -277,7 +280,8 @@ def ranks_after(
         frozen: those that a hold stops.
         fresh: what is set in this step.
     """
-    named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in _both(armed, frozen)]
+    both = ((timer, stopped) for timer, stopped in _both(armed, frozen) if timer[2] != "at")
+    named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in both]
     stops = {name: stopped for name, _, stopped in named}
     old = stops.keys() - fresh
     pairs = {(a, b) for a, b in before if a in old and b in old and (stops[b] or not stops[a])}
