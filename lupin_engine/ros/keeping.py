@@ -179,8 +179,8 @@ class Keeping:
     def publish_again(
         self, found: LookBack, new: Iterable[tuple[Publish, Fields]], send: Callable[[Fields], None]
     ) -> None:
-        """Publish what was written and not published, and what is new; a repeat has the same fields."""
-        for number, fields in found.left.unpublished.items():
+        """Publish what was told, and what is new; a repeat has the same fields."""
+        for number, fields in found.left.told.items():
             self._send_when_kept(number, fields, send)
         for told, fields in new:
             self.publish(told, partial(_given, fields), send)

@@ -19,7 +19,6 @@ from lupin_engine.runtime.journal.records import (
     ANSWERED,
     INPUTS,
     OUTCOME,
-    PUBLISHED,
     SNAPSHOT,
     JournalError,
     JournalFile,
@@ -28,8 +27,11 @@ from lupin_engine.runtime.journal.records import (
 )
 from lupin_engine.runtime.journal.replay import replay, tail
 
-#: How many files are looked at for what was written and not published: a mission's, and the one that follows.
+#: How many files are looked at for what was told: a mission's, and the one that follows.
 LOOKED_AT = 2
+#: So many of the newest outcomes are told again: what was published died with its publisher, and whoever was
+#: not there then has none of it. A repeat is the same message.
+BACKLOG = 50
 
 
 @dataclass(frozen=True)
@@ -43,13 +45,13 @@ class KeptCommand:
 
 @dataclass(frozen=True)
 class Leftover:
-    """The newest file of a journal, and outcomes that were written and not published, by number.
+    """The newest file of a journal, and the newest outcomes, published or not, by number.
 
     `outcomes` is how many there were. `commands` are those of the newest files, by id, in their order.
     """
 
     file: JournalFile
-    unpublished: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    told: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     outcomes: int = 0
     commands: Mapping[str, KeptCommand] = field(default_factory=dict)
 
@@ -93,11 +95,10 @@ def leftover(folder: Path) -> tuple[Leftover | None, list[str]]:
     if not found:
         return None, problems
     records = [record for file in reversed(found) for record in file.records]
-    marked = {record.data[0] for record in records if record.kind == PUBLISHED}
     told = {record.data[0]: record.data[2] for record in records if record.kind == OUTCOME}
-    unpublished = {number: fields for number, fields in told.items() if number not in marked}
+    newest = dict(list(told.items())[-BACKLOG:])
     outcomes = max([found[0].head.outcomes, *told])
-    return Leftover(found[0], unpublished, outcomes, _commands(records)), problems
+    return Leftover(found[0], newest, outcomes, _commands(records)), problems
 
 
 def _commands(records: list[JournalRecord]) -> dict[str, KeptCommand]:

@@ -96,6 +96,20 @@ def test_a_command_is_done_once_also_by_the_next_orchestrator(world: World, oper
     assert sorted(outcomes(operator).items()) == [(("1", 3), 1), (("12", 0), 1), (("5", 0), 1)]
 
 
+def test_who_was_away_gets_from_the_next_one_what_the_last_one_told(world: World, operator: Operator) -> None:
+    """The backlog of a publisher dies with it: a twin that was down meanwhile would never hear of that."""
+    world.start_all(speed=2.0)
+    operator.in_state("READY")
+    assert operator.start("1", "5").accepted
+    operator.until(lambda: len(operator.observations) == 1, "the first outcome")
+    kill(world)
+    late = Operator("late")
+    start_again(world, operator)
+    late.until(lambda: late.observations, "what was told before")
+    assert late.observations[0] == operator.observations[0]
+    late.ros.close()
+
+
 def test_what_was_missing_when_it_died_may_be_back(world: World, operator: Operator, own_state: Path) -> None:
     """Else no mission could be started any more after this one, for something that is there."""
     world.start_all(speed=1.0)
