@@ -33,7 +33,7 @@ FOLDERS: Mapping[str, str] = MappingProxyType(
     {
         **dict.fromkeys(("lsp", "schema", "types"), "verbs.programs"),
         **dict.fromkeys(("bundle", "security"), "verbs.doors"),
-        "campaign": "verbs.proofs",
+        **dict.fromkeys(("prove", "campaign"), "verbs.proofs"),
     }
 )
 #: verb -> what it does. Each lives in the module `lupin_engine.cli.verbs.VERB` under its own name.

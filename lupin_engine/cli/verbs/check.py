@@ -84,7 +84,7 @@ def check(
 
 def _prove(paths: Sequence[str], budget: str) -> int:
     """Prove what `paths` name within a time; errors as for `check_paths`."""
-    from lupin_engine.cli.verbs.prove import prove_within, read_budget
+    from lupin_engine.cli.verbs.proofs.prove import prove_within, read_budget
     from lupin_engine.missions.selection import folders
 
     files = [file for name in paths or folders()[:1] for file in _meant_by(str(name))[1]]

@@ -106,7 +106,7 @@ def prove(
         proofs.append((one, proof, {} if no_scenarios else _write_scenarios(one, proof, parameters)))
     if report is not None:
         from lupin_engine.cli.files import write_text
-        from lupin_engine.cli.proof_page import proof_page
+        from lupin_engine.cli.verbs.proofs.proof_page import proof_page
 
         write_text(report, proof_page(proofs, time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())))
     if as_json:
