@@ -74,7 +74,9 @@ def test_a_photo_round(world: World, operator: Operator, tmp_path: Path) -> None
     restarts.kill_in("NAVIGATING", "RETURNING")
     operator.until_done(published=2)
     assert restarts.told() == [("1", 0), ("5", 0)]
-    assert sorted(file.name for file in tmp_path.glob("*.pgm")) == ["photo1.pgm", "photo2.pgm"]
+    # One that was taken when nobody was left to hear of it is taken again.
+    taken = {file.name for file in tmp_path.glob("*.pgm")}
+    assert {"photo1.pgm", "photo2.pgm"} <= taken <= {"photo1.pgm", "photo2.pgm", "photo3.pgm"}
 
 
 def test_a_night_watch(world: World, operator: Operator, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 
@@ -104,7 +105,7 @@ def test_a_journal_that_is_required_holds_the_mission(world: World, operator: Op
 
 def limited(world: World, *parameters: str) -> None:
     """Start an orchestrator whose files may have 5 kB."""
-    lupin = Path(sys.executable).with_name("lupin")
+    lupin = shlex.quote(str(Path(sys.executable).with_name("lupin")))
     given = " ".join(["--ros-args", "-p", "estop_timeout_s:=10.0", *parameters])
     command = f"ulimit -f 5; exec {lupin} node mission_orchestrator {given} > /dev/null 2> >(cat >&2)"
     world.run("mission_orchestrator", ["bash", "-c", command])
