@@ -25,6 +25,9 @@ from lupin_engine.ros.adapter.qos import Qos
 
 #: Period of the check of the servers while a goal is active, in seconds; there is none otherwise.
 WATCH_PERIOD_S = 1.0
+#: How often a server that has appeared is asked for a result: before both have found each other an answer is
+#: lost, which its middleware calls "client will not receive response".
+ASKS = 3
 #: How long a closed client, and the end of a node, waits for the answers of its cancels, in seconds.
 CANCEL_LIMIT_S = 2.0
 
@@ -187,6 +190,7 @@ class Goal:
         self._accepted = False
         self._over = False
         self._result_overdue = False
+        self._asks_left = 0
         self._cancelling: Future | None = None
         self._cancel_unanswered = False
         self._abandoned = False
@@ -216,8 +220,11 @@ class Goal:
     def look(self, server_appeared: bool) -> None:
         """Repair what an outage may have lost; called while the goal is active."""
         finished = self._handle.status in _TERMINAL
-        if server_appeared or (finished and self._result_overdue):
+        if server_appeared:
+            self._asks_left = ASKS
+        if self._asks_left or (finished and self._result_overdue):
             self._ask_result()
+        self._asks_left = max(0, self._asks_left - 1)
         self._result_overdue = finished
         if self._cancel_unanswered and self._caller.ready():
             self._send_cancel()
