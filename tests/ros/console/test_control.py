@@ -278,8 +278,8 @@ def seconds(page: Page) -> float:
 def is_right(page: Page, attendant: Attendant) -> bool:
     """Whether the page's time that is left is the orchestrator's, within 2.5 s."""
     attendant.spin(0.02)
-    (asked,) = attendant.asked()
-    return abs(seconds(page) - asked.left) < 2.5
+    asked = attendant.asked()  # the page may have heard of it before
+    return len(asked) == 1 and abs(seconds(page) - asked[0].left) < 2.5
 
 
 def test_a_question_is_answered(

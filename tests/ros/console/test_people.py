@@ -16,6 +16,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from tests.ros.console.asking import command
 from tests.ros.console.conftest import DESK, PATIENCE_MS, Served
+from tests.ros.launch.processes import until
 
 
 @pytest.fixture
@@ -100,7 +101,9 @@ def test_notifications_outlive_the_gateway(context: BrowserContext, robot: Serve
 
 
 def test_the_report_of_a_shift_is_counted_printed_and_saved(console: Page, tmp_path: Path) -> None:
-    assert command(console, "start", "ExplorationMission", '{"discovery_goal": 2}')["accepted"]
+    start = ("start", "ExplorationMission", '{"discovery_goal": 2}')
+    # Refused while the stop of the test before is on its way to its end.
+    until(lambda: command(console, *start)["accepted"], "a mission begins")
     expect(console.locator(".where b")).to_have_text("MONITORING")
     command(console, "abort")
     expect(console.locator(".where b")).to_have_text("DONE")
