@@ -82,6 +82,14 @@ settings = click.option(
     multiple=True,
     help="A parameter of the mission, such as nav_timeout_s='90 s', or of a node, written NODE.NAME=VALUE.",
 )
+#: For verbs without ROS, where no node runs.
+mission_settings = click.option(
+    "--set",
+    "settings",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="A parameter, such as nav_timeout_s='90 s'.",
+)
 sim = click.option(
     "--sim",
     metavar="NAME=VALUE",

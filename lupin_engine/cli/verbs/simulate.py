@@ -26,13 +26,7 @@ if TYPE_CHECKING:
 
 @click.command(cls=options.RequestCommand, short_help="Run a mission in virtual time, without ROS.")
 @click.argument("mission")
-@click.option(
-    "--set",
-    "settings",
-    metavar="NAME=VALUE",
-    multiple=True,
-    help="A parameter, such as nav_timeout_s='90 s'.",
-)
+@options.mission_settings
 @click.option(
     "--clock",
     metavar="DATE TIME",

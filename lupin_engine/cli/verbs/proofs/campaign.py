@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lupin_engine.cli import options
 from lupin_engine.cli.files import write_text
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.plugin.registry import load_catalog
@@ -19,8 +20,6 @@ from lupin_engine.plugin.registry import load_catalog
 if TYPE_CHECKING:
     from lupin_engine.verify.campaign import Campaign, CampaignSum, Violation
     from lupin_engine.verify.dealing import Dealer
-
-INTERRUPTED = 130
 
 
 @click.command(short_help="Run a mission in thousands of random worlds.")
@@ -31,13 +30,7 @@ INTERRUPTED = 130
     type=click.Path(path_type=Path, dir_okay=False),
     help="How often what goes wrong (YAML); without it everything does now and then.",
 )
-@click.option(
-    "--set",
-    "settings",
-    metavar="NAME=VALUE",
-    multiple=True,
-    help="A parameter, such as nav_timeout_s='90 s'.",
-)
+@options.mission_settings
 @click.option(
     "--jobs", "-j", type=click.IntRange(min=1), help="Worker processes; default: one for each core."
 )
@@ -99,6 +92,8 @@ def campaign(
         _tell(found, dealer.found, took, written, quiet)
         if interrupted:
             click.echo(f"interrupted after {dealer.found.seeds} of {seeds} seeds; the rest was not looked at")
+    from lupin_engine.ros.launch.monitor import INTERRUPTED
+
     return INTERRUPTED if interrupted else 1 if dealer.found.first else 0
 
 

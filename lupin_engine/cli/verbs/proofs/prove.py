@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lupin_engine.cli import options
 from lupin_engine.cli.exit_codes import BROKEN, NOT_PROVEN, not_done
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.plugin.registry import load_catalog
@@ -33,9 +34,7 @@ _EVERY = 1.0
 
 @click.command(short_help="Look at every way that missions can go, without ROS.")
 @click.argument("missions", nargs=-1, required=True)
-@click.option(
-    "--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter, such as monitoring_sweeps=2."
-)
+@options.mission_settings
 @click.option(
     "--targets", type=click.IntRange(0, 8), default=2, show_default=True, help="Longest itinerary and list."
 )
