@@ -20,7 +20,14 @@ from lupin_engine.replay.reconstruction import RunRecord
 from lupin_engine.replay.why import GuardWitness, LivedStep
 from lupin_engine.runtime.history import History
 from lupin_engine.runtime.journal.journal import CHARTS, journal_files
-from lupin_engine.runtime.journal.records import END, RESUMED, JournalError, JournalFile, read_journal
+from lupin_engine.runtime.journal.records import (
+    END,
+    REFUSED,
+    RESUMED,
+    JournalError,
+    JournalFile,
+    read_journal,
+)
 from lupin_engine.runtime.journal.replay import replay
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.simulation import Run, Script, simulate
@@ -154,8 +161,20 @@ def live_again(run: JournaledRun, chart: Chart) -> tuple[list[LivedStep], Machin
                 held = tuple(machine.memory.held)
                 by = str(record.origin.get("by", ""))
                 lived.append(LivedStep(step, record.wall, by, held, witness.of(each.step)))
+            elif record.kind == REFUSED:
+                _note_more(lived, *record.data)
     assert machine is not None, "a file that was read has a head"
     return lived, machine
+
+
+def _note_more(lived: list[LivedStep], request: str, code: str, more: int) -> None:
+    """Note at the last request of a name that was refused with a code how many like it are not written."""
+    for index in reversed(range(len(lived))):
+        step = lived[index].step
+        if step.event.name.startswith(request) and step.refusal is not None and step.refusal.code == code:
+            noted = replace(step, notes=(*step.notes, f"and {more} more like it"))
+            lived[index] = replace(lived[index], step=noted)
+            return
 
 
 def as_run(chart: Chart, lived: Iterable[LivedStep], machine: Machine) -> Run:

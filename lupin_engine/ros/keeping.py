@@ -10,6 +10,7 @@ from lupin_engine import __version__
 from lupin_engine.machine.event import HELD_BACK, TOLD, Event
 from lupin_engine.machine.holds import UNRECORDED
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.requests import Possibility
 from lupin_engine.machine.step import Refusal, Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import CLOSED_CODE, RECORDED_CODE, UNRECORDED_CODE, Parameter
@@ -22,6 +23,7 @@ from lupin_engine.ros.resuming import LookBack
 from lupin_engine.runtime.journal.journal import Journal, Keep, journal_folder
 from lupin_engine.runtime.journal.records import JournalHead
 from lupin_engine.runtime.journal.recovery import Leftover
+from lupin_engine.runtime.journal.refusals import Refusals
 
 #: The node's parameters about its journal.
 JOURNAL_PARAMETERS: Mapping[str, Parameter] = {
@@ -56,16 +58,22 @@ class Keeping:
         size = 1_000_000 * int(given["journal_megabytes"])
         keep = Keep(int(given["journal_missions"]), float(given["journal_days"]), size)
         self.journal = Journal(self.folder, keep, self._post, self._changed)
+        self._refusals = Refusals(self.journal.refused)
         #: What is written of many targets at once, and what is published of them.
         self._writes, self._slices = Slices(ros.post), Slices(ros.post)
         self._loaded: LoadedMissions | None = None
         self._retry_at = 0.0
         self._part = 1
 
-    def refusal(self, request: Event, profile: Profile) -> Refusal | None:
-        """Say why a request cannot be taken while nothing can be written down, unless it stops something."""
+    def refusal(self, request: Event, foreseen: Possibility, profile: Profile) -> Refusal | None:
+        """Say why a request is refused without a step; None where it is the machine's to answer.
+
+        While nothing can be written down none is taken, unless it stops something; and what is foreseen to be
+        refused is only counted where that was written many times already.
+        """
         if not (self.required and self.journal.problem):
-            return None
+            found, now = foreseen.refusal, self._ros.elapsed()
+            return found if found and self._refusals.is_one_more(request, found.code, now) else None
         name = request.name.rpartition(".")[2]
         known = profile.requests.get(name) if request.name.startswith("operator.") else None
         if known is not None and known.however_late:
@@ -75,6 +83,7 @@ class Keeping:
 
     def close(self) -> None:
         """Have all that was noted on the disk, and end."""
+        self._refusals.tell_all()
         self._writes.finish()
         self._slices.finish()
         self.journal.close()
@@ -89,6 +98,7 @@ class Keeping:
         self, loaded: LoadedMissions, machine: Machine, mission: str = "", mission_id: str = ""
     ) -> None:
         """Begin a file with the memory of a machine as it is, for a mission or for the time between them."""
+        self._refusals.tell_all()
         self._writes.finish()  # the outcomes of a file's steps are in that file
         if loaded is not self._loaded:
             names = loaded.short_names
@@ -118,11 +128,9 @@ class Keeping:
             )
         )
 
-    def before(self, request: Event, machine: Machine) -> None:
+    def before(self, request: Event, foreseen: Possibility, machine: Machine) -> None:
         """Begin a mission's file where a request is about to start it."""
-        if request.name != START or self._loaded is None:
-            return
-        if machine.foresee(request, self._ros.elapsed()).possible:
+        if request.name == START and foreseen.possible and self._loaded is not None:
             data = request.data
             self.begin(self._loaded, machine, str(data["mission_type"]), str(data.get("mission_id", "")))
 
@@ -155,6 +163,7 @@ class Keeping:
     def look(self, machine: Machine) -> None:
         """Notice a disk that does not answer, and try again where it has failed; called now and then."""
         self.journal.look()
+        self._refusals.look(self._ros.elapsed())
         if self.journal.problem and self._ros.elapsed() >= self._retry_at:
             self._retry_at = self._ros.elapsed() + RETRY_S
             self._begin_anew(machine)

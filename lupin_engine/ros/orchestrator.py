@@ -101,7 +101,7 @@ class Orchestrator:
         drivers: dict[str, Driver] = {}
         self._telling = Telling(ros, self._clock, loaded)
         self._keeping = Keeping(ros, self._telling.boot, self._work, lambda event: self._engine.post(event))
-        back = look_back(ros, self._keeping.folder, loaded, given)
+        back, lost = look_back(ros, self._keeping.folder, loaded, given)
         if back is not None and back.machine is not None:
             machine = back.machine
             ros.lineage = back.left.file.head.lineage or ros.lineage
@@ -149,6 +149,8 @@ class Orchestrator:
         # Real time: the state is told five times a second also while simulated time stands still.
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
         self._begin(back)
+        if lost:
+            self._engine.post(Event(TOLD, {"code": CLOSED_CODE, "detail": lost}))
         self._work()
         self._offer()
         self._telling.chart()
@@ -367,9 +369,10 @@ class Orchestrator:
     def _ask(self, event: Event, origin: Mapping[str, str] = NOTHING) -> Step:
         self._origin = event, origin
         self._work()
-        refusal = self._keeping.refusal(event, self._chart.profile)
+        foreseen = self._machine.foresee(event, self._clock.now())
+        refusal = self._keeping.refusal(event, foreseen, self._chart.profile)
         if refusal is None:
-            self._keeping.before(event, self._machine)
+            self._keeping.before(event, foreseen, self._machine)
             step = self._engine.request(event, origin)
         else:
             memory, now = self._machine.memory, self._clock.now()

@@ -15,7 +15,7 @@ from lupin_engine.plugin.contract import CLOSED_CODE, Parameter
 from lupin_engine.plugin.profile import Publish, Rating
 from lupin_engine.plugin.types import TEXT
 from lupin_engine.ros.adapter.node import RosNode
-from lupin_engine.runtime.journal.journal import CHARTS
+from lupin_engine.runtime.journal.journal import CHARTS, journal_files, mission_in_name
 from lupin_engine.runtime.journal.recovery import (
     Leftover,
     Recovered,
@@ -55,8 +55,10 @@ class LookBack:
 
 def look_back(
     ros: RosNode, folder: Path, loaded: LoadedMissions, given: Mapping[str, Any]
-) -> LookBack | None:
-    """Return what an orchestrator of this domain left behind; None where there was none.
+) -> tuple[LookBack | None, str]:
+    """Return what an orchestrator of this domain left behind; None where there was none that can be used.
+
+    With it comes which mission was under way last if that cannot be read, and why; '' where it can.
 
     Raises:
         UsageError: there is no such policy.
@@ -67,7 +69,11 @@ def look_back(
     left, problems = leftover(folder)
     for problem in problems:
         ros.log.warning("journal", problem=problem)
-    return None if left is None else _judged(left, folder, loaded, policy)
+    newest = next(reversed(journal_files(folder)), None)
+    lost = mission_in_name(newest) if newest is not None else ""
+    if lost and (left is None or left.file.path != newest):
+        return None, f"{lost}: {problems[0]}"
+    return None if left is None else _judged(left, folder, loaded, policy), ""
 
 
 def _judged(left: Leftover, folder: Path, loaded: LoadedMissions, policy: str) -> LookBack:

@@ -29,6 +29,7 @@ from lupin_engine.runtime.journal.records import (
     LOADED,
     OUTCOME,
     PUBLISHED,
+    REFUSED,
     RESUMED,
     SNAPSHOT,
     START,
@@ -165,7 +166,7 @@ class Journal:
     def _make_room(self, current: Path) -> None:
         """Remove what is older or more than is kept, but never the file that is written."""
         files = journal_files(self.folder)
-        idle = [file for file in files if file.stem.endswith(f"_{IDLE}")]
+        idle = [file for file in files if not mission_in_name(file)]
         missions = [file for file in files if file not in idle and file != current]
         for file in idle[:-KEPT_IDLE]:
             file.unlink(missing_ok=True)
@@ -231,6 +232,10 @@ class Journal:
     def answered(self, command_id: str, what: str, answer: Mapping[str, Any]) -> None:
         """Write what came of a command; `what` names what was commanded."""
         self._put(encoded(ANSWERED, command_id, what, answer), urgent=True)
+
+    def refused(self, request: str, code: str, more: int) -> None:
+        """Write how many more requests were refused like those that are written."""
+        self._put(encoded(REFUSED, request, code, more), urgent=False)
 
     def ended(self, about: Mapping[str, Any]) -> None:
         """Write that the mission is over."""
@@ -325,6 +330,12 @@ def domain_folder(name: str, path: str = "", domain: int | None = None) -> Path:
         return Path(path)
     here = ros_domain() if domain is None else domain
     return user_folder("XDG_STATE_HOME", ".local/state") / name / f"domain-{here}"
+
+
+def mission_in_name(file: Path) -> str:
+    """Return the id of the mission that a file is about, as its name has it; '' for none."""
+    about = file.stem.partition("_")[2]
+    return "" if about == IDLE else about
 
 
 def journal_files(folder: Path) -> list[Path]:

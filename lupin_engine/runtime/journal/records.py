@@ -4,7 +4,7 @@ What entered the machine, each with the machine's time: `start`, `event`, `value
 says how these and progress are written), `timer`, `loaded` (a machine of another chart goes on), `resumed`
 (another process goes on). What was told the world: `outcome` before it is published, `published` after,
 `answered` what came of a command with an id. And for whoever reads: `head` first, `wall` when the clock on
-the wall was set, `snapshot`, `end`.
+the wall was set, `refused` how many more requests were refused like those before, `snapshot`, `end`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from lupin_engine.runtime.journal.shorthand import SHORT_PROGRESS, SHORT_VALUE, 
 HEAD, START, EVENT, VALUE, TIMER = "head", "start", "event", "value", "timer"
 LOADED, RESUMED = "loaded", "resumed"
 OUTCOME, PUBLISHED, ANSWERED = "outcome", "published", "answered"
-WALL, SNAPSHOT, END = "wall", "snapshot", "end"
+WALL, SNAPSHOT, END, REFUSED = "wall", "snapshot", "end", "refused"
 #: Those that are inputs of the machine, or make another one.
 INPUTS = frozenset({START, EVENT, VALUE, TIMER, LOADED, RESUMED})
 

@@ -1,0 +1,66 @@
+"""Requests that are refused again and again: some of them are written down, the others are counted.
+
+A request that is refused changes nothing but the number of the step. So one that is known to be refused need
+not come to the machine at all, and the journal of a flood stays small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from lupin_engine.machine.event import Event
+from lupin_engine.plugin.profile import ANSWER
+from lupin_engine.runtime.journal.records import EVENT, encoded
+
+#: Within so many seconds so many bytes of requests that are alike are written.
+WINDOW_S, WINDOW_BYTES = 10.0, 65_536
+
+
+@dataclass(slots=True)
+class _Alike:
+    """Requests of one name that were refused with one code since a moment: bytes written, how many more."""
+
+    since: float
+    written: int = 0
+    more: int = 0
+
+
+class Refusals:
+    """Counts what is not written; `tell` is told the request, its code, and how many more there were."""
+
+    def __init__(self, tell: Callable[[str, str, int], None]) -> None:
+        self._tell = tell
+        self._alike: dict[tuple[str, str], _Alike] = {}
+
+    def is_one_more(self, request: Event, code: str, now: float) -> bool:
+        """Count a request that will be refused; say whether it is one more of many, and not to be written."""
+        key = ANSWER if request.name.startswith(ANSWER) else request.name, code
+        alike = self._alike.get(key)
+        if alike is not None and now - alike.since >= WINDOW_S:
+            self._end(key)
+            alike = None
+        if alike is None:
+            alike = self._alike[key] = _Alike(now)
+        size = len(encoded(EVENT, request.name, request.data))
+        if alike.written + size > WINDOW_BYTES:
+            alike.more += 1
+            return True
+        alike.written += size
+        return False
+
+    def look(self, now: float) -> None:
+        """Tell of what is over; to be called now and then."""
+        for key, alike in list(self._alike.items()):
+            if now - alike.since >= WINDOW_S:
+                self._end(key)
+
+    def tell_all(self) -> None:
+        """Tell of all, and begin anew."""
+        for key in list(self._alike):
+            self._end(key)
+
+    def _end(self, key: tuple[str, str]) -> None:
+        more = self._alike.pop(key).more
+        if more:
+            self._tell(*key, more)
