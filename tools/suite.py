@@ -28,10 +28,12 @@ TYPES = ["mypy"]
 #: Only where the continuous integration says so: it asks on the network.
 AUDIT = ["tools.audit"]
 QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE})", "--ignore=tests/ros"]
+# Real processes on a busy machine meet its worst moments: one second try, and who needed it is listed.
+AGAIN = ["--reruns=1", "-raR"]
 # Tests over ROS 2 mostly wait.
-ROS = [*PYTEST, f"-n{2 * CORES}", "-m", f"({MORE}) and not browser"]
+ROS = [*PYTEST, *AGAIN, f"-n{2 * CORES}", "-m", f"({MORE}) and not browser"]
 # One browser at a time: several starve everything else.
-BROWSER = ["pytest", "--durations=10", "-m", "browser"]
+BROWSER = ["pytest", "--durations=10", *AGAIN, "-m", "browser"]
 
 NO_TESTS = 5
 _CLOSING = re.compile(r"^(\x1b\[\d+m)*=+ .* in [\d.]+s.* =+(\x1b\[\d+m)*$")

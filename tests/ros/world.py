@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import uuid
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from std_srvs.srv import Trigger
 
 from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode
 from lupin_engine.ros.adapter.process import SUPERVISED
+from lupin_engine.ros.names import COMMAND_SERVICE
+from lupin_engine_msgs.srv import Command
 from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission
 
@@ -64,6 +67,25 @@ class Operator:
     def ask(self, name: str) -> Any:
         """Call one of the Trigger services."""
         return self.call(Trigger, f"/mission/{name}", Trigger.Request())
+
+    def resume(self) -> None:
+        """Resume what a new orchestrator holds, with an id, asked again until it is answered.
+
+        A server that has just come may not know yet where to send its answer to, and a request may go to
+        the one that died.
+        """
+        request = Command.Request(verb="resume", command_id=str(uuid.uuid4()))
+        caller, answers = self.ros.service(Command, COMMAND_SERVICE), []
+
+        def take(answer: Any) -> None:
+            if isinstance(answer, CallFailure):
+                caller.call(request, 3.0, take)
+            else:
+                answers.append(answer)
+
+        caller.call(request, 3.0, take)
+        self.until(lambda: answers, "the answer to resume")
+        assert answers[0].accepted, answers[0].message
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
         """Set a parameter of another node, as `ros2 param set` does."""

@@ -57,7 +57,7 @@ class Garden:
         missions = WATERING / "missions"
         self.world.start("mission_orchestrator", estop_timeout_s=10.0, missions_path=missions, **parameters)
         self.operator.held()
-        assert self.operator.ask("resume").success
+        self.operator.resume()
 
     def begun(self) -> None:
         """Wait until the first dose flows."""

@@ -57,7 +57,7 @@ def test_a_mission_goes_on_when_somebody_says_so(world: World, operator: Operato
     assert (held.targets_completed, held.paused) == (1, True)
     assert held.last_error.startswith("restarted: nobody watched since 20")
     assert held.last_error.endswith(f"under way: INSPECTING NAVIGATING, at {target}: nav.go_to")
-    assert operator.ask("resume").success
+    operator.resume()
     operator.until_done(published=3)
     assert outcomes(operator) == {(tag, 0): 1 for tag in ("1", "5", "12")}
     found = [read_journal(file) for file in journal_files(own_state)]
@@ -83,7 +83,7 @@ def test_a_command_is_done_once_also_by_the_next_orchestrator(world: World, oper
     assert (again.accepted, again.repeated, again.step) == (True, True, skipped.step)
     other = operator.call(Command, COMMAND_SERVICE, Command.Request(verb="resume", command_id="2"))
     assert other.code == "command_id_in_use"
-    assert operator.ask("resume").success
+    operator.resume()
     operator.until_done(published=3)
     kill(world)
     operator.states.clear()
@@ -126,7 +126,7 @@ def test_what_was_missing_when_it_died_may_be_back(world: World, operator: Opera
     kill(world)
     world.start("greenhouse_bridge")
     start_again(world, operator)
-    assert operator.ask("resume").success
+    operator.resume()
     assert operator.ask("abort").success
     operator.in_state("DONE")
     operator.until(lambda: operator.start("1").accepted, "the next mission")
