@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shlex
+import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -20,6 +22,8 @@ from tests import shipped
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)
+
+ROOT = Path(__file__).parents[3]
 
 
 def missions_in(folder: Path) -> list[JournalFile]:
@@ -63,6 +67,26 @@ def test_a_mission_is_replayed_from_what_is_kept_of_it(
     assert (end["state"], end["completed"], end["total"]) == ("DONE", 2, 2)
 
 
+def test_a_flood_of_starts_does_not_fill_the_disk(world: World, operator: Operator, own_state: Path) -> None:
+    """As fast as they go, 15 kB each: some are kept whole, the rest counted; nor does the log grow."""
+    world.start_all()
+    operator.in_state("READY")
+    flood = [sys.executable, "-m", "tests.faults.flood", "3"]
+    done = subprocess.run(flood, cwd=ROOT, capture_output=True, text=True, check=True)
+    sent = int(done.stdout.split()[0])
+    end(world)
+    records = [record for file in journal_files(own_state) for record in read_journal(file).records]
+    written = [record for record in records if record.kind == "event" and record.data[0] == "mission.start"]
+    counted = [record.data for record in records if record.kind == "refused"]
+    assert sent > 50
+    assert {data[:2] for data in counted} == {("mission.start", "unknown_mission")}
+    assert len(written) + sum(data[2] for data in counted) == sent
+    assert len(written) <= 8
+    assert sum(file.stat().st_size for file in journal_files(own_state)) < 300_000
+    logs = own_state.parents[1] / "log" / own_state.name
+    assert sum(file.stat().st_size for file in logs.iterdir()) < 300_000
+
+
 def test_a_full_disk_is_told_and_the_mission_goes_on(world: World, operator: Operator) -> None:
     """Files may not grow beyond a limit; that a code says, and the robot finds its way all the same."""
     world.start("greenhouse_bridge")
@@ -101,6 +125,13 @@ def test_a_journal_that_is_required_holds_the_mission(world: World, operator: Op
     )
     assert operator.ask("abort").success
     operator.in_state("RETURNING")
+
+
+def end(world: World) -> None:
+    """Have the orchestrator end as it does every day."""
+    process = world.processes["mission_orchestrator"]
+    process.send_signal(signal.SIGINT)
+    assert process.wait(30.0) == 0
 
 
 def limited(world: World, *parameters: str) -> None:

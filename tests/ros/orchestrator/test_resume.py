@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.ros.names import COMMAND_SERVICE
+from lupin_engine.runtime.journal.frames import MAGIC
 from lupin_engine.runtime.journal.journal import journal_files
 from lupin_engine.runtime.journal.records import read_journal
 from lupin_engine_msgs.srv import Command
@@ -152,6 +153,28 @@ def test_other_missions_than_before_close_it(world: World, operator: Operator, t
     operator.until(lambda: len(outcomes(operator)) == 3, "what became of the others")
     assert outcomes(operator) == {("1", 0): 1, ("5", 3): 1, ("12", 3): 1}
     assert {o.status_detail for o in operator.observations if o.status} == {why}
+    operator.in_state("READY")
+
+
+def test_a_mission_that_cannot_be_read_any_more_is_told(
+    world: World, operator: Operator, own_state: Path
+) -> None:
+    """The engine was exchanged meanwhile for one whose journal has another form."""
+    world.start_all(speed=2.0)
+    operator.in_state("READY")
+    mission_id = operator.start("1", "5").mission_id
+    operator.in_state("INSPECTING", "NAVIGATING")
+    kill(world)
+    for file in journal_files(own_state):
+        file.write_bytes(file.read_bytes().replace(MAGIC, b"lupin journal 9\n"))
+    newest = journal_files(own_state)[-1]
+    operator.states.clear()
+    world.start(NODE, estop_timeout_s=10.0)
+    operator.until(
+        lambda: operator.states and "mission_closed" in operator.state.last_error, "the mission is closed"
+    )
+    why = f"{newest} was written by another version of the engine; this one does not read it"
+    assert operator.state.last_error == f"mission_closed: {mission_id}: {why}"
     operator.in_state("READY")
 
 
