@@ -15,16 +15,29 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from lupin_msgs.srv import StartMission
 from lupin_sim.layout import load_layout
 from lupin_twin.place import store_path
 from lupin_twin.records import Reading
 from lupin_twin.store import StoreError, read
 from tests.faults.cable import FaultyComputers, tell
-from tests.faults.plan import NODES, ORCHESTRATOR, ROBOT, Fault, Plan
+from tests.faults.plan import AGGREGATOR, ARM_SIM, NODES, ORCHESTRATOR, ROBOT, Fault, Plan
+from tests.faults.verdict import name_of
 from tests.ros.world import Operator, World
 
 #: How large the disk is, in bytes, where it is one of its own.
 DISK = 24_000_000
+#: What the orchestrator is told: one sweep over what was found, and the arm is folded to drive.
+SETTINGS = {
+    "estop_timeout_s": 10.0,
+    "journal_required": True,
+    "nav_timeout_s": 30.0,
+    "exploration_timeout_s": 40.0,
+    "monitoring_sweeps": 1,
+    "arm_patrol_enabled": True,
+}
+#: What is on the robot's computer.
+ON_THE_ROBOT = (ROBOT, AGGREGATOR, ARM_SIM, "witness", "flood")
 #: What Python does first in each node.
 SITE = """\
 import os, time
@@ -56,7 +69,7 @@ class Machines(World):
 
     def run(self, node: str, command: Sequence[str]) -> subprocess.Popen[bytes]:
         """Start a process: what is of the robot on the robot."""
-        if self._computers is not None and node in (ROBOT, "witness", "flood"):
+        if self._computers is not None and node in ON_THE_ROBOT:
             command = self._computers.on(1, *command)
         return super().run(node, command)
 
@@ -88,10 +101,7 @@ class Arena:
 
     def start(self, node: str) -> None:
         """Start a node as it always is."""
-        given: dict[str, Any] = {}
-        if node == ORCHESTRATOR:
-            given = {"estop_timeout_s": 10.0, "journal_required": True, "nav_timeout_s": 30.0}
-        self.world.start(node, **given)
+        self.world.start(node, **(SETTINGS if node == ORCHESTRATOR else {}))
 
     def close(self) -> list[str]:
         """End everything; return what did not end by itself."""
@@ -108,12 +118,17 @@ class Arena:
         Raises:
             Broken: it cannot.
         """
-        states, answers = self.operator.states, []
+        states, answers = self.operator.states, list[Any]()
+        asked = StartMission.Request(
+            mission_type="ExplorationMission" if plan.search else "InspectionMission",
+            tag_sequence=list(plan.tags),
+            discovery_goal=plan.search,
+        )
 
         def accepted() -> bool:
             if not states or states[-1].lifecycle_state not in ("READY", "DONE"):
                 return False
-            answers.append(self.operator.start(*plan.tags))
+            answers.append(self.operator.call(StartMission, "/mission/start", asked))
             states.clear()  # the next try is after another word of the orchestrator
             return bool(answers[-1].accepted)
 
@@ -134,7 +149,8 @@ class Arena:
         except StoreError:
             return []
         kept = (each.record for each in content.rows)
-        return [one.tag_id for one in kept if isinstance(one, Reading) and one.mission_id == mission_id]
+        readings = (one for one in kept if isinstance(one, Reading) and one.mission_id == mission_id)
+        return [name_of(one.tag_id, one.source) for one in readings]
 
     # -- faults -----------------------------------------------------------------------------------------
 

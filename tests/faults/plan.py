@@ -6,7 +6,9 @@ import random
 from dataclasses import dataclass
 
 ORCHESTRATOR, ROBOT, BRIDGE, TWIN = "mission_orchestrator", "lupin_sim", "greenhouse_bridge", "lupin_twin"
-NODES = (ORCHESTRATOR, ROBOT, BRIDGE, TWIN)
+AGGREGATOR, ARM, ARM_SIM = "perception_aggregator", "lupin_arm", "lupin_arm_sim"
+OTHERS = (ROBOT, BRIDGE, TWIN, AGGREGATOR, ARM, ARM_SIM)
+NODES = (ORCHESTRATOR, *OTHERS)
 TAGS = tuple(str(number) for number in range(1, 31) if number != 8)
 
 #: What can go wrong, each as often as the others.
@@ -27,8 +29,10 @@ KINDS = (
 OF_THE_LINK = ("cut", "lossy", "slow")
 #: Those that are put on two computers, and on a disk that is nobody else's: only root has them.
 NEED_ROOT = (*OF_THE_LINK, "disk full")
-#: Metres a second; a run at the lowest speed has one target less.
+#: Metres a second; a run at the lowest speed has one target less. Who searches is fast.
 SPEEDS = (1.0, 2.0, 5.0)
+#: The share of runs that search for tags; the others are told which.
+SEARCHES = 0.3
 #: Within so many seconds of a mission a fault begins.
 BEGINS_S = 4.0
 
@@ -62,17 +66,21 @@ class Fault:
 
 @dataclass(frozen=True)
 class Plan:
-    """A run: targets, speed of the robot (m/s), faults, and how long a person waits before resume (s)."""
+    """A run: targets, speed of the robot (m/s), faults, and how long a person waits before resume (s).
+
+    Or instead of the targets `search`: how many tags are searched for.
+    """
 
     seed: int
     tags: tuple[str, ...]
     speed: float
     faults: tuple[Fault, ...]
     waits: float
+    search: int = 0
 
     def __str__(self) -> str:
-        tags = ",".join(self.tags)
-        head = f"seed {self.seed}: tags {tags} at {self.speed:g} m/s, resume after {self.waits:.1f} s"
+        what = f"search for {self.search}" if self.search else f"tags {','.join(self.tags)}"
+        head = f"seed {self.seed}: {what} at {self.speed:g} m/s, resume after {self.waits:.1f} s"
         return "\n".join([head, *(f"  {fault}" for fault in self.faults)])
 
 
@@ -88,7 +96,10 @@ def plan(seed: int, *, root: bool = True) -> Plan:
     speed = chance.choice(SPEEDS)
     tags = tuple(chance.sample(TAGS, 1 if speed == SPEEDS[0] else chance.choice((2, 3))))
     faults = sorted((fault(kind, chance) for kind in chosen), key=lambda each: each.at)
-    return Plan(seed, tags, speed, tuple(faults), round(chance.uniform(0.2, 2.0), 2))
+    waits = round(chance.uniform(0.2, 2.0), 2)
+    if chance.random() < SEARCHES:
+        return Plan(seed, (), SPEEDS[-1], tuple(faults), waits, chance.choice((2, 4, 6)))
+    return Plan(seed, tags, speed, tuple(faults), waits)
 
 
 #: Of each kind: how long it lasts at least and at most, and what its amount may be.
@@ -116,4 +127,4 @@ def fault(kind: str, chance: random.Random) -> Fault:
 
 def _node(chance: random.Random) -> str:
     """Return a node: the orchestrator half of the time."""
-    return chance.choice((ORCHESTRATOR, ORCHESTRATOR, ORCHESTRATOR, ROBOT, BRIDGE, TWIN))
+    return ORCHESTRATOR if chance.random() < 0.5 else chance.choice(OTHERS)

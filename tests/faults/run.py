@@ -13,9 +13,10 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from lupin_engine.ros.adapter.node import CallFailure
+from lupin_msgs.msg import Observation
 from tests.faults.arena import Arena
 from tests.faults.plan import ORCHESTRATOR, Fault, Plan
-from tests.faults.verdict import OK, Lost, Outcome, Seen
+from tests.faults.verdict import OK, Lost, Outcome, Seen, name_of
 
 #: A run takes at most so many seconds after its last fault.
 LIMIT_S = 90.0
@@ -164,14 +165,19 @@ class Run:
 
     def _outcomes(self) -> set[Outcome]:
         return {
-            Outcome(o.tag_reading.tag_id, o.status, (o.header.stamp.sec, o.header.stamp.nanosec))
+            Outcome(
+                name_of(o.tag_reading.tag_id, o.source),
+                o.status,
+                (o.header.stamp.sec, o.header.stamp.nanosec),
+            )
             for o in self._operator.observations
-            if o.mission_id == self.mission_id
+            if o.mission_id == self.mission_id and o.kind == Observation.KIND_TAG_READING
         }
 
     def _all_told(self) -> bool:
         outcomes = self._outcomes()
-        if not {outcome.tag for outcome in outcomes} >= set(self._plan.tags):
+        told = {outcome.tag for outcome in outcomes}
+        if not told >= set(self._plan.tags) or len(told) < self._operator.state.targets_total:
             return False
         read = {outcome.tag for outcome in outcomes if outcome.status == OK}
         return read <= set(self._arena.rows(self.mission_id))
@@ -182,6 +188,8 @@ class Run:
         seen.rows = self._arena.rows(self.mission_id)
         seen.lost = [replace(lost, end=min(lost.end, time.monotonic())) for lost in seen.lost]
         state = states[-1] if states else None
+        if state is not None and state.lifecycle_state == "DONE":
+            seen.total = state.targets_total
         if self._fault:
             seen.end = f"FAULT: {self._fault}"
         elif state is not None and self._is_over():

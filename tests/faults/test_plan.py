@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from tests.faults.campaign import seeds_of, table
 from tests.faults.plan import KINDS, NEED_ROOT, NODES, OF_THE_LINK, Fault, Plan, plan
-from tests.faults.verdict import Lost, Outcome, Seen, driven, problems
+from tests.faults.verdict import Lost, Outcome, Seen, driven, name_of, problems
 
 PLAN = Plan(0, ("1", "5"), 2.0, (Fault("kill", 1.0, "mission_orchestrator"),), 0.5)
 PLACES = {"1": (1.0, 0.0), "5": (5.0, 0.0), "7": (7.0, 0.0)}
@@ -25,7 +26,7 @@ def test_a_plan_says_all_of_it() -> None:
 
 
 def test_every_kind_comes_and_every_node_is_hit() -> None:
-    faults = [fault for seed in range(len(KINDS) * 20) for fault in plan(seed).faults]
+    faults = [fault for seed in range(len(KINDS) * 60) for fault in plan(seed).faults]
     assert {fault.kind for fault in faults} == set(KINDS)
     for kind in ("kill", "stop", "terminate"):
         assert {fault.node for fault in faults if fault.kind == kind} == set(NODES)
@@ -93,6 +94,24 @@ def test_what_is_wrong_with_outcomes_is_told() -> None:
     seen = sound()
     seen.rows = ["1"]
     assert problems(PLAN, seen, PLACES) == ["the twin has nothing of 5, which was read"]
+
+
+def test_a_search_says_of_each_tag_that_it_saw_what_became_of_it() -> None:
+    """It is read twice: when it is seen, and when it is visited; who saw it may have been far away."""
+    search = replace(PLAN, tags=(), search=2)
+    seen = sound()
+    seen.total = 2
+    for tag in ("1", "5"):
+        seen.outcomes.add(Outcome(name_of(tag, "ExplorationMission"), 0, (0, 0)))
+        seen.rows.append(name_of(tag, "ExplorationMission"))
+    assert problems(search, seen, PLACES) == []
+    seen.outcomes -= {Outcome("5", 0, (5, 0))}
+    assert problems(search, seen, PLACES) == [
+        "target 5 has no outcome",
+        "1 targets have outcomes, and the mission had 2",
+        "the twin has 5, which was not read",
+    ]
+    assert str(search).startswith("seed 0: search for 2 at 2 m/s")
 
 
 def test_who_read_a_tag_was_there() -> None:

@@ -20,6 +20,15 @@ NEAR_M = 1.6
 START, SILENT_S = [0.5, 0.5], 0.3
 
 
+#: What a tag is read for when it is seen in a search, beside the visit later on.
+_SEEN = " when seen"
+
+
+def name_of(tag: str, source: str) -> str:
+    """Name the reading of a tag by what it was made for: in a search there are two."""
+    return f"{tag}{_SEEN}" if source == "ExplorationMission" else tag
+
+
 @dataclass(frozen=True)
 class Lost:
     """A time, of the monotonic clock, in which nobody may drive the robot; `end` is infinite meanwhile."""
@@ -54,6 +63,8 @@ class Seen:
     #: Processes that ended although nobody ended them.
     ended: list[str] = field(default_factory=list)
     resumes: int = 0
+    #: How many targets the mission had, as it said when it was DONE.
+    total: int | None = None
 
 
 def problems(plan: Plan, seen: Seen, places: Mapping[str, tuple[float, float]]) -> list[str]:
@@ -77,10 +88,14 @@ def _of_end(seen: Seen) -> list[str]:
 def _of_outcomes(plan: Plan, seen: Seen) -> list[str]:
     found = []
     told = Counter(outcome.tag for outcome in seen.outcomes)
+    visited = {tag for tag in told if not tag.endswith(_SEEN)}
+    targets = dict.fromkeys(tag.removesuffix(_SEEN) for tag in sorted(told)) if plan.search else plan.tags
     if not seen.end.startswith("held"):
-        found += [f"target {tag} has no outcome" for tag in plan.tags if not told[tag]]
+        found += [f"target {tag} has no outcome" for tag in targets if not told[tag]]
+    if seen.total is not None and visited and len(visited) != seen.total:
+        found.append(f"{len(visited)} targets have outcomes, and the mission had {seen.total}")
     found += [f"target {tag} has {count} outcomes" for tag, count in told.items() if count > 1]
-    found += [f"an outcome of {tag}, which is no target" for tag in sorted(told.keys() - set(plan.tags))]
+    found += [f"an outcome of {tag}, which is no target" for tag in sorted(visited - set(targets))]
     kept, read = Counter(seen.rows), {outcome.tag for outcome in seen.outcomes if outcome.status == OK}
     found += [f"the twin has nothing of {tag}, which was read" for tag in sorted(read - kept.keys())]
     found += [f"the twin has {tag}, which was not read" for tag in sorted(kept.keys() - read)]
@@ -91,7 +106,7 @@ def _of_outcomes(plan: Plan, seen: Seen) -> list[str]:
 def _of_places(seen: Seen, places: Mapping[str, tuple[float, float]]) -> list[str]:
     """Whoever read a tag was there: else it is booked on another."""
     found = []
-    for tag in sorted({outcome.tag for outcome in seen.outcomes if outcome.status == OK}):
+    for tag in sorted({o.tag for o in seen.outcomes if o.status == OK and o.tag in places}):
         nearest = min((math.dist(places[tag], (x, y)) for _, x, y in seen.track), default=math.inf)
         if nearest > NEAR_M:
             found.append(f"{tag} was read, and the robot was {nearest:.1f} m away at the nearest")
