@@ -35,7 +35,7 @@ RULE = {
     "diagram": ("chart",),
     "ros": ("sim", "ros.bindings", "diagram"),
     "verify": ("replay",),
-    "editor": ("missions",),
+    "editor": ("verify",),
     "pytest_plugin": ("replay",),
     "harness": ("ros.launch",),
     "cli": ("ros.launch", "replay", "diagram", "verify", "editor", "harness"),

@@ -89,6 +89,9 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "shared-resource": "operations that are active together do not wait for each other unnoticed",
             "region-leak": "a region of a parallel state is left together with the whole state, on purpose",
         },
+        "What a proof looks for": {
+            "broken-property": "a property holds in everything that can happen, as far as lupin prove looks",
+        },
         "What nobody uses": {
             "unheard-event": "an event that is raised is listened to",
             "unused-part": "a part is used by a mission",

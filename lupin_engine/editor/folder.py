@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lupin_engine.bindings.catalog import BINDINGS, LUPIN_FILE, binding_files
 from lupin_engine.bindings.file import BindingNode
@@ -22,6 +23,10 @@ from lupin_engine.errors import Diagnostic
 from lupin_engine.missions.folders import LIFECYCLE, PARTS, mission_files
 from lupin_engine.missions.load import Inspection, inspect_chart
 from lupin_engine.plugin.registry import Catalog
+from lupin_engine.sim import SUFFIX
+
+if TYPE_CHECKING:
+    from lupin_engine.editor.counterexamples import Counterexamples
 
 Found = tuple[Diagnostic, ...]
 
@@ -39,6 +44,7 @@ class Folder:
         self._open: dict[Path, str] = {}
         self._readable: dict[Path, bytes] = {}
         self._changed = True
+        self._counterexamples: Counterexamples | None = None
 
     @property
     def lifecycle(self) -> Path:
@@ -159,6 +165,23 @@ class Folder:
             if self._readable.get(path) != self._open[path].encode():
                 found[path] = self.check(path)
         return found
+
+    def broken(self) -> dict[Path, Found]:
+        """Return what scenarios show that `lupin prove` has written, by the file in which it is broken."""
+        wanted = [mission for mission in self.missions() if any(self.path.glob(f"{mission.stem}.*{SUFFIX}"))]
+        if not wanted:
+            return {}
+        if self._counterexamples is None:
+            # It takes a simulation: who has none to look at should not wait until that is loaded.
+            from lupin_engine.editor.counterexamples import Counterexamples
+
+            self._counterexamples = Counterexamples()
+        known, texts = self._counterexamples, self._texts()
+        return _by_file(
+            found
+            for mission in wanted
+            for found in known.found(mission, lambda one: self._inspect([one], texts).chart, self.catalog)
+        )
 
     def inspect_with(self, texts: Mapping[Path, str]) -> Inspection:
         """Return what the folder would come to with other texts in some files."""

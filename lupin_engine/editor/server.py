@@ -57,6 +57,7 @@ class LupinServer(LanguageServer):
         self._catalog = catalog
         self._folders: dict[Path, Folder] = {}
         self._published: dict[Path, set[Path]] = {}
+        self._broken: dict[Path, dict[Path, Found]] = {}
         self._uris: dict[Path, str] = {}
         self._checks = 0
         self._near: dict[Path, asyncio.Handle] = {}
@@ -115,10 +116,9 @@ class LupinServer(LanguageServer):
         gc.collect()
 
     def _survey(self, folder: Folder) -> None:
-        found = {path: list(findings) for path, findings in folder.survey().items()}
-        if not folder.open:
-            found = {}
-        for path in [*self._published.get(folder.path, ()), *folder.open]:
+        found = {path: list(findings) for path, findings in folder.survey().items()} if folder.open else {}
+        self._broken[folder.path] = folder.broken() if folder.open else {}
+        for path in [*self._published.get(folder.path, ()), *self._broken[folder.path], *folder.open]:
             found.setdefault(path, [])
         for path, findings in found.items():
             self._publish(folder, path, tuple(findings))
@@ -126,7 +126,8 @@ class LupinServer(LanguageServer):
     def _publish(self, folder: Folder, path: Path, found: Found) -> None:
         """Tell the findings of a file; of one that is not there only when there is something to tell."""
         text = folder.scan(path)
-        problems = [self._diagnostic(text, problem(text, finding)) for finding in found]
+        broken = self._broken.get(folder.path, {}).get(path, ())
+        problems = [self._diagnostic(text, problem(text, finding)) for finding in (*found, *broken)]
         document = self.workspace.text_documents.get(self.uri(path))
         version = document.version if document else None
         self.text_document_publish_diagnostics(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.scope import World
@@ -13,13 +14,18 @@ from lupin_engine.verify.authored import properties_of
 from lupin_engine.verify.situations.explorer import (
     NO_EXCEPTION,
     Bounds,
+    Breach,
     ExplorationProgress,
     Explored,
     SituationExplorer,
 )
-from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph, first_broken
+from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph, broken
 from lupin_engine.verify.situations.timing import timed_run
+from lupin_engine.verify.situations.ways import Ways
 from lupin_engine.verify.situations.worlds import OF_PROPERTY
+
+#: Of so many breaches the first is told that can happen at some times.
+_TRIED = 8
 
 
 class ProofVerdict(enum.Enum):
@@ -37,7 +43,8 @@ class Proven:
 
     Of one that is broken `text` says how, and `steps` are those of a shortest run that breaks it; None where
     no times were found at which everything can happen in that order. One `of_the_graph` is not broken by a
-    step, but by what cannot be reached after it; with `waits` by nothing that happens in time.
+    step, but by what cannot be reached after it; with `waits` by nothing that happens in time. `taken` are
+    the transitions of the step that breaks it, `configuration` the states in which that leaves the chart.
     """
 
     name: str
@@ -48,6 +55,8 @@ class Proven:
     steps: tuple[Step, ...] | None = None
     of_the_graph: bool = False
     waits: bool = False
+    taken: tuple[str, ...] = ()
+    configuration: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -89,10 +98,11 @@ def prove(
     watched = properties_of(world.chart)
     explorer = SituationExplorer(world, watched, bounds)
     explored = explorer.explore(goes_on)
-    found = [_of_steps(explorer, explored, one.name, one.says) for one in watched]
+    judge = _Judge(explorer, explored)
+    found = [judge.of_steps(one.name, one.says) for one in watched]
     if NO_EXCEPTION in explored.breaches:
-        found.append(_of_steps(explorer, explored, NO_EXCEPTION, "The engine makes every step."))
-    found += _of_graph(explorer, explored)
+        found.append(judge.of_steps(NO_EXCEPTION, "The engine makes every step."))
+    found += judge.of_graph()
     dead = _dead(world.chart, explored) if explored.complete else ()
     return Proof(
         world.chart,
@@ -107,38 +117,56 @@ def prove(
     )
 
 
-def _of_steps(explorer: SituationExplorer, explored: Explored, name: str, says: str) -> Proven:
-    breach = explored.breaches.get(name)
-    if breach is not None:
-        return _broken(explorer, [*explored.way_to(breach.situation), breach.move], name, says, breach.text)
-    if not explored.complete:
-        return Proven(name, says, ProofVerdict.NOT_PROVEN)
-    return Proven(
-        name, says, ProofVerdict.HOLDS if explored.relevant.get(name) else ProofVerdict.NOT_RELEVANT
-    )
+class _Judge:
+    """Says of each property what came of it."""
 
+    def __init__(self, explorer: SituationExplorer, explored: Explored) -> None:
+        self._explorer = explorer
+        self._explored = explored
 
-def _of_graph(explorer: SituationExplorer, explored: Explored) -> list[Proven]:
-    if not explored.complete:
-        return [Proven(one.name, one.says, ProofVerdict.NOT_PROVEN) for one in OF_THE_GRAPH]
-    graph, found = Graph(explored), []
-    for one in OF_THE_GRAPH:
-        situation = first_broken(graph, one)
-        if situation is None:
-            found.append(Proven(one.name, one.says, ProofVerdict.HOLDS))
-        else:
-            told = _broken(explorer, explored.way_to(situation), one.name, one.says, one.why)
-            found.append(replace(told, of_the_graph=True))
-    return found
+    @cached_property
+    def _ways(self) -> Ways:
+        return Ways(self._explored)
 
+    def of_steps(self, name: str, says: str) -> Proven:
+        """Judge a property that is watched in every step."""
+        explored = self._explored
+        if name in explored.breaches:
+            told = [self._way_of(one, says) for one in self._ways.first(explored.breaches[name])[:_TRIED]]
+            return next((one for one in told if one.steps is not None), told[0])
+        if not explored.complete:
+            return Proven(name, says, ProofVerdict.NOT_PROVEN)
+        return Proven(
+            name, says, ProofVerdict.HOLDS if explored.relevant.get(name) else ProofVerdict.NOT_RELEVANT
+        )
 
-def _broken(explorer: SituationExplorer, way: Sequence[int], name: str, says: str, text: str) -> Proven:
-    way = [number for number in way if number >= 0]
-    moves = tuple(explorer.moves.all[number].says for number in way)
-    steps = timed_run(explorer, way)
-    waits = bool(way) and explorer.moves.all[way[-1]].timer[0] == OF_PROPERTY
-    told = None if steps is None else tuple(steps)
-    return Proven(name, says, ProofVerdict.BROKEN, text, moves, told, waits=waits)
+    def _way_of(self, breach: Breach, says: str) -> Proven:
+        return self._broken([*self._ways.to(breach.situation), breach.move], breach.name, says, breach.text)
+
+    def of_graph(self) -> list[Proven]:
+        """Judge the properties of the graph as a whole."""
+        if not self._explored.complete:
+            return [Proven(one.name, one.says, ProofVerdict.NOT_PROVEN) for one in OF_THE_GRAPH]
+        graph, found = Graph(self._explored), []
+        for one in OF_THE_GRAPH:
+            situations = broken(graph, one)
+            if not situations:
+                found.append(Proven(one.name, one.says, ProofVerdict.HOLDS))
+            else:
+                way = self._ways.to(self._ways.nearest(situations))
+                told = self._broken(way, one.name, one.says, one.why)
+                found.append(replace(told, of_the_graph=True, taken=()))
+        return found
+
+    def _broken(self, way: Sequence[int], name: str, says: str, text: str) -> Proven:
+        explorer, way = self._explorer, [number for number in way if number >= 0]
+        moves = tuple(explorer.moves.all[number].says for number in way)
+        steps = timed_run(explorer, way)
+        waits = bool(way) and explorer.moves.all[way[-1]].timer[0] == OF_PROPERTY
+        told = None if steps is None else tuple(steps)
+        situation, effect = explorer.walk(way)[-1]
+        there = tuple(explorer.table.get(situation, ("configuration", "")) or ())
+        return Proven(name, says, ProofVerdict.BROKEN, text, moves, told, False, waits, effect.taken, there)
 
 
 def _dead(chart: Chart, explored: Explored) -> tuple[str, ...]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -30,6 +32,7 @@ from lupin_engine.plugin.registry import load_catalog
 
 ROOT = Path(__file__).parents[2]
 HERE = Path(__file__).parent
+MINI = ROOT / "tests" / "charts" / "mini" / LIFECYCLE_FILE
 
 LIFECYCLE = """\
 lifecycle: L
@@ -46,6 +49,13 @@ states:
   done: {type: final}
 """
 RIGHT = BROKEN.replace("{1:", "{1 s:")
+#: It is loaded, in the mini lifecycle, but a property is broken that no test looks at.
+NEVER = RIGHT.replace("states:", "initial: WAITING\nproperties:\n  stays: {never: in_state('NEXT')}\nstates:")
+NEVER = NEVER.replace("{1 s: done}", "{1 s: NEXT}\n  NEXT:\n    after: {1 s: done}")
+AFTER_A_SECOND = (
+    "MISSION.M.WAITING.after.0: stays: m.yaml:4:3: property stays: in_state('NEXT') holds;"
+    " lupin prove m.yaml tells how it comes to that, and writes a scenario [broken-property]\n"
+)
 #: It is loaded, with a warning.
 ODD = RIGHT.replace("states:", "codes:\n  lost: {label: lost}\nstates:")
 
@@ -343,6 +353,20 @@ def test_annotations_of_a_workflow(folder: Path) -> None:
     assert "file=a%2Cb%3A100%25.yaml,line=4" in typed("--github", file.name).output
 
 
+def test_what_a_proof_finds_is_annotated(folder: Path) -> None:
+    """At the transition that breaks a property; how far was looked is told beside the findings."""
+    (folder / "m.yaml").write_text(NEVER)
+    shutil.copy(MINI, folder)
+    result = typed("--github", "--prove", "30 s", "m.yaml")
+    assert result.return_value == 1
+    assert result.stdout == (
+        f"::error file=m.yaml,line=7,col=18,title=broken-property::{AFTER_A_SECOND}".replace("%", "%25")
+    )
+    assert result.stderr.startswith("M: ")
+    found = json.loads(typed("--json", "--prove", "30 s", "m.yaml").stdout)
+    assert [(one["line"], one["column"], one["rule"]) for one in found] == [(7, 18, "broken-property")]
+
+
 # -- rules ------------------------------------------------------------------------------------------------
 
 
@@ -468,11 +492,17 @@ def test_pydantic_looks_for_no_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_hook_of_pre_commit_checks(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its entry is this verb; it looks at missions, not at scenarios."""
-    (hook,) = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text(encoding="utf-8"))
-    assert {"id", "name", "entry", "language"} <= set(hook)
-    assert hook["entry"].split()[0] == "lupin"
-    assert main([*hook["entry"].split()[1:], "m.yaml", "lifecycle.yaml"]) == 1
-    assert capsys.readouterr().out == TEXT
+    hooks = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text(encoding="utf-8"))
+    for hook in hooks:
+        assert {"id", "name", "entry", "language"} <= set(hook)
+        name, *words = shlex.split(hook["entry"])
+        assert name == "lupin"
+        assert main([*words, "m.yaml", "lifecycle.yaml"]) == 1
+        assert capsys.readouterr().out == TEXT
+    (folder / "m.yaml").write_text(NEVER)
+    shutil.copy(MINI, folder)
+    assert [main([*shlex.split(hook["entry"])[1:], "m.yaml", "lifecycle.yaml"]) for hook in hooks] == [0, 1]
+    assert f"m.yaml:7:18: error: {AFTER_A_SECOND}" in capsys.readouterr().out
 
 
 def test_severities_are_counted() -> None:

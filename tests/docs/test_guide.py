@@ -51,7 +51,7 @@ def blocks(file: Path, command: str) -> list[str]:
     return list(map(str, found))
 
 
-STEP_PAGES = pages.BOOKS["guide"][1:]
+*STEP_PAGES, PROOF_PAGE = pages.BOOKS["guide"][1:]
 
 
 @pytest.mark.parametrize("file", STEP_PAGES, ids=lambda file: file.stem)
@@ -62,6 +62,19 @@ def test_a_step_is_right_and_its_mistake_is_told(file: Path) -> None:
     assert re.search(r"^1 mission, [1-9]\d* errors?, ", mistaken, re.MULTILINE)
     *_, last = blocks(file, "lupin test") or blocks(file, "lupin test --quiet")
     assert last.endswith("all hold\n")
+
+
+def test_a_proof_finds_the_mistake_that_no_test_finds() -> None:
+    """Check and scenarios are content with it; the written scenario fails, and holds when it is mended."""
+    assert set(blocks(PROOF_PAGE, "lupin check missions")) == {"2 missions, no errors, no warnings\n"}
+    assert all(said.endswith("all hold\n") for said in blocks(PROOF_PAGE, "lupin test --quiet"))
+    mistaken, mended = blocks(PROOF_PAGE, "lupin prove twice --no-restarts --quiet")
+    assert "✗ reads_there" in mistaken
+    assert mended.startswith("Twice: proven: ")
+    (fails,) = blocks(PROOF_PAGE, "lupin test missions/twice.reads_there.scenario.yaml | head -n 2")
+    (holds,) = blocks(PROOF_PAGE, "lupin test missions/twice.reads_there.scenario.yaml")
+    assert fails.startswith("FAIL")
+    assert holds.startswith("ok ")
 
 
 def test_every_recipe_has_scenarios_that_hold() -> None:

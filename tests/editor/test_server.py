@@ -219,6 +219,43 @@ def test_looks_again_at_files_that_others_changed(opened: Client, missions: Path
     assert [each["code"] for each in opened.diagnostics(path)] == ["unknown-state"]
 
 
+COUNTEREXAMPLE = """\
+scenario: as it was proven
+mission: inspection
+request: {tag_sequence: ["1"]}
+expect: {}
+"""
+
+
+def test_shows_a_counterexample_at_its_transition(opened: Client, missions: Path) -> None:
+    """One that a proof has written beside the mission, until what is typed mends it."""
+    file = missions / "inspection.stands.scenario.yaml"
+    file.write_text(COUNTEREXAMPLE, encoding="utf-8")
+    path = missions / INSPECTION
+    stands = "properties:\n  stands: {never: in_state('INSPECTING')}\n\nrequest:"
+    text, found = edited(opened, path, "request:", stands)
+    assert found == []
+    (shown,) = opened.diagnostics(path)
+    start = shown["range"]["start"]
+    assert text.splitlines()[start["line"]][start["character"] - 9 :] == "on_done: INSPECTING"
+    assert shown["code"] == "broken-property"
+    where = text.splitlines().index("  stands: {never: in_state('INSPECTING')}") + 1
+    assert shown["message"] == (
+        f"stands: {path}:{where}:3: property stands: in_state('INSPECTING') holds;"
+        " lupin test inspection.stands.scenario.yaml shows it"
+    )
+    opened.change(path, text.replace("in_state('INSPECTING')", "in_state('FAULT')"))
+    while opened.diagnostics(path) != []:
+        continue  # what was found last stays until typing pauses
+    opened.change(path, text)
+    while len(opened.diagnostics(path)) != 1:
+        continue
+    file.unlink()
+    opened.notify("workspace/didChangeWatchedFiles", {"changes": [{"uri": file.as_uri(), "type": 3}]})
+    while opened.diagnostics(path) != []:
+        continue
+
+
 def test_a_file_that_is_closed_is_as_it_was_saved(server: Client, missions: Path) -> None:
     """Its findings go with what was not saved."""
     path = missions / INSPECTION

@@ -46,8 +46,8 @@ def test_check_proves_within_a_budget(capsys: pytest.CaptureFixture[str]) -> Non
     assert "InspectionMission: not proven, the budget of 0 s ran out: 1 situations" in told
     assert main(["check", "inspection", "--prove", "soon"]) == 2
     assert "--prove: expected duration, got 'soon'" in capsys.readouterr().err
-    assert main(["check", "inspection", "--prove", "1 s", "--json"]) == 2
-    assert "--prove tells people" in capsys.readouterr().err
+    assert main(["check", "inspection", "--prove", "1 s", "--watch"]) == 2
+    assert "--prove takes its time; leave out --watch" in capsys.readouterr().err
 
 
 def test_inspection_is_proven() -> None:

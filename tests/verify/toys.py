@@ -8,7 +8,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.machine.scope import World
 from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.situations.explorer import Bounds, Explored, SituationExplorer
-from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph, first_broken
+from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph
 from lupin_engine.verify.situations.situation import Situation
 from tests.machine.charts import PAUSE, chart
 
@@ -64,4 +64,4 @@ def broken(of: Chart, **bounds: Any) -> set[str]:
     found = explored(of, **{"restarts": False, **bounds})
     assert found.complete
     graph = Graph(found)
-    return {*found.breaches, *(one.name for one in OF_THE_GRAPH if first_broken(graph, one) is not None)}
+    return {*found.breaches, *(one.name for one in OF_THE_GRAPH if one.broken(graph).any())}

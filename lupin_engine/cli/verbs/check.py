@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -71,36 +72,47 @@ def check(
     named = " and ".join(f"--{form}" for form in forms)
     if len(forms) > 1:
         problems.add(f"{named} are different forms of the same findings; use one of them")
-    if budget is not None and (watch or forms):
-        problems.add("--prove tells people; leave out --json, --sarif, --github and --watch")
+    if budget is not None and watch:
+        problems.add("--prove takes its time; leave out --watch")
     if watch and forms:
         problems.add(f"--watch is for people and {named} for programs; use one of them")
     problems.tell()
     if watch:
         return watch_paths(paths, strict)
-    code = check_paths(paths, forms[0] if forms else "text", strict)
-    return code if code or budget is None else _prove(paths, budget)
+    return check_paths(paths, forms[0] if forms else "text", strict, budget)
 
 
-def _prove(paths: Sequence[str], budget: str) -> int:
-    """Prove what `paths` name within a time; errors as for `check_paths`."""
-    from lupin_engine.cli.verbs.proofs.prove import prove_within, read_budget
+def _proven(paths: Sequence[str | Path], seconds: float, told: bool) -> tuple[Diagnostic, ...]:
+    """Return what is broken in the missions that `paths` name; `told` as for `prove_within`."""
+    from lupin_engine.cli.verbs.proofs.prove import prove_within
     from lupin_engine.missions.selection import folders
 
     files = [file for name in paths or folders()[:1] for file in _meant_by(str(name))[1]]
-    return prove_within(list(dict.fromkeys(files)), read_budget("--prove", budget) or 0.0)
+    return prove_within(list(dict.fromkeys(files)), seconds, told)
 
 
-def check_paths(paths: Sequence[str | Path], form: str = "text", strict: bool = False) -> int:
+def check_paths(
+    paths: Sequence[str | Path], form: str = "text", strict: bool = False, budget: str | None = None
+) -> int:
     """Check what `paths` name, print the findings and return the exit code.
 
+    With a `budget` of time, missions without an error are proven as well.
+
     Raises:
-        UsageError: a path does not exist.
+        UsageError: a path does not exist, or the budget is no duration.
         PluginError: the installed plugins cannot be used.
     """
     from lupin_engine.cli.terminal.findings import FORMS, wants_colour
 
+    seconds = None
+    if budget is not None:
+        from lupin_engine.cli.verbs.proofs.prove import read_budget
+
+        seconds = read_budget("--prove", budget)
     checked = run_check(paths, load_catalog())
+    if seconds is not None and not checked.count(Severity.ERROR):
+        broken = _proven(paths, seconds, form == "text")
+        checked = replace(checked, found=(*checked.found, *broken))
     text = FORMS[form](checked)
     if text:
         click.echo(text, color=wants_colour())

@@ -81,6 +81,9 @@ class Classes:
             if field.type.kind == "integer":
                 least = int(max(field.minimum or 0, field.type.minimum or 0))
                 return list(range(least, max(least, self.targets) + 1))
+            usual = self._default(field)
+            if usual is not None and field.type.name in self.world.readers:
+                return [identity_of(usual)]
             return self._of_type(field.type, field.name)
         items = self._named_by_default(field)
         if not items:
@@ -93,11 +96,14 @@ class Classes:
         return [items[:count] for count in range(least, self.targets + 1)]
 
     def _named_by_default(self, field: Field) -> list[Any]:
-        try:
-            found = field.default.evaluate(self._env) if field.default is not None else []
-        except Exception:  # an input that is not known, or whatever a plugin's function raises
-            return []
+        found = self._default(field)
         return list(found)[: self.targets] if isinstance(found, list) else []
+
+    def _default(self, field: Field) -> Any:
+        try:
+            return None if field.default is None else field.default.evaluate(self._env)
+        except Exception:  # an input that is not known, or whatever a plugin's function raises
+            return None
 
     # -- live values and events ---------------------------------------------------------------------------
 

@@ -70,6 +70,8 @@ IN_MEMORY = 200_000
 MORNING = 1767247200.0
 #: The property that no step raises an exception.
 NO_EXCEPTION = "no_exception"
+#: Of so many breaches of one property, all after as many moves, the one with the fewest faults is told.
+_MOST_BREACHES = 1000
 #: Between two looks at the clock and the budget.
 _PACE = 512
 
@@ -104,12 +106,13 @@ class Effect:
 
 
 class Breach(NamedTuple):
-    """A property that is broken: in which situation by which move, and how."""
+    """A property that is broken: in which situation by which move, how, and after how many moves."""
 
     name: str
     situation: int
     move: int
     text: str
+    depth: int = 0
 
 
 @dataclass
@@ -130,8 +133,9 @@ class Explored:
 
     `sources`, `targets` and `by` (moves) are the transitions that change something, `advances` says whether
     they tell something of a target or of the mission; `flags` of a situation are from `Is`, `parents` and
-    `parent_moves` lead back to the beginning. `relevant` counts the steps that properties are about. `cut`
-    counts what is beyond the bounds. One that is not `complete` was `stopped` for a reason.
+    `parent_moves` lead back to the beginning. `breaches` are those of each property after the fewest moves.
+    `relevant` counts the steps that properties are about, `cut` what is beyond the bounds. One that is not
+    `complete` was `stopped` for a reason.
     """
 
     moves: WorldMoves
@@ -144,20 +148,12 @@ class Explored:
     parents: array[int] = field(default_factory=lambda: array("I"))
     parent_moves: array[int] = field(default_factory=lambda: array("h"))
     cut: int = 0
-    breaches: dict[str, Breach] = field(default_factory=dict)
+    breaches: dict[str, list[Breach]] = field(default_factory=dict)
     relevant: dict[str, int] = field(default_factory=dict)
     taken: set[str] = field(default_factory=set)
     entered: set[str] = field(default_factory=set)
     complete: bool = False
     stopped: str = ""
-
-    def way_to(self, situation: int) -> list[int]:
-        """Return the moves of a shortest way to a situation."""
-        found = []
-        while situation:
-            found.append(self.parent_moves[situation])
-            situation = self.parents[situation]
-        return found[::-1]
 
 
 #: What picks the slots that were read out of a situation, the effects by what they were, and the slots.
@@ -534,9 +530,11 @@ class _BreadthFirst:
         self._note_breaches(number, move, effect)
 
     def _note_breaches(self, number: int, move: int, effect: Effect) -> None:
+        depth = self._found.progress.depth
         for name, text in effect.breaches:
-            if name not in self._found.breaches:
-                self._found.breaches[name] = Breach(name, number, move, text)
+            known = self._found.breaches.setdefault(name, [])
+            if not known or (known[0].depth == depth and len(known) < _MOST_BREACHES):
+                known.append(Breach(name, number, move, text, depth))
 
 
 class WaitingLine:

@@ -138,7 +138,7 @@ OF_THE_GRAPH = (
 )
 
 
-def first_broken(graph: Graph, one: GraphProperty) -> int | None:
-    """Return the situation nearest to the beginning that breaks a property; None: none does."""
-    found = np.flatnonzero(one.broken(graph))
-    return int(found[0]) if len(found) else None
+def broken(graph: Graph, one: GraphProperty) -> list[int]:
+    """Return the situations that break a property."""
+    found: list[int] = np.flatnonzero(one.broken(graph)).tolist()
+    return found

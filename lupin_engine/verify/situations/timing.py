@@ -129,17 +129,35 @@ def _run(
     machine = Machine(explorer.world)
     steps = [machine.start(0.0, None if explorer.world.calendar is None else MORNING)]
     names: dict[str, str] = {}
+    _rename(names, way[0][1], list(machine.memory.attempts))
     for move, time, (_, effect) in zip(made, times[1:], way[1:], strict=True):
         before = set(machine.memory.attempts)
         if move.timer[0] == OF_PROPERTY:
             break  # nothing happens then
+        passed = list(_pass(machine, time))
+        if any(step.taken for step in passed):
+            return None
+        steps += passed
         step = _carry_out(machine, move, time, names)
         if step is None or step.taken != effect.taken:
             return None
-        new = iter([name for name in machine.memory.attempts if name not in before])
-        names.update({to: next(new, "") if is_new(old) else names[old] for old, to in effect.renamed})
+        _rename(names, effect, [name for name in machine.memory.attempts if name not in before])
         steps.append(step)
     return steps
+
+
+def _rename(names: dict[str, str], effect: Effect, begun: Sequence[str]) -> None:
+    """Take over what attempts are called after a step that has begun some."""
+    new = iter(begun)
+    names.update({to: next(new, "") if is_new(old) else names[old] for old, to in effect.renamed})
+
+
+def _pass(machine: Machine, until: float) -> Iterator[Step]:
+    """Let deadlines come that the way does not know: of attempts for which nobody waits any more."""
+    while (due := machine.next_deadline) is not None and due < until - _CERTAINLY:
+        step = machine.advance(due)
+        if step is not None:
+            yield step
 
 
 def _carry_out(machine: Machine, move: WorldMove, time: float, names: dict[str, str]) -> Step | None:

@@ -13,6 +13,10 @@ from lupin_engine.errors import Severity
 from lupin_engine.missions.folders import LIFECYCLE, mission_files
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.verify.breach import RULE, findings
+from lupin_engine.verify.proof import prove
+from lupin_engine.verify.situations.explorer import Bounds
 
 CHARTS = Path(__file__).parents[2] / "charts"
 BROKEN = CHARTS / "broken"
@@ -28,14 +32,16 @@ def findings_of(case: Path, catalog: Catalog) -> str:
     """Check a case and return its findings, with files named as from the folder of the charts.
 
     A folder is checked whole; a mission stands in the slot of the mini lifecycle; a lifecycle gets the mini
-    mission.
+    mission. One that is named for broken properties is proven.
     """
     if case.is_dir():
         _, found = check_chart(case / LIFECYCLE, mission_files(case), catalog)
     elif (head(case) or ("", ""))[0] == "lifecycle":
         _, found = check_chart(case, [MINI / "idle.yaml"], catalog)
     else:
-        _, found = check_chart(MINI / LIFECYCLE, [case], catalog)
+        made, found = check_chart(MINI / LIFECYCLE, [case], catalog)
+        if made is not None and case.stem.startswith(RULE.replace("-", "_")):
+            found = (*found, *findings(prove(make_world(made, {}), Bounds(targets=0)), case.name))
     return "".join(f"{diagnostic}\n" for diagnostic in found).replace(f"{CHARTS}/", "")
 
 

@@ -17,7 +17,7 @@ import click
 
 from lupin_engine.cli import options
 from lupin_engine.cli.exit_codes import BROKEN, NOT_PROVEN, not_done
-from lupin_engine.errors import LupinError, UsageError
+from lupin_engine.errors import Diagnostic, LupinError, UsageError
 from lupin_engine.plugin.registry import load_catalog
 
 if TYPE_CHECKING:
@@ -162,24 +162,28 @@ def _progress(name: str, seconds: float | None, shown: bool) -> Callable[[Explor
     return look
 
 
-def prove_within(files: Sequence[Path], seconds: float) -> int:
-    """Prove missions within a time, shared among them; print what is broken and a line for each.
+def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Diagnostic, ...]:
+    """Prove missions within a time, shared among them, and return what is broken.
 
-    Returns:
-        `BROKEN`, or 0: what was not proven in time is told, and is no error.
+    A line tells of each how far was looked; where somebody is `told`, how it comes to what is broken as well.
+    What was not proven in time is no error.
     """
     from lupin_engine.missions.selection import load_missions
     from lupin_engine.runtime.setup import make_world
+    from lupin_engine.verify.breach import findings
     from lupin_engine.verify.situations.explorer import Bounds
 
-    code = 0
+    found: list[Diagnostic] = []
     for file in files:
         loaded = load_missions([str(file)], load_catalog())
         tell = _progress(loaded.names[0], seconds / len(files), shown=False)
         proof = _proven(loaded, make_world(loaded.chart, {}), Bounds(), tell)
-        _show(loaded, proof, {}, quiet=True)
-        code = BROKEN if proof.broken else code
-    return code
+        if told:
+            _show(loaded, proof, {}, quiet=True)
+        else:
+            click.echo(f"{loaded.names[0]}: {_last_line(proof)}", err=True)
+        found += findings(proof, str(file))
+    return tuple(found)
 
 
 def _write_scenarios(

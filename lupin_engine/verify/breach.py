@@ -1,0 +1,71 @@
+"""Where a property is broken: the finding that checks, continuous integration and editors show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import Diagnostic, Place
+from lupin_engine.sim import SUFFIX
+from lupin_engine.sim.scenario import Scenario
+from lupin_engine.verify.proof import Proof, Proven
+from lupin_engine.verify.properties import BUILT_IN
+from lupin_engine.verify.situations.graph import OF_THE_GRAPH
+
+#: The rule of the checker that such a finding belongs to.
+RULE = "broken-property"
+
+
+def findings(proof: Proof, mission: str) -> list[Diagnostic]:
+    """Return a finding for each property that is broken; `mission` is what `lupin prove` is told."""
+    hint = f"lupin prove {mission} tells how it comes to that, and writes a scenario"
+    return [_finding(proof.chart, one, hint) for one in proof.broken]
+
+
+def _finding(chart: Chart, one: Proven, hint: str) -> Diagnostic:
+    return _at(chart, one.taken, one.configuration, one.name, one.text, hint)
+
+
+def counterexamples(mission: Path) -> dict[Path, str]:
+    """Return the scenarios that `lupin prove` has written beside a mission, each with its property."""
+    found = sorted(mission.parent.glob(f"{mission.stem}.*{SUFFIX}"))
+    names = {file: file.name.removeprefix(f"{mission.stem}.").removesuffix(SUFFIX) for file in found}
+    return {file: name for file, name in names.items() if "." not in name}
+
+
+def shown_by(scenario: Scenario, name: str) -> Diagnostic | None:
+    """Run a scenario that `lupin prove` has written for a property; None: it shows no breach of it any more.
+
+    Errors as for `simulate`.
+    """
+    known = {one.name for one in BUILT_IN} | {one.name for one in OF_THE_GRAPH}
+    if name not in known | scenario.chart.properties.keys():
+        return None
+    run = scenario.run()
+    hint = f"lupin test {scenario.file.name} shows it"
+    for one in OF_THE_GRAPH:
+        if one.name == name:
+            if not scenario.failures(run):
+                return None
+            return _at(scenario.chart, (), run.steps[-1].configuration, name, one.why, hint)
+    for step, violated, text in run.violated:
+        if violated == name:
+            taken = step.taken if step is not None else ()
+            configuration = (step or run.steps[-1]).configuration
+            return _at(scenario.chart, taken, configuration, name, text, hint)
+    return None
+
+
+def _at(
+    chart: Chart, taken: Iterable[str], configuration: Sequence[str], name: str, text: str, hint: str
+) -> Diagnostic:
+    """Return a finding at the last transition that was taken, or where there is none at the state."""
+    rules = {rule.id: rule for state in chart.states.values() for rule in state.transitions}
+    place, where = Place(chart.states[""].place.file, 1, 1), ""
+    if configuration:
+        where = configuration[-1]
+        place = chart.states[where].place
+    for rule in (rules[one] for one in taken if one in rules):
+        place, where = rule.place, rule.id
+    return Diagnostic(place, RULE, where, f"{name}: {text}", hint)

@@ -1,0 +1,73 @@
+"""The way to a situation that is told: of the shortest ways one with the fewest faults."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lupin_engine.machine.event import RESUMED
+from lupin_engine.verify.situations.explorer import Breach, Explored
+from lupin_engine.verify.situations.worlds import Mover, WorldMove
+
+#: Deadlines that come because somebody says nothing.
+_OF_SILENCE = ("timeout", "cancel", "fresh")
+
+
+def is_fault(move: WorldMove) -> bool:
+    """Say whether a move is something that goes wrong: a failure, silence, or a crash."""
+    crash = move.event is not None and move.event.name == RESUMED
+    return bool(move.side & Mover.FAILURE) or move.timer[0] in _OF_SILENCE or crash
+
+
+class Ways:
+    """The ways from the beginning to all situations of an explored graph."""
+
+    def __init__(self, explored: Explored) -> None:
+        self._wrong = np.array([is_fault(move) for move in explored.moves.all], dtype=np.int32)
+        self._parents = np.array(explored.parents, dtype=np.int64)
+        self._moves = np.array(explored.parent_moves, dtype=np.int64)
+        count = len(self._parents)
+        depths = [0] * count
+        for number, parent in enumerate(self._parents.tolist()[1:], 1):
+            depths[number] = depths[parent] + 1
+        self.depths = np.array(depths, dtype=np.int32)
+        self.faults = np.zeros(count, dtype=np.int32)
+        self._choose(explored)
+
+    def _choose(self, explored: Explored) -> None:
+        """Take of the ways to each situation the one with the fewest faults, level by level."""
+        sources = np.frombuffer(explored.sources, dtype=np.uint32)
+        targets = np.frombuffer(explored.targets, dtype=np.uint32)
+        by = np.frombuffer(explored.by, dtype=np.uint16)
+        ahead = np.flatnonzero(self.depths[targets] == self.depths[sources] + 1)
+        ahead = ahead[np.argsort(self.depths[sources[ahead]], kind="stable")]
+        levels = self.depths[sources[ahead]]
+        for level in range(int(levels[-1]) + 1 if len(levels) else 0):
+            edges = ahead[np.searchsorted(levels, level) : np.searchsorted(levels, level, side="right")]
+            faults = self.faults[sources[edges]] + self._wrong[by[edges]]
+            order = np.lexsort((faults, targets[edges]))
+            reached, first = np.unique(targets[edges][order], return_index=True)
+            chosen = edges[order][first]
+            self.faults[reached] = faults[order][first]
+            self._parents[reached], self._moves[reached] = sources[chosen], by[chosen]
+
+    def to(self, situation: int) -> list[int]:
+        """Return the moves of the way to a situation."""
+        found = []
+        while situation:
+            found.append(int(self._moves[situation]))
+            situation = int(self._parents[situation])
+        return found[::-1]
+
+    def first(self, breaches: Sequence[Breach]) -> list[Breach]:
+        """Return breaches, those with the fewest faults first."""
+        return sorted(breaches, key=self._faults)
+
+    def _faults(self, breach: Breach) -> int:
+        return int(self.faults[breach.situation] + (self._wrong[breach.move] if breach.move >= 0 else 0))
+
+    def nearest(self, situations: Sequence[int]) -> int:
+        """Return of some situations one that is nearest to the beginning, with the fewest faults."""
+        found = np.array(situations)
+        return int(found[np.lexsort((self.faults[found], self.depths[found]))[0]])
