@@ -1,7 +1,7 @@
 """What the console costs the browser and the gateway, and how soon it shows something.
 
     .venv/bin/python benchmarks/console.py                       # all but the hour, some three minutes
-    .venv/bin/python benchmarks/console.py --minutes 60 --only memory
+    .venv/bin/python benchmarks/console.py --only memory --minutes 60 --speed 8 --csv heap.csv --compare 5 10
 
 `lupin up --hmi` runs on a private domain; Chromium, without a screen, opens the console of it.
 
@@ -11,7 +11,9 @@
 * five: processor time of the gateway and of the browser with five consoles open in a mission, and how long
   a stop takes to a reader of `/lupin/hmi/estop`: of a client that draws nothing, alone and beside them, also
   with pages that draw when nobody else wants the processor, as on other computers, and of one of the pages;
-* memory: JavaScript's heap after collecting garbage, every minute of missions that follow each other.
+* memory: JavaScript's heap after collecting garbage, every half minute of missions that follow each other,
+  while the page shows one view after the other; `--compare 5 10` tells which objects became more between two
+  minutes.
 """
 
 from __future__ import annotations
@@ -26,14 +28,16 @@ import subprocess
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from idle_cpu import LUPIN, cpu_seconds
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 from std_msgs.msg import Bool
 from websockets.sync.client import connect
 
@@ -230,19 +234,54 @@ def five(browser: Browser, gateway: int, seconds: float) -> dict[str, Any]:
     return found
 
 
-def memory(browser: Browser, minutes: float) -> list[float]:
-    """Return the heap in MB after each minute of missions."""
-    page = opened(browser, "chart")
+def memory(
+    browser: Browser, minutes: float, csv: Path | None, compared: list[float]
+) -> dict[str, float | str]:
+    """Measure the heap in MB while missions follow each other and the page shows one view after the other."""
+    page = opened(browser, VIEWS[0])
     session = page.context.new_cdp_session(page)
     session.send("HeapProfiler.enable")
-    found, end = [], time.monotonic() + 60 * minutes
-    while time.monotonic() < end:
+    found: list[tuple[float, float]] = []
+    counts: list[Counter[str]] = []
+    began = time.monotonic()
+    lines = ["minutes,heap_mb,dom_nodes,listeners"]
+    for number in range(int(2 * minutes)):
         start("inspection")
-        page.wait_for_timeout(60_000)
+        page.evaluate(f"location.hash = '{VIEWS[number % len(VIEWS)]}'")
+        page.wait_for_timeout(1000 * max(0, began + 30 * (number + 1) - time.monotonic()))
         session.send("HeapProfiler.collectGarbage")
-        found.append(float(page.evaluate("performance.memory.usedJSHeapSize")) / 1e6)
-        print(f"{len(found):3d} min {found[-1]:.1f} MB", flush=True)
+        passed, used = (number + 1) / 2, session.send("Runtime.getHeapUsage")["usedSize"] / 1e6
+        dom = session.send("Memory.getDOMCounters")
+        found.append((passed, used))
+        lines.append(f"{passed},{used:.2f},{dom['nodes']},{dom['jsEventListeners']}")
+        print(lines[-1], flush=True)
+        if csv:
+            csv.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        if passed in compared:
+            counts.append(bytes_by_class(session))
     page.context.close()
+    for before, after in pairwise(counts):
+        more = {name: after[name] - before[name] for name in after}
+        for name in sorted(more, key=lambda each: -more[each])[:25]:
+            print(f"{more[name] / 1e3:9.1f} kB more of {name} ({after[name] / 1e3:.1f} kB)")
+    halves = [used for passed, used in found if passed > minutes / 2]
+    return {"after a minute": found[1][1], "second half, least": min(halves), "most": max(halves)}
+
+
+def bytes_by_class(session: CDPSession) -> Counter[str]:
+    """Take a snapshot of the heap; return the bytes of all objects of each kind and constructor."""
+    parts: list[str] = []
+    session.on("HeapProfiler.addHeapSnapshotChunk", lambda part: parts.append(part["chunk"]))
+    session.send("HeapProfiler.takeHeapSnapshot", {"reportProgress": False})
+    whole = json.loads("".join(parts))
+    fields = whole["snapshot"]["meta"]["node_fields"]
+    kinds = whole["snapshot"]["meta"]["node_types"][fields.index("type")]
+    found: Counter[str] = Counter()
+    for at in range(0, len(whole["nodes"]), len(fields)):
+        node = dict(zip(fields, whole["nodes"][at : at + len(fields)], strict=True))
+        kind = kinds[node["type"]]
+        name = whole["strings"][node["name"]][:60] if kind in ("object", "closure", "native") else ""
+        found[f"{kind} {name}".strip()] += node["self_size"]
     return found
 
 
@@ -252,6 +291,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--speed", default="1", help="of the simulated robot")
     parser.add_argument("--minutes", type=float, default=0.0, help="of the measurement of memory")
+    parser.add_argument("--csv", type=Path, help="where the measured heaps go")
+    parser.add_argument("--compare", type=float, nargs="*", default=[], help="minutes, between two of them")
     parser.add_argument("--only", choices=["paint", "idle", "five", "memory"])
     given = parser.parse_args()
     found: dict[str, Any] = {}
@@ -268,7 +309,7 @@ def main() -> None:
             start("inspection")
             found["five consoles, % of a core, ms"] = five(browser, gateway, given.seconds)
         if given.minutes:
-            found["heap, MB"] = memory(browser, given.minutes)
+            found["heap, MB"] = memory(browser, given.minutes, given.csv, given.compare)
         browser.close()
     print(json.dumps(found, indent=2, default=lambda number: round(number, 2)))
 

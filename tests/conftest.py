@@ -19,6 +19,12 @@ settings.load_profile("suite")
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files that may take longest, by their timeout: else workers wait for the last one."""
+    lost = [
+        item.nodeid
+        for item in items
+        if item.get_closest_marker("browser") and "console" not in item.path.parts
+    ]
+    assert not lost, f"tools/suite.py looks for tests in a browser in folders called console only: {lost}"
     items.sort(key=lambda item: -max((mark.args[0] for mark in item.iter_markers("timeout")), default=0.0))
 
 

@@ -34,6 +34,8 @@ AGAIN = ["--reruns=1", "-raR"]
 ROS = [*PYTEST, *AGAIN, f"-n{2 * CORES}", "-m", f"({MORE}) and not browser"]
 # One browser at a time: several starve everything else.
 BROWSER = ["pytest", "--durations=10", *AGAIN, "-m", "browser"]
+#: Where its tests are, unless others are named: to look for them among all takes half a minute.
+BROWSER_TESTS = ["tests/console", "tests/ros/console"]
 
 NO_TESTS = 5
 _CLOSING = re.compile(r"^(\x1b\[\d+m)*=+ .* in [\d.]+s.* =+(\x1b\[\d+m)*$")
@@ -94,7 +96,9 @@ def main() -> int:
         if part.process.returncode:
             print(*part.lines, sep="\n")
     if sys.argv[1] == "test":
-        tests += [start("ROS tests", [*ROS, *given]), start("browser", [*BROWSER, *given])]
+        named = any((ROOT / argument.partition("::")[0]).exists() for argument in sys.argv[2:])
+        browser = [*BROWSER, *given, *([] if named else BROWSER_TESTS)]
+        tests += [start("ROS tests", [*ROS, *given]), start("browser", browser)]
         pages = threading.Thread(target=tests[2].read, args=(None,))
         pages.start()
         tests[1].read(sys.stdout)

@@ -49,7 +49,8 @@ def replay(
     """Run a mission again as the journal has it, and tell its story. WHAT is its id; default: the newest.
 
     The machine takes the same steps, which the journal's snapshots assert. With --hmi, WHAT is a file of
-    `lupin record`, which is shown in the console until Ctrl-C; one that was cut off as far as it goes.
+    `lupin record`, which is shown in the console until Ctrl-C; one that was cut off as far as it goes, with
+    the journal of --journal.
 
     Exit code: 0 told, made or ended by Ctrl-C; 1 the mission of --against would do otherwise; 2 the journal
     or the file cannot be used.
@@ -57,7 +58,7 @@ def replay(
     if hmi or Path(what).is_file():
         if until or picture or interactive or scenario or changed or not hmi:
             raise UsageError(f"a recording is shown in the console: `lupin replay {what} --hmi`")
-        return _show(Path(what), port)
+        return _show(Path(what), port, journal, domain)
     if sum((interactive, scenario is not None, changed is not None)) > 1:
         raise UsageError("--interactive, --to-scenario and --against do not go together")
     from lupin_engine.replay.journaled import chart_of, live_again, recording_of, run_called, runs_of
@@ -79,17 +80,19 @@ def replay(
     return again.compare(changed) if changed is not None else again.go_on(shown[-1].step.time)
 
 
-def _show(file: Path, port: int) -> int:
+def _show(file: Path, port: int, journal: Path | None, domain: int | None) -> int:
     from lupin_engine.cli.pages import find_server, serve
 
     if any(importlib.util.find_spec(name) is None for name in ("mcap", "mcap_ros2")):
         raise UsageError("to read a recording, packages are needed: `pip install 'lupin-engine[record]'`")
     from lupin_engine.ros.recording.reader import Recording
     from lupin_engine.ros.virtual.recorded import RecordedPages
+    from lupin_engine.runtime.journal.journal import journal_folder
 
     catalog = load_catalog()
     server = find_server(catalog)
-    return serve(RecordedPages(Recording(file), load_profiles(), catalog), server, port)
+    folder = journal or journal_folder(domain=domain)
+    return serve(RecordedPages(Recording(file), load_profiles(), catalog, folder), server, port)
 
 
 def _cut(loaded: LoadedMissions, lived: list[LivedStep], until: str | None) -> list[LivedStep]:

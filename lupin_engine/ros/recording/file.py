@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import time
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,9 @@ from mcap.writer import CompressionType, Writer
 
 from lupin_engine import __version__
 from lupin_engine.errors import UsageError
+
+#: The type of the files of a journal that a recording brings along.
+JOURNAL_TYPE = "application/x-lupin-journal"
 
 
 class RecordingFile:
@@ -60,6 +64,15 @@ class RecordingFile:
         """
         self._writer.add_message(channel, heard, data, published, sequence % 2**32)
         self.messages += 1
+
+    def attach(self, file: Path, type_name: str) -> None:
+        """Add a whole file; readers of messages do not meet it.
+
+        Raises:
+            OSError: it cannot be read, or the disk is full.
+        """
+        data, changed = file.read_bytes(), file.stat().st_mtime_ns
+        self._writer.add_attachment(changed, time.time_ns(), file.name, type_name, data)
 
     def flush(self) -> None:
         """Hand what was added to the operating system: it outlives this process.

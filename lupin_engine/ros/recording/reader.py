@@ -67,6 +67,15 @@ class Recording:
                     fields = plain(self._decoders[topic](record.data))
                     yield RecordedMessage(topic, record.log_time, fields)
 
+    def attached(self, type_name: str) -> Iterator[tuple[str, bytes]]:
+        """Yield the files of a type that it brings along; what was cut off has none."""
+        if self.is_cut_off:
+            return
+        with self.path.open("rb") as file:
+            for each in make_reader(file).iter_attachments():
+                if each.media_type == type_name:
+                    yield each.name, each.data
+
     def _records(self) -> Iterator[Any]:
         """Yield all records, up to where the file breaks off."""
         with self.path.open("rb") as file:

@@ -26,8 +26,9 @@ from lupin_engine.ros.adapter.qos import asks_more, heard_profile, offers_text
 from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.bindings.type_hashes import local_hash
 from lupin_engine.ros.messages import read
-from lupin_engine.ros.recording.file import RecordingFile
+from lupin_engine.ros.recording.file import JOURNAL_TYPE, RecordingFile
 from lupin_engine.ros.recording.schema import message_text
+from lupin_engine.runtime.journal.journal import journal_files, journal_folder
 
 #: Seconds between two looks for topics.
 LOOK_S = 0.25
@@ -67,6 +68,7 @@ class TopicRecorder:
         except UsageError:
             self._ros.close()
             raise
+        self._begun = time.time()
         self._me = self._ros.node.get_fully_qualified_name()
         self._without = without
         self._topics: dict[str, _Topic] = {}
@@ -114,6 +116,7 @@ class TopicRecorder:
     def __exit__(self, *_: object) -> None:
         self._ros.stop()
         self._thread.join()
+        self._safely(self._attach_journal)
         self._safely(self._file.finish)
         if not self.messages:
             self.path.unlink(missing_ok=True)
@@ -125,6 +128,14 @@ class TopicRecorder:
                 pass
         except Exception as defect:  # nobody waits for this thread: it must not end unheard
             self._fail(f"rclpy fails all the time: {defect!r}")
+
+    def _attach_journal(self) -> None:
+        """Add what an orchestrator on this computer wrote into its journal meanwhile."""
+        if not self.messages:
+            return
+        for file in journal_files(journal_folder()):
+            if file.stat().st_mtime >= self._begun:
+                self._file.attach(file, JOURNAL_TYPE)
 
     def _safely(self, write: Callable[[], None]) -> None:
         """Write; what cannot be written ends the recording."""

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from lupin_engine.errors import LupinError, shortened
+from lupin_engine.machine.machine import Machine
 from lupin_engine.missions.folders import lifecycle_in, mission_files
 from lupin_engine.missions.load import LoadedMissions, load_files
 from lupin_engine.plugin.contract import Access
@@ -16,19 +20,42 @@ from lupin_engine.plugin.pages import PageMessage
 from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.ros import names
+from lupin_engine.ros.recording.file import JOURNAL_TYPE
 from lupin_engine.ros.recording.reader import Recording
-from lupin_engine.ros.virtual.drawn import drawn
+from lupin_engine.ros.virtual.drawn import drawn, shown
+from lupin_engine.runtime.explanation import explanation
+from lupin_engine.runtime.journal.moments import JournalMoments
 
 #: Of a topic of sensors at most one message of a frame is told in so many nanoseconds.
 THINNED_NS = 100_000_000
 
 
-class RecordedPages:
-    """See `plugin.pages.PageSource`; `profiles` are those whose missions may have been recorded."""
+@dataclass(frozen=True)
+class _RecordedStep:
+    """When a step was told, in milliseconds since 1970, by which process, and its number."""
 
-    def __init__(self, recording: Recording, profiles: Iterable[Profile], catalog: Catalog) -> None:
+    at: float
+    boot: str
+    sequence: int
+
+
+class RecordedPages:
+    """See `plugin.pages.PageSource`.
+
+    Args:
+        recording: what is shown.
+        profiles: those whose missions may have been recorded.
+        catalog: of what is installed.
+        journal: the folder of a journal, for a recording without its own; it need not be there.
+    """
+
+    def __init__(
+        self, recording: Recording, profiles: Iterable[Profile], catalog: Catalog, journal: Path
+    ) -> None:
         self._recording = recording
         self._catalog = catalog
+        self._journal = journal
+        self._unpacked = TemporaryDirectory(prefix="lupin-journal-")
         #: The charts that were drawn anew, by their hashes.
         self._charts: dict[str, LoadedMissions] = {}
         wires = [profile.wire for profile in profiles if profile.wire is not None]
@@ -91,9 +118,51 @@ class RecordedPages:
 
     def call(self, service: str, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
         """See `PageSource`."""
-        if service != names.DRAW_SERVICE:
+        if service not in (names.DRAW_SERVICE, names.EXPLAIN_SERVICE):
             raise LupinError(f"{service}: this is a recording: it cannot be commanded, and nobody answers")
-        return drawn(self._chart(str(arguments.get("chart", ""))), arguments)
+        loaded = self._chart(str(arguments.get("chart", "")))
+        return drawn(loaded, arguments) if service == names.DRAW_SERVICE else self._explain(loaded, arguments)
+
+    def _explain(self, loaded: LoadedMissions, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Explain a state or transition at a `moment` in milliseconds since 1970, or at the end."""
+        moment = arguments.get("moment", self._recording.end / 1e6)
+        if isinstance(moment, bool) or not isinstance(moment, int | float):
+            raise LupinError(f"{names.EXPLAIN_SERVICE}: moment must be a number")
+
+        def told() -> dict[str, str]:
+            machine, now = self._machine(loaded, float(moment))
+            found = explanation(machine, str(arguments.get("element", "")), now)
+            return {"explanation": json.dumps(found, default=str)}
+
+        return shown(loaded, arguments, "explanation", told)
+
+    def _machine(self, loaded: LoadedMissions, moment: float) -> tuple[Machine, float]:
+        """Return the machine at a moment in milliseconds since 1970, and what its clock showed."""
+        place = bisect_right(self._steps, moment, key=lambda step: step.at)
+        if not place:
+            raise LupinError("no step was recorded until this moment")
+        step = self._steps[place - 1]
+        after = self._steps[place] if place < len(self._steps) else None
+        before = after.sequence if after is not None and after.boot == step.boot else None
+        return self._moments.at(loaded.chart, loaded.hash, step.boot, moment / 1000.0, before)
+
+    @cached_property
+    def _steps(self) -> list[_RecordedStep]:
+        """The steps in the order of time, as far as the orchestrator told when they were."""
+        texts = (each.fields["data"] for each in self._recording.messages([names.STEPS_TOPIC]))
+        told = [record for record in map(json.loads, texts) if {"wall_ns", "boot", "step"} <= record.keys()]
+        found = [_RecordedStep(one["wall_ns"] / 1e6, one["boot"], one["step"]["sequence"]) for one in told]
+        return sorted(found, key=lambda step: step.at)
+
+    @cached_property
+    def _moments(self) -> JournalMoments:
+        """The journal that the file brings along; if there is none, the given one."""
+        files = dict(self._recording.attached(JOURNAL_TYPE))
+        if not files:
+            return JournalMoments(self._journal)
+        for name, data in files.items():
+            (Path(self._unpacked.name) / Path(name).name).write_bytes(data)
+        return JournalMoments(Path(self._unpacked.name))
 
     def _chart(self, asked: str) -> LoadedMissions:
         """Return a chart that ran, by its hash, made of the files that were recorded with it.

@@ -227,132 +227,7 @@ def test_during_a_mission_nobody_drives_by_the_map(greenhouse: MapCanvas, wire: 
     expect(page.get_by_text("Press on the map")).to_have_count(0)
 
 
-@pytest.fixture(scope="module")
-def inspected(robot: Served) -> dict[str, Any]:
-    """What the twin tells when the mission of the test before has visited all tags."""
-    with wired(robot) as wire:
-        wire.until(
-            "/mission/state", "lupin_msgs/MissionState", lambda told: told["lifecycle_state"] == "DONE"
-        )
-        before: list[Any] = []
-
-        def is_settled(told: Any) -> bool:
-            """Say whether nothing was read for some seconds: at the end all tags are read once more."""
-            before.append([[tag["readings"], tag["last_observed"]] for tag in told["tags"]])
-            return len(before) > 4 and before[-5] == before[-1] and len(told["tags"]) == TAGS
-
-        told = wire.until("/twin/state", "lupin_msgs/TwinState", is_settled)
-    return {tag["tag_id"]: tag for tag in told["tags"]}
-
-
-def value_of(tag: dict[str, Any], sensor: str) -> float | None:
-    """Return the value of a sensor at a tag."""
-    return next((float(one["value"]) for one in tag["readings"] if one["name"] == sensor), None)
-
-
-def is_alone(tag: dict[str, Any], tags: Iterable[dict[str, Any]]) -> bool:
-    """Return whether no sign of another tag covers this one's."""
-    places = [(each["pose"]["position"]["x"], each["pose"]["position"]["y"]) for each in tags]
-    here = tag["pose"]["position"]["x"], tag["pose"]["position"]["y"]
-    return sum(math.dist(here, place) < 0.3 for place in places) == 1
-
-
-def test_a_tag_tells_what_the_twin_knows(greenhouse: MapCanvas, inspected: dict[str, Any]) -> None:
-    tag = inspected["1"]
-    place = tag["pose"]["position"]
-    told = f"temperature: {value_of(tag, 'temperature'):.1f} °C"
-    greenhouse.hover(place["x"], place["y"])
-    tip = greenhouse.page.locator(".map-tip")
-    expect(tip).to_contain_text(re.compile(f"Tag 1{re.escape(told)}.* ago \\("))
-    greenhouse.press(place["x"], place["y"])
-    expect(greenhouse.page.locator(".map-chosen")).to_contain_text(told)
-
-
-def test_the_list_tells_it_too_and_is_gone_through_by_keys(
-    greenhouse: MapCanvas, inspected: dict[str, Any]
-) -> None:
-    page = greenhouse.page
-    entries = page.locator(".map-tags button")
-    expect(entries).to_have_count(TAGS)
-    entries.first.focus()
-    page.keyboard.press("ArrowDown")
-    page.keyboard.press("ArrowDown")
-    second = page.locator(".map-tags button:focus")
-    expect(second).to_have_attribute("data-tag", "2")
-    expect(second).to_contain_text(f"temperature: {value_of(inspected['2'], 'temperature'):.1f} °C")
-    expect(page.locator(".map-chosen")).to_contain_text("Tag 2")
-    place = inspected["2"]["pose"]["position"]
-    greenhouse.until_colour(place["x"], place["y"], ACCENT)
-
-
-def test_tags_and_field_have_the_colours_of_the_twins_answer(
-    greenhouse: MapCanvas, inspected: dict[str, Any], wire: Wire
-) -> None:
-    page = greenhouse.page
-    way = ("way of the last 2 minutes", "plan and goal")
-    greenhouse.hide(*way, "boxes", "blooms", "names of tags", "anomalies")
-    page.get_by_label("Field of").select_option("temperature")
-    expect(page.locator(".map-legend")).to_contain_text("tags, told at")
-    field = wire.field("temperature")
-    low, high = field["value_min"], field["value_max"]
-    for end in (low, high):
-        expect(page.locator(".map-ends")).to_contain_text(f"{end:.1f} °C")
-    alone = [tag for tag in inspected.values() if is_alone(tag, inspected.values())]
-    assert len(alone) > 15
-    for tag in alone:
-        value, place = value_of(tag, "temperature"), tag["pose"]["position"]
-        wanted = FREE if value is None else ramp(value, low, high)
-        greenhouse.until_colour(place["x"], place["y"], wanted)
-    for x, y in ((0.3, 2.0), (0.3, 6.0), (3.7, 3.0), (3.7, 5.0), (2.5, 7.7)):
-        column, row = (int((at + 0.05) / 0.1) for at in (x, y))
-        value = field["values"][row * field["width"] + column]
-        assert value is not None
-        greenhouse.until_colour(x, y, ramp(value, low, high))
-        greenhouse.hover(x, y)
-        expect(page.locator(".map-readout")).to_contain_text(f"temperature {value:.1f} °C")
-    page.get_by_label("Field of").select_option("soil_moisture")
-    soil = wire.field("soil_moisture")
-    nothing = next(i for i, value in enumerate(soil["values"]) if value is None and i % soil["width"] > 1)
-    x, y = ((nothing % soil["width"]) * 0.1, (nothing // soil["width"]) * 0.1)
-    greenhouse.hover(x, y)
-    expect(page.locator(".map-readout")).to_have_text(re.compile("soil moisture \N{EN DASH}$"))
-
-
-def test_every_sensor_of_the_interface_has_its_unit(greenhouse: MapCanvas) -> None:
-    offered = greenhouse.page.get_by_label("Field of").locator("option")
-    told = {each.get_attribute("value"): each.inner_text() for each in offered.all()}
-    units = {name: re.findall(r"\[(.*)\]", told[name]) for name in SENSOR_UNITS}
-    assert units == {name: [unit] if unit else [] for name, unit in SENSOR_UNITS.items()}
-
-
-def test_scrubbing_takes_robot_and_tags_back(
-    greenhouse: MapCanvas, inspected: dict[str, Any], wire: Wire
-) -> None:
-    page = greenhouse.page
-    transforms = wire.until("/tf", "tf2_msgs/TFMessage", lambda _: True)["transforms"]
-    here = next(each for each in transforms if each["child_frame_id"] == "base_link")["transform"][
-        "translation"
-    ]
-    place = f"x {here['x']:.2f} m, y {here['y']:.2f} m"
-    greenhouse.until_colour(here["x"], here["y"], ROBOT)
-    greenhouse.press(here["x"], here["y"])
-    expect(page.locator(".map-chosen")).to_contain_text(place)
-    page.get_by_role("slider", name="The moment that is shown").focus()
-    page.keyboard.press("Home")
-    expect(page.get_by_role("button", name="Drive to a place…")).to_have_attribute("aria-disabled", "true")
-    expect(page.locator("#map-drive-why")).to_contain_text("You look at the past")
-    assert len(inspected) == TAGS
-    expect(page.locator(".map-tags button")).not_to_have_count(TAGS)
-    for _ in range(60):
-        page.keyboard.press("ArrowRight")
-    expect(page.locator(".map-chosen")).to_contain_text("Robot")
-    expect(page.locator(".map-chosen")).not_to_contain_text(place)
-    page.keyboard.press("l")
-    expect(page.locator(".map-chosen")).to_contain_text(place)
-    expect(page.locator(".map-tags button")).to_have_count(TAGS)
-
-
-# --- what the simulated greenhouse never does ---------------------------------------------------------------
+# --- what the simulated greenhouse never does; its mission goes on meanwhile --------------------------------
 
 
 def grid_of(
@@ -514,3 +389,131 @@ def test_a_twin_that_falls_silent_has_grey_tags(bare: tuple[MapCanvas, RosNode])
     expect(seen.page.locator(".map-notes")).to_contain_text(re.compile(r"The twin is silent since \d"))
     seen.until_colour(1.0, 1.0, SILENT)
     expect(seen.page.locator(".map-tags")).to_have_class(re.compile("stale"))
+
+
+# --- after the mission -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def inspected(robot: Served) -> dict[str, Any]:
+    """What the twin tells when the mission of the test before has visited all tags."""
+    with wired(robot) as wire:
+        wire.until(
+            "/mission/state", "lupin_msgs/MissionState", lambda told: told["lifecycle_state"] == "DONE"
+        )
+        before: list[Any] = []
+
+        def is_settled(told: Any) -> bool:
+            """Say whether nothing was read for some seconds: at the end all tags are read once more."""
+            before.append([[tag["readings"], tag["last_observed"]] for tag in told["tags"]])
+            return len(before) > 4 and before[-5] == before[-1] and len(told["tags"]) == TAGS
+
+        told = wire.until("/twin/state", "lupin_msgs/TwinState", is_settled)
+    return {tag["tag_id"]: tag for tag in told["tags"]}
+
+
+def value_of(tag: dict[str, Any], sensor: str) -> float | None:
+    """Return the value of a sensor at a tag."""
+    return next((float(one["value"]) for one in tag["readings"] if one["name"] == sensor), None)
+
+
+def is_alone(tag: dict[str, Any], tags: Iterable[dict[str, Any]]) -> bool:
+    """Return whether no sign of another tag covers this one's."""
+    places = [(each["pose"]["position"]["x"], each["pose"]["position"]["y"]) for each in tags]
+    here = tag["pose"]["position"]["x"], tag["pose"]["position"]["y"]
+    return sum(math.dist(here, place) < 0.3 for place in places) == 1
+
+
+def test_a_tag_tells_what_the_twin_knows(greenhouse: MapCanvas, inspected: dict[str, Any]) -> None:
+    tag = inspected["1"]
+    place = tag["pose"]["position"]
+    told = f"temperature: {value_of(tag, 'temperature'):.1f} °C"
+    greenhouse.hover(place["x"], place["y"])
+    tip = greenhouse.page.locator(".map-tip")
+    expect(tip).to_contain_text(re.compile(f"Tag 1{re.escape(told)}.* ago \\("))
+    greenhouse.press(place["x"], place["y"])
+    expect(greenhouse.page.locator(".map-chosen")).to_contain_text(told)
+
+
+def test_the_list_tells_it_too_and_is_gone_through_by_keys(
+    greenhouse: MapCanvas, inspected: dict[str, Any]
+) -> None:
+    page = greenhouse.page
+    entries = page.locator(".map-tags button")
+    expect(entries).to_have_count(TAGS)
+    entries.first.focus()
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("ArrowDown")
+    second = page.locator(".map-tags button:focus")
+    expect(second).to_have_attribute("data-tag", "2")
+    expect(second).to_contain_text(f"temperature: {value_of(inspected['2'], 'temperature'):.1f} °C")
+    expect(page.locator(".map-chosen")).to_contain_text("Tag 2")
+    place = inspected["2"]["pose"]["position"]
+    greenhouse.until_colour(place["x"], place["y"], ACCENT)
+
+
+def test_tags_and_field_have_the_colours_of_the_twins_answer(
+    greenhouse: MapCanvas, inspected: dict[str, Any], wire: Wire
+) -> None:
+    page = greenhouse.page
+    way = ("way of the last 2 minutes", "plan and goal")
+    greenhouse.hide(*way, "boxes", "blooms", "names of tags", "anomalies")
+    page.get_by_label("Field of").select_option("temperature")
+    expect(page.locator(".map-legend")).to_contain_text("tags, told at")
+    field = wire.field("temperature")
+    low, high = field["value_min"], field["value_max"]
+    for end in (low, high):
+        expect(page.locator(".map-ends")).to_contain_text(f"{end:.1f} °C")
+    alone = [tag for tag in inspected.values() if is_alone(tag, inspected.values())]
+    assert len(alone) > 15
+    for tag in alone:
+        value, place = value_of(tag, "temperature"), tag["pose"]["position"]
+        wanted = FREE if value is None else ramp(value, low, high)
+        greenhouse.until_colour(place["x"], place["y"], wanted)
+    for x, y in ((0.3, 2.0), (0.3, 6.0), (3.7, 3.0), (3.7, 5.0), (2.5, 7.7)):
+        column, row = (int((at + 0.05) / 0.1) for at in (x, y))
+        value = field["values"][row * field["width"] + column]
+        assert value is not None
+        greenhouse.until_colour(x, y, ramp(value, low, high))
+        greenhouse.hover(x, y)
+        expect(page.locator(".map-readout")).to_contain_text(f"temperature {value:.1f} °C")
+    page.get_by_label("Field of").select_option("soil_moisture")
+    soil = wire.field("soil_moisture")
+    nothing = next(i for i, value in enumerate(soil["values"]) if value is None and i % soil["width"] > 1)
+    x, y = ((nothing % soil["width"]) * 0.1, (nothing // soil["width"]) * 0.1)
+    greenhouse.hover(x, y)
+    expect(page.locator(".map-readout")).to_have_text(re.compile("soil moisture \N{EN DASH}$"))
+
+
+def test_every_sensor_of_the_interface_has_its_unit(greenhouse: MapCanvas) -> None:
+    offered = greenhouse.page.get_by_label("Field of").locator("option")
+    told = {each.get_attribute("value"): each.inner_text() for each in offered.all()}
+    units = {name: re.findall(r"\[(.*)\]", told[name]) for name in SENSOR_UNITS}
+    assert units == {name: [unit] if unit else [] for name, unit in SENSOR_UNITS.items()}
+
+
+def test_scrubbing_takes_robot_and_tags_back(
+    greenhouse: MapCanvas, inspected: dict[str, Any], wire: Wire
+) -> None:
+    page = greenhouse.page
+    transforms = wire.until("/tf", "tf2_msgs/TFMessage", lambda _: True)["transforms"]
+    here = next(each for each in transforms if each["child_frame_id"] == "base_link")["transform"][
+        "translation"
+    ]
+    place = f"x {here['x']:.2f} m, y {here['y']:.2f} m"
+    greenhouse.until_colour(here["x"], here["y"], ROBOT)
+    greenhouse.press(here["x"], here["y"])
+    expect(page.locator(".map-chosen")).to_contain_text(place)
+    page.get_by_role("slider", name="The moment that is shown").focus()
+    page.keyboard.press("Home")
+    expect(page.get_by_role("button", name="Drive to a place…")).to_have_attribute("aria-disabled", "true")
+    expect(page.locator("#map-drive-why")).to_contain_text("You look at the past")
+    assert len(inspected) == TAGS
+    expect(page.locator(".map-tags button")).not_to_have_count(TAGS)
+    for _ in range(60):
+        page.keyboard.press("ArrowRight")
+    expect(page.locator(".map-chosen")).to_contain_text("Robot")
+    expect(page.locator(".map-chosen")).not_to_contain_text(place)
+    page.keyboard.press("l")
+    expect(page.locator(".map-chosen")).to_contain_text(place)
+    expect(page.locator(".map-tags button")).to_have_count(TAGS)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -131,9 +130,3 @@ def test_the_report_of_a_shift_is_counted_printed_and_saved(console: Page, tmp_p
     expect(console.get_by_role("button", name="Print")).to_be_hidden()
     expect(report.get_by_role("heading", name="Shift report")).to_be_visible()
     assert len(console.pdf()) > 5_000
-
-
-@pytest.fixture(scope="module")
-def robot(serve: Callable[..., Served]) -> Served:
-    """Nodes that are started again when they die, the gateway too."""
-    return serve("up", "--speed", "4")

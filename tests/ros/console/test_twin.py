@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,13 +12,6 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 from playwright.sync_api import Page, expect
 
 from tests.ros.console.asking import command
-from tests.ros.console.conftest import Served
-
-
-@pytest.fixture(scope="module")
-def robot(serve: Callable[..., Served]) -> Served:
-    """One whose tags nobody else uses."""
-    return serve("up", "--speed", "4")
 
 
 @pytest.fixture

@@ -101,7 +101,7 @@ function Met(props: { element: string; isState: boolean }) {
 function Why(props: { chart: ChartRecord; element: string }) {
   const t = texts.value.chart;
   const { told, problem } = useExplanation(props.chart, props.element);
-  if (moment.value !== null || mode.value === "recording") return <p class="soft">{t.onlyNow}</p>;
+  if (moment.value !== null && mode.value !== "recording") return <p class="soft">{t.onlyNow}</p>;
   if (problem) return <p class="note warn">{problem}</p>;
   if (!told || told.element !== props.element) return <p class="soft">{t.asking}</p>;
   if (!told.rules.length) return <p class="soft">{t.noRules}</p>;
@@ -138,19 +138,20 @@ function Outcome(props: { chart: ChartRecord; rule: Rule; isOwn: boolean }) {
   );
 }
 
-/** What the engine says of an element now, asked anew after steps, but not after each of many. */
+/** What the engine says of an element now, or at the moment of a recording; asked anew, but not after each of many steps. */
 function useExplanation(chart: ChartRecord, element: string): { told?: Explanation; problem?: string } {
   const [answer, setAnswer] = useState<{ told?: Explanation; problem?: string }>({});
   useEffect(() => {
     let timer = 0;
     let ended = false;
     let askedFor: unknown;
+    const asksFor = (): unknown => (mode.peek() === "recording" ? shownNow.peek() : steps.past.at(null)?.at);
     const ask = async (): Promise<void> => {
       timer = 0;
-      askedFor = steps.past.at(null)?.at;
+      askedFor = asksFor();
       let found: { told?: Explanation; problem?: string };
       try {
-        const sent = { chart: chart.hash, element };
+        const sent = { chart: chart.hash, element, ...(mode.peek() === "recording" && { moment: shownNow.peek() }) };
         const response = await link.call<ExplainResponse>("/mission_orchestrator/explain", sent);
         found = response.success ? { told: JSON.parse(response.explanation) as Explanation } : { problem: response.message };
       } catch (problem) {
@@ -159,9 +160,10 @@ function useExplanation(chart: ChartRecord, element: string): { told?: Explanati
       if (!ended) setAnswer(found);
     };
     const look = (): void => {
-      if (moment.value === null && steps.shown.value?.at !== askedFor) timer ||= window.setTimeout(ask, ASK_EVERY_MS);
+      const canAsk = moment.value === null || mode.value === "recording";
+      if (canAsk && asksFor() !== askedFor) timer ||= window.setTimeout(ask, ASK_EVERY_MS);
     };
-    const stops = [steps.shown.subscribe(look), moment.subscribe(look), link.state.subscribe((now) => now === "open" && void ask())];
+    const stops = [steps.shown.subscribe(look), moment.subscribe(look), mode.subscribe(look), link.state.subscribe((now) => now === "open" && void ask())];
     return () => {
       ended = true;
       clearTimeout(timer);
