@@ -311,7 +311,7 @@ def test_a_recording_tells_why_a_button_was_grey_and_folds_its_chart(
             note = page.locator(".detail .note")
             expect(note).to_contain_text("no step was recorded until this moment")
             page.keyboard.press("l")
-            expect(note).to_contain_text("what could happen at this moment is not known: its journal is not in")
+            expect(note).to_contain_text("could happen at this moment is not known: its journal is not in")
 
 
 def test_a_recording_by_others_says_what_it_lacks(context: BrowserContext, tmp_path: Path) -> None:
