@@ -192,7 +192,7 @@ class Keeping:
         for number, fields in found.left.told.items():
             self._send_when_kept(number, fields, send)
         for told, fields in new:
-            self.publish(told, partial(_given, fields), send)
+            self.publish([told], partial(_given, fields), send)
 
     def remember(self, left: Leftover, commands: CommandMemory) -> None:
         """Have commands known that another process was given: none is carried out twice."""
@@ -207,15 +207,18 @@ class Keeping:
     # -- what leaves when it is kept ----------------------------------------------------------------------
 
     def publish(
-        self, told: Publish, fields_of: Callable[[Publish], Fields], send: Callable[[Fields], None]
+        self,
+        outcomes: Iterable[Publish],
+        fields_of: Callable[[Publish], Fields],
+        send: Callable[[Fields], None],
     ) -> None:
-        """Publish an outcome when it is kept, and note that it was; of many at once some in each turn."""
+        """Publish outcomes when they are kept, and note that they were; of many at once some in each turn."""
 
-        def write() -> None:
+        def write(told: Publish) -> None:
             fields = fields_of(told)
             self._send_when_kept(self.journal.outcome(told, fields), fields, send)
 
-        self._writes.add(write)
+        self._writes.add_each(partial(write, told) for told in outcomes)
 
     def _send_when_kept(self, number: int, fields: Fields, send: Callable[[Fields], None]) -> None:
         def kept() -> None:

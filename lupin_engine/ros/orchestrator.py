@@ -61,7 +61,7 @@ from lupin_engine.ros.told import ToldState
 from lupin_engine.runtime.client_clocks import STALE, STALE_AFTER_S, ClientClocks
 from lupin_engine.runtime.engine import Engine
 from lupin_engine.runtime.journal.records import JournalRecord
-from lupin_engine.runtime.journal.recovery import resumed_event
+from lupin_engine.runtime.journal.recovery import outcomes_of, resumed_event
 from lupin_engine.runtime.journal.replay import resumed
 from lupin_engine.runtime.setup import make_machine, make_world
 
@@ -517,10 +517,10 @@ class Orchestrator:
             self._publish_if_changed(self._machine.view)
             return
         view = self._machine.view
+        if outcomes := outcomes_of(step):
+            self._keeping.publish(outcomes, self._told.outcome, self._outcomes.publish)
         for command in step.commands:
-            if isinstance(command, Publish):
-                self._keeping.publish(command, self._told.outcome, self._outcomes.publish)
-            elif isinstance(command, Report):
+            if isinstance(command, Report):
                 self._telling.report(command, view)
         for moment in step.trail[:-1]:
             self._publish_if_changed(view, moment)

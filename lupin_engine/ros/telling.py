@@ -102,8 +102,7 @@ class Telling:
         profile = self._loaded.chart.profile
         counts = {outcome.counter: view.counts[outcome.name] for outcome in profile.outcomes}
         self._ros.log.info("mission ended", mission_id=report.mission_id, total=view.total, **counts)
-        for visit in report.visits:
-            self._slices.add(partial(self._tell_visit, visit))
+        self._slices.add_each(partial(self._tell_visit, visit) for visit in report.visits)
 
     def _tell_visit(self, visit: Mapping[str, Any]) -> None:
         self._ros.log.info("target", **messages.visit_record(visit, self._loaded.chart.profile))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol
 
 
@@ -80,13 +80,17 @@ class Slices:
     def __init__(self, post: Callable[[Callable[[], None]], None]) -> None:
         """`post` has something done in the next turn of the thread."""
         self._post = post
-        self._waiting: deque[Callable[[], None]] = deque()
+        self._waiting: deque[Iterator[Callable[[], None]]] = deque()
         self._room = SLICE
         self._posted = False
 
     def add(self, act: Callable[[], None]) -> None:
         """Do something, now or soon."""
-        self._waiting.append(act)
+        self.add_each((act,))
+
+    def add_each(self, acts: Iterable[Callable[[], None]]) -> None:
+        """Do some things; what makes them is asked for each when its turn comes."""
+        self._waiting.append(iter(acts))
         if not self._posted:
             self._posted = True
             self._post(self._next_turn)
@@ -99,8 +103,8 @@ class Slices:
 
     def finish(self) -> None:
         """Do all that waits: there will be no other turn."""
-        while self._waiting:
-            self._waiting.popleft()()
+        while (act := self._take()) is not None:
+            act()
 
     def _next_turn(self) -> None:
         self._room, self._posted = SLICE, False
@@ -110,6 +114,14 @@ class Slices:
             self._post(self._next_turn)
 
     def _go_on(self) -> None:
-        while self._waiting and self._room:
+        while self._room and (act := self._take()) is not None:
             self._room -= 1
-            self._waiting.popleft()()
+            act()
+
+    def _take(self) -> Callable[[], None] | None:
+        while self._waiting:
+            act = next(self._waiting[0], None)
+            if act is not None:
+                return act
+            self._waiting.popleft()
+        return None

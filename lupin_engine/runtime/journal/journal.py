@@ -244,7 +244,7 @@ class Journal:
     def compact(self, machine: Machine) -> bool:
         """Write a snapshot where one is due; say whether another file is due instead."""
         limit = PART_BYTES if self.head is not None and self.head.mission_id else IDLE_BYTES
-        if self._bytes > limit:
+        if self._bytes > max(limit, SNAPSHOT_TIMES * self._shot):
             return True
         if self._since_shot > max(SNAPSHOT_BYTES, SNAPSHOT_TIMES * self._shot):
             shot = machine.snapshot()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 
 from lupin_engine.ros.adapter.host import SLICE, Slices
@@ -38,6 +38,27 @@ def test_a_few_are_done_at_once() -> None:
     assert not posted, "nothing waits, so the thread rests"
     slices.add(partial(done.append, -1))
     assert done[-1] == -1
+
+
+def test_what_is_to_be_done_is_made_when_its_turn_comes() -> None:
+    """Twenty thousand at once would be a silence by themselves."""
+    posted: list[Callable[[], None]] = []
+    made: list[int] = []
+    done: list[int] = []
+
+    def acts() -> Iterator[Callable[[], None]]:
+        for number in range(2 * SLICE):
+            made.append(number)
+            yield partial(done.append, number)
+
+    slices = Slices(posted.append)
+    slices.add_each(acts())
+    slices.add(partial(done.append, -1))
+    assert made == done == list(range(SLICE))
+    while posted:
+        posted.pop(0)()
+    assert done == [*range(2 * SLICE), -1]
+    assert slices.is_done
 
 
 def test_the_end_waits_for_no_turn() -> None:

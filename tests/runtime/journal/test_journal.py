@@ -79,6 +79,24 @@ def test_another_engine_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         list(replay(found, run.machine.world))
 
 
+def test_a_large_memory_does_not_begin_one_file_after_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each begins with a snapshot, which alone may be more than a file of its kind has."""
+    monkeypatch.setattr(journals, "IDLE_BYTES", 1_000)
+    machine = Machine(World(chart({"A": {}}, context={"text": "x" * 2_000}), {}, {}, {}))
+    machine.start(0.0)
+    keeper = Keeper(tmp_path, VirtualClock(0.0, 1.8e9))
+    keeper.begin(machine)
+    assert not keeper.journal.compact(machine)
+    size, count = len(machine.snapshot()), 0
+    while not keeper.journal.compact(machine):
+        keeper.journal.handled(1.0, Event("a", {"text": "x" * 200}), {})
+        count += 1
+    assert 6 * size < count * 250 < 8 * size
+    keeper.journal.close()
+
+
 def test_what_was_told_is_numbered_and_marked(tmp_path: Path) -> None:
     """The outbox: what is written before it leaves, and the mark after it; numbers go on in the next file."""
     keeper = Keeper(tmp_path, VirtualClock(0.0, 1.8e9))
