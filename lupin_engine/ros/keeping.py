@@ -61,6 +61,8 @@ class Keeping:
         self._refusals = Refusals(self.journal.refused)
         #: What is written of many targets at once, and what is published of them.
         self._writes, self._slices = Slices(ros.post), Slices(ros.post)
+        #: What writes an outcome again that could not be written and is not published.
+        self._unkept: list[Callable[[], None]] = []
         self._loaded: LoadedMissions | None = None
         self._retry_at = 0.0
         self._part = 1
@@ -127,6 +129,9 @@ class Keeping:
                 snapshot=machine.snapshot() if machine.memory.sequence else "",
             )
         )
+        unkept, self._unkept = self._unkept, []
+        for write_again in unkept:
+            write_again()
 
     def before(self, request: Event, foreseen: Possibility, machine: Machine) -> None:
         """Begin a mission's file where a request is about to start it."""
@@ -214,18 +219,38 @@ class Keeping:
     ) -> None:
         """Publish outcomes when they are kept, and note that they were; of many at once some in each turn."""
 
-        def write(told: Publish) -> None:
-            fields = fields_of(told)
-            self._send_when_kept(self.journal.outcome(told, fields), fields, send)
+        self._writes.add_each(partial(self._write, told, fields_of, send) for told in outcomes)
 
-        self._writes.add_each(partial(write, told) for told in outcomes)
+    def _write(
+        self, told: Publish, fields_of: Callable[[Publish], Fields], send: Callable[[Fields], None]
+    ) -> None:
+        fields = fields_of(told)
+        again = partial(self._write, told, partial(_given, fields), send)
+        self._send_when_kept(self.journal.outcome(told, fields), fields, send, again)
 
-    def _send_when_kept(self, number: int, fields: Fields, send: Callable[[Fields], None]) -> None:
-        def kept() -> None:
+    def _send_when_kept(
+        self,
+        number: int,
+        fields: Fields,
+        send: Callable[[Fields], None],
+        again: Callable[[], None] | None = None,
+    ) -> None:
+        """Publish an outcome; where the journal is required, and this one is not kept, write it `again`.
+
+        Else who replays the journal would not know of it, and tell the target once more.
+        """
+
+        def publish() -> None:
             send(fields)
             self.journal.published(number)
 
-        self.journal.when_kept(lambda: self._slices.add(kept))
+        def kept() -> None:
+            if again is not None and self.required and self.journal.problem:
+                self._unkept.append(again)
+            else:
+                self._slices.add(publish)
+
+        self.journal.when_kept(kept)
 
     # -- the disk -----------------------------------------------------------------------------------------
 

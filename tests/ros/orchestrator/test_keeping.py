@@ -1,0 +1,84 @@
+"""What leaves the orchestrator when the disk fails: the node is a list of calls here."""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import os
+import queue
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lupin_engine.missions.selection import load_missions
+from lupin_engine.plugin.profile import Publish
+from lupin_engine.ros.keeping import JOURNAL_PARAMETERS, Keeping
+from lupin_engine.runtime.journal.journal import journal_files
+from lupin_engine.runtime.journal.records import OUTCOME, PUBLISHED, read_journal
+from lupin_engine.runtime.setup import make_machine
+from tests import shipped
+
+
+class Silent:
+    """A log that nobody reads."""
+
+    def __getattr__(self, _: str) -> Callable[..., None]:
+        return lambda *_, **__: None
+
+
+class Node:
+    """What keeping uses of a node; each look at the clock is ten seconds later."""
+
+    log = Silent()
+    trouble = log.told
+    lineage = "l"
+
+    def __init__(self, **given: Any) -> None:
+        self._given = {name: one.default for name, one in JOURNAL_PARAMETERS.items()} | given
+        self._clock = itertools.count(step=10)
+        self.posted: queue.Queue[Callable[[], None]] = queue.Queue()
+        self.post = self.posted.put
+
+    def parameters(self) -> dict[str, Any]:
+        return self._given
+
+    def elapsed(self) -> float:
+        return float(next(self._clock))
+
+    def work_until(self, is_done: Callable[[], bool]) -> None:
+        """Do what is posted."""
+        end = time.monotonic() + 10.0
+        while not is_done():
+            self.posted.get(timeout=max(0.01, end - time.monotonic()))()
+
+
+@pytest.mark.parametrize("required", [True, False])
+def test_what_the_disk_does_not_take_is_published_when_it_does(tmp_path: Path, required: bool) -> None:
+    """Or at once, where nobody requires a journal: a machine made of it would tell that target once more."""
+    node = Node(journal_path=str(tmp_path), journal_required=required)
+    loaded = load_missions(["inspection"], shipped.catalog())
+    machine = make_machine(loaded.chart, {})
+    keeping = Keeping(node, "boot", lambda: None, lambda _: None)  # type: ignore[arg-type]
+    sent: list[int] = []
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    keeping.begin(loaded, machine)
+    keeping.journal._writer._sync = full  # type: ignore[attr-defined]
+    keeping.publish([Publish("M", "m", "7", "OK")], lambda _: {"status": 0}, lambda fields: sent.append(1))
+    node.work_until(lambda: bool(keeping.journal.problem))
+    while not node.posted.empty():
+        node.posted.get()()
+    assert sent == ([] if required else [1])
+
+    keeping.journal._writer._sync = os.fdatasync  # type: ignore[attr-defined]
+    keeping.look(machine)
+    node.work_until(lambda: bool(sent))
+    keeping.close()
+    assert sent == [1]
+    kinds = [record.kind for record in read_journal(journal_files(tmp_path)[-1]).records]
+    assert (OUTCOME in kinds, PUBLISHED in kinds) == (required, required)
