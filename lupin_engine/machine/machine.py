@@ -66,7 +66,6 @@ from lupin_engine.machine.step import (
     Step,
     View,
     fields_told,
-    target_of,
     view_of,
 )
 from lupin_engine.machine.structure import (
@@ -626,7 +625,7 @@ class Machine:
     def _microstep(self, plan: Microstep, trigger: Trigger) -> None:
         """Carry out a microstep: exits, actions, entries; then the holds that its transitions release."""
         step, memory = self._step, self.memory
-        target = target_of(memory) if memory.itineraries else ""
+        target = memory.target if memory.itineraries else ""
         if plan.remembers:
             memory.history.update(plan.remembers)
         if plan.moves:
@@ -659,7 +658,7 @@ class Machine:
         for name in plan.releases:
             self._holds.release(name, step)
         if not active.passing:
-            target = target_of(memory) if memory.itineraries else ""
+            target = memory.target if memory.itineraries else ""
             moment = Moment(active.label, active.phase, target) if target else active.moment
             step.trail = (*step.trail, moment) if step.trail else active.trail if not target else (moment,)
 

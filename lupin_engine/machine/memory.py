@@ -225,6 +225,17 @@ class Memory:
         return self.itineraries.get(self.current_itinerary)
 
     @property
+    def target(self) -> str:
+        """The target that is processed, for displays; "" unless the state of its itinerary is active."""
+        traversal = self.traversal
+        if traversal is None or traversal.state not in self.configuration:
+            # The one that was entered last is over; one around it may go on.
+            walks = self.itineraries.values()
+            traversal = next((walk for walk in walks if walk.state in self.configuration), None)
+        visit = traversal.visit if traversal is not None else None
+        return "" if visit is None else visit.target
+
+    @property
     def outcomes(self) -> tuple[Visit, ...]:
         """What became of the targets of all itineraries of this mission, one itinerary after the other.
 

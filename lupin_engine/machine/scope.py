@@ -23,7 +23,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.errors import Severity, reason
 from lupin_engine.machine.event import NO_TRIGGER, NOTHING, Trigger
 from lupin_engine.machine.memory import Memory, Traversal
-from lupin_engine.machine.step import CodeEvent, Macrostep, target_of
+from lupin_engine.machine.step import CodeEvent, Macrostep
 from lupin_engine.machine.timers import Timers
 from lupin_engine.plugin.contract import Argument, classify
 from lupin_engine.plugin.types import Notation, problems
@@ -324,7 +324,7 @@ class EvaluationScope(dict[str, Any]):
         Without a `target` it is about the one that is processed. What is less than `least` is only reported.
         """
         memory, found = self.memory, classify(code, self.chart.codes)
-        about = target_of(memory) if target is None else target
+        about = memory.target if target is None else target
         step.codes.append(CodeEvent(code, found.label, found.severity, detail, about))
         memory.codes += 1
         if found.severity >= max(least, classify(memory.code, self.chart.codes).severity):

@@ -293,7 +293,7 @@ def moment_of(chart: Chart, memory: Memory) -> Moment:
     return Moment(
         lifecycle=next((state.label for state in states if state.label), ""),
         phase=next((state.phase for state in reversed(states) if state.phase), ""),
-        target=target_of(memory),
+        target=memory.target,
     )
 
 
@@ -322,17 +322,6 @@ def view_of(chart: Chart, memory: Memory) -> View:
         dropped=memory.dropped,
         countdowns=tuple(_countdowns(memory)),
     )
-
-
-def target_of(memory: Memory) -> str:
-    """Return the target that is processed; "" unless the state of its itinerary is active."""
-    traversal = memory.traversal
-    if traversal is None or traversal.state not in memory.configuration:
-        # The one that was entered last is over; one around it may go on.
-        walks = memory.itineraries.values()
-        traversal = next((walk for walk in walks if walk.state in memory.configuration), None)
-    visit = traversal.visit if traversal is not None else None
-    return "" if visit is None else visit.target
 
 
 def _asking(chart: Chart, memory: Memory) -> Iterator[Question]:

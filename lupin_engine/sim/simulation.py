@@ -18,7 +18,7 @@ from lupin_engine.machine.event import Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.scope import World
-from lupin_engine.machine.step import Step, View, target_of
+from lupin_engine.machine.step import Step, View
 from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.profile import START
 from lupin_engine.runtime.clock import UTC, VirtualClock, calendar_of
@@ -311,7 +311,7 @@ class Simulation:
             script.rules,
             self._agenda,
             self._clock.now,
-            lambda: target_of(self._machine.memory),
+            lambda: self._machine.memory.target,
         )
         crashes = crashes or any(isinstance(h.effect, Restart) for h in script.happenings)
         self._journal = _InMemory(self) if crashes else None

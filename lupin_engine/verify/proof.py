@@ -14,12 +14,11 @@ from lupin_engine.verify.authored import properties_of
 from lupin_engine.verify.situations.explorer import (
     NO_EXCEPTION,
     Bounds,
-    Breach,
-    ExplorationProgress,
-    Explored,
     SituationExplorer,
 )
+from lupin_engine.verify.situations.found import Breach, ExplorationProgress, Explored
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph, broken
+from lupin_engine.verify.situations.levels import explore
 from lupin_engine.verify.situations.timing import timed_run
 from lupin_engine.verify.situations.ways import Ways
 from lupin_engine.verify.situations.worlds import OF_PROPERTY
@@ -97,7 +96,7 @@ def prove(
     """
     watched = properties_of(world.chart)
     explorer = SituationExplorer(world, watched, bounds)
-    explored = explorer.explore(goes_on)
+    explored = explore(explorer, goes_on)
     judge = _Judge(explorer, explored)
     found = [judge.of_steps(one.name, one.says) for one in watched]
     if NO_EXCEPTION in explored.breaches:

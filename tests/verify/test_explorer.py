@@ -15,6 +15,8 @@ from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore
+from lupin_engine.verify.situations.levels import explore
+from lupin_engine.verify.situations.situation import TrackedMemory
 from tests.machine.charts import PAUSE, chart
 from tests.verify.toys import KeepingExplorer, explored, round_trip, wheels
 
@@ -102,7 +104,7 @@ def test_random_runs_see_nothing_else() -> None:
     """Whatever a machine comes to by chance, with real times, is among the situations."""
     of = round_trip()
     explorer = KeepingExplorer(of, restarts=False)
-    assert explorer.explore().complete
+    assert explore(explorer).complete
     known = set()
     for situation in explorer.situations:
         names = explorer.table.get(situation, ("attempts", "")) or ()
@@ -137,3 +139,15 @@ def test_the_round_trip_is_small() -> None:
     assert found.complete
     assert found.breaches == {}
     assert found.entered >= {"A", "B", "C"}
+
+
+def test_what_a_step_writes_counts_as_read() -> None:
+    """Whether it changes anything depends on what was there, so an effect is remembered with that."""
+    explorer = KeepingExplorer(round_trip())
+    situation, _ = explorer.initial()
+    memory = TrackedMemory(explorer.table, situation)
+    memory.mission_id = "one"
+    memory.current_itinerary = ""
+    slots = [explorer.table.index[name, ""] for name in ("mission_id", "current_itinerary")]
+    assert [slot for slot, _ in memory.changes()] == slots[:1]
+    assert memory.reads >= set(slots)

@@ -10,7 +10,8 @@ import pytest
 from lupin_engine.cli.main import main
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.verify.proof import ProofVerdict, prove
-from lupin_engine.verify.situations.explorer import Bounds, ExplorationProgress
+from lupin_engine.verify.situations.explorer import Bounds
+from lupin_engine.verify.situations.found import ExplorationProgress
 from tests import shipped
 
 

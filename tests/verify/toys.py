@@ -7,8 +7,11 @@ from typing import Any
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.scope import World
 from lupin_engine.verify.properties import BUILT_IN
-from lupin_engine.verify.situations.explorer import Bounds, Explored, SituationExplorer
+from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
+from lupin_engine.verify.situations.found import Explored
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph
+from lupin_engine.verify.situations.levels import explore
+from lupin_engine.verify.situations.memo import Rows
 from lupin_engine.verify.situations.situation import Situation
 from tests.machine.charts import PAUSE, chart
 
@@ -44,19 +47,18 @@ def wheels(regions: int, spokes: int) -> Chart:
 class KeepingExplorer(SituationExplorer):
     """An explorer that keeps every situation."""
 
-    def __init__(self, of: Chart, memo: bool = True, **bounds: Any) -> None:
+    def __init__(self, of: Chart, **bounds: Any) -> None:
         self.situations: list[Situation] = []
-        super().__init__(World(of, {}), BUILT_IN, Bounds(**bounds), memo)
+        super().__init__(World(of, {}), BUILT_IN, Bounds(**bounds))
 
-    def flags(self, situation: Situation) -> int:
-        """Return what is known of a situation, and keep it."""
-        self.situations.append(situation)
-        return super().flags(situation)
+    def keep(self, rows: Rows) -> None:
+        """Keep all situations."""
+        self.situations += map(tuple, rows.T.tolist())
 
 
 def explored(of: Chart, memo: bool = True, **bounds: Any) -> Explored:
     """Return what is found in a chart."""
-    return KeepingExplorer(of, memo, **bounds).explore()
+    return explore(KeepingExplorer(of, **bounds), memo=memo)
 
 
 def broken(of: Chart, **bounds: Any) -> set[str]:

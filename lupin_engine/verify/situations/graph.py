@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_engine.verify.situations.explorer import Explored, Is
+from lupin_engine.verify.situations.found import Explored, Is
 from lupin_engine.verify.situations.worlds import Mover
 
 _Mask = NDArray[np.bool_]

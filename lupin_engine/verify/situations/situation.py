@@ -115,7 +115,7 @@ class SlotTable:
         found = numbers.get(key)
         if found is None:
             found = numbers[key] = len(numbers) + 1
-            kept = value if isinstance(value, _PLAIN) else pickle.dumps(value, -1)
+            kept = value if _is_plain(value) else pickle.dumps(value, -1)
             self._values[slot].append(kept)
             if found > self._most:
                 what = ".".join(filter(None, name))
@@ -129,6 +129,10 @@ class SlotTable:
         kept = self._values[slot][number]
         return pickle.loads(kept) if type(kept) is bytes else kept
 
+    def is_kept(self, slot: int, number: int, value: Any) -> bool:
+        """Say whether this is the very value that is kept, which nobody can have changed."""
+        return self._values[slot][number] is value
+
     def get(self, situation: Situation, name: SlotName) -> Any:
         """Return what a slot is in a situation; None where there is nothing."""
         number = situation[self.slot(name)]
@@ -136,6 +140,13 @@ class SlotTable:
 
 
 _PLAIN = (str, int, float, bool, type(None), frozenset)
+
+
+def _is_plain(value: Any) -> bool:
+    """Say whether nobody can change a value, so that all may have the same one."""
+    if isinstance(value, tuple):
+        return all(map(_is_plain, value))
+    return isinstance(value, _PLAIN)
 
 
 class TrackedMemory(Memory):
@@ -169,6 +180,11 @@ class TrackedMemory(Memory):
         number = self.situation[slot]
         return self.table.value(slot, number) if number else None
 
+    @property
+    def target(self) -> str:
+        """Nothing: which target a display shows leads to nothing, so it is not read."""
+        return ""
+
     def looked_at_timers(self) -> list[list[Timer]]:
         """Return the deadlines that run, and those that are stopped, as far as the step looked at them."""
         return [getattr(self, name) for name in ("timers", "frozen") if self.is_set(name)]
@@ -189,7 +205,7 @@ class TrackedMemory(Memory):
                 continue
             value = object.__getattribute__(self, name)
             # Of a whole field nothing and an empty one are the same.
-            yield from self._change(index[name, ""], value if value or value == 0.0 else None)
+            yield from self.change(index[name, ""], value if value or value == 0.0 else None)
         for name in (*ORDERED, *UNORDERED):
             if self.is_set(name):
                 yield from self._entry_changes(name, object.__getattribute__(self, name))
@@ -198,15 +214,20 @@ class TrackedMemory(Memory):
         if not isinstance(entries, TrackedDict):  # put in place of the whole field
             entries = TrackedDict(self, name).replaced(entries)
         for key in entries.gone:
-            yield from self._change(self.table.slot((name, key)), None)
+            yield from self.change(self.table.slot((name, key)), None)
         for key, value in dict.items(entries):
-            yield from self._change(self.table.slot((name, key)), value)
+            yield from self.change(self.table.slot((name, key)), value)
         if entries.order is not None:
-            yield from self._change(self.table.index[name, ""], tuple(entries.order) or None)
+            yield from self.change(self.table.index[name, ""], tuple(entries.order) or None)
 
-    def _change(self, slot: int, value: Any) -> Iterator[tuple[int, int]]:
+    def change(self, slot: int, value: Any) -> Iterator[tuple[int, int]]:
+        """Yield a slot with what it is now if it is not as it was; whether it is, depends on what it was."""
+        self.reads.add(slot)
+        old = self.situation[slot]
+        if old and self.table.is_kept(slot, old, value):
+            return
         number = 0 if value is None else self.table.number(slot, value)
-        if number != self.situation[slot]:
+        if number != old:
             yield slot, number
 
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field, replace
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Timer
 from lupin_engine.machine.step import Step
-from lupin_engine.verify.situations.explorer import MORNING, Effect, SituationExplorer
+from lupin_engine.verify.situations.explorer import MORNING, SituationExplorer
+from lupin_engine.verify.situations.found import Effect
 from lupin_engine.verify.situations.situation import Situation, is_new
 from lupin_engine.verify.situations.worlds import OF_PROPERTY, TimerName, WorldMove, running
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lupin_engine.machine.event import RESUMED
-from lupin_engine.verify.situations.explorer import Breach, Explored
+from lupin_engine.verify.situations.found import Breach, Explored
 from lupin_engine.verify.situations.worlds import Mover, WorldMove
 
 #: Deadlines that come because somebody says nothing.

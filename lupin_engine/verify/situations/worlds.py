@@ -13,7 +13,7 @@ import enum
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import RESUMED, Event
@@ -77,6 +77,13 @@ class WorldMove:
         return " ".join((self.event.name, *told))
 
 
+class Due(NamedTuple):
+    """The deadlines that may be the next, as moves; what is due `at_once` comes before everything else."""
+
+    at_once: bool
+    moves: tuple[int, ...]
+
+
 class WorldMoves:
     """All moves of one chart, numbered when they are first possible."""
 
@@ -94,9 +101,13 @@ class WorldMoves:
         self.owed = owed
         self.all: list[WorldMove] = []
         self._numbers: dict[tuple[Any, ...], int] = {}
-        self._everywhere = tuple(self._number((name,), move) for name, move in self._always(restarts))
+        #: The slots that say which deadlines may be the next, and the one that says which attempts there are.
+        self.slots_of_timers = tuple(table.index[name] for name in (("timers", ""), RANKS, WATCHED))
+        self.slot_of_order = table.index["attempts", ""]
+        #: The moves that are possible wherever no deadline is due at once.
+        self.everywhere = tuple(self._number((name,), move) for name, move in self._always(restarts))
         self._of_attempt: dict[tuple[int, int], tuple[int, ...]] = {}
-        self._of_timers: dict[tuple[int, ...], tuple[bool, tuple[int, ...]]] = {}
+        self._of_timers: dict[tuple[int, ...], Due] = {}
 
     def _number(self, key: tuple[Any, ...], move: WorldMove) -> int:
         found = self._numbers.get(key)
@@ -118,41 +129,44 @@ class WorldMoves:
         if restarts:
             yield "restart", WorldMove(Mover.WORLD, Event(RESUMED, {"detail": "", "held": True, "away": 1.0}))
 
-    def possible(self, situation: Situation) -> tuple[int, ...]:
-        """Return the numbers of the moves that are possible."""
-        table = self._table
-        index = table.index
-        timers = situation[index["timers", ""]], situation[index[RANKS]], situation[index[WATCHED]]
-        found = self._of_timers.get(timers)
-        if found is None:
-            found = self._of_timers[timers] = self._due(situation)
-        at_once, due = found
-        if at_once:
-            return due
-        attempts = situation[index["attempts", ""]]
-        if not attempts:
-            return self._everywhere + due
-        moves = list(self._everywhere + due)
-        for name in table.value(index["attempts", ""], attempts):
-            slot = table.slot(("attempts", name))
-            key = slot, situation[slot]
-            told = self._of_attempt.get(key)
-            if told is None:
-                told = self._of_attempt[key] = self._answers(table.value(*key))
-            moves += told
-        return tuple(moves)
+    # -- what is possible where -----------------------------------------------------------------------
 
-    def _due(self, situation: Situation) -> tuple[bool, tuple[int, ...]]:
-        """Return whether a deadline is due at once, and those that may be the next."""
-        timers = running(self._table, situation)
-        ranks = self._table.get(situation, RANKS) or frozenset()
+    def due(self, numbers: tuple[int, ...]) -> Due:
+        """Return the deadlines that may be the next, by the values of `slots_of_timers`."""
+        found = self._of_timers.get(numbers)
+        if found is None:
+            found = self._of_timers[numbers] = self._due(*numbers)
+        return found
+
+    def attempts(self, number: int) -> tuple[int, ...]:
+        """Return the slots of the attempts, by the value of `slot_of_order`."""
+        names = self._table.value(self.slot_of_order, number) if number else ()
+        return tuple(self._table.slot(("attempts", name)) for name in names)
+
+    def answers(self, slot: int, number: int) -> tuple[int, ...]:
+        """Return what a server may say of the attempt in a slot."""
+        found = self._of_attempt.get((slot, number))
+        if found is None:
+            found = self._of_attempt[slot, number] = self._answers(self._table.value(slot, number))
+        return found
+
+    def _due(self, armed_now: int, ranked: int, watched: int) -> Due:
+        table, (timers_slot, ranks_slot, watched_slot) = self._table, self.slots_of_timers
+        timers = list(table.value(timers_slot, armed_now) or ())
+        timers += deadlines_of(table.value(watched_slot, watched) or ())
+        ranks = table.value(ranks_slot, ranked) or frozenset()
         now = [(kind, *about) for due, _, kind, about in timers if due <= 0.0]
         if now:
-            return True, (self._number(now[0], WorldMove(Mover.TIMER | Mover.AT_ONCE, timer=now[0])),)
+            return Due(True, (self._number(now[0], WorldMove(Mover.TIMER | Mover.AT_ONCE, timer=now[0])),))
         armed = [(kind, *about) for _, _, kind, about in timers]
         late = {after for before, after in ranks if before in armed}
-        return False, tuple(
-            self._number(timer, WorldMove(Mover.TIMER, timer=timer)) for timer in armed if timer not in late
+        return Due(
+            False,
+            tuple(
+                self._number(timer, WorldMove(Mover.TIMER, timer=timer))
+                for timer in armed
+                if timer not in late
+            ),
         )
 
     def _answers(self, attempt: Attempt) -> tuple[int, ...]:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from lupin_engine.missions.load import LoadedMissions
     from lupin_engine.verify.proof import Proof, Proven
-    from lupin_engine.verify.situations.explorer import ExplorationProgress
+    from lupin_engine.verify.situations.found import ExplorationProgress
     from lupin_engine.verify.story import FailingScenario
 
 #: So often a line tells how far it is, in seconds.

@@ -1,0 +1,88 @@
+"""What is found while all situations are looked at: effects of moves, breaches, and the graph."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from lupin_engine.verify.situations.worlds import TimerName, WorldMoves
+
+
+@dataclass(slots=True)
+class Effect:
+    """What a move does: the slots that change with what they are then, and what is told of it.
+
+    `progress`: something was told of a target or of the mission. `fresh` are the deadlines that it sets,
+    `renamed` the attempts that get another name. One that is `cut` is beyond the bounds.
+    """
+
+    delta: tuple[tuple[int, int], ...]
+    breaches: tuple[tuple[str, str], ...]
+    relevant: frozenset[str]
+    taken: tuple[str, ...]
+    entered: tuple[str, ...]
+    progress: bool
+    fresh: frozenset[TimerName] = frozenset()
+    renamed: tuple[tuple[str, str], ...] = ()
+    cut: bool = False
+
+
+class Breach(NamedTuple):
+    """A property that is broken: in which situation by which move, how, and after how many moves."""
+
+    name: str
+    situation: int
+    move: int
+    text: str
+    depth: int = 0
+
+
+@dataclass
+class ExplorationProgress:
+    """How far an exploration is: `depth` in moves from the beginning, `steps` were made by the machine."""
+
+    situations: int = 0
+    transitions: int = 0
+    steps: int = 0
+    depth: int = 0
+    expanded: int = 0
+    waiting: int = 0
+
+
+@dataclass
+class Explored:
+    """What was found: the graph of situations by number, with what is known of each.
+
+    `sources`, `targets` and `by` (moves) are the transitions that change something, `advances` says whether
+    they tell something of a target or of the mission; `flags` of a situation are from `Is`, `parents` and
+    `parent_moves` lead back to the beginning. `breaches` are those of each property after the fewest moves.
+    `relevant` counts the steps that properties are about, `cut` what is beyond the bounds. One that is not
+    `complete` was `stopped` for a reason.
+    """
+
+    moves: WorldMoves
+    progress: ExplorationProgress = field(default_factory=ExplorationProgress)
+    sources: array[int] = field(default_factory=lambda: array("I"))
+    targets: array[int] = field(default_factory=lambda: array("I"))
+    by: array[int] = field(default_factory=lambda: array("H"))
+    advances: bytearray = field(default_factory=bytearray)
+    flags: bytearray = field(default_factory=bytearray)
+    parents: array[int] = field(default_factory=lambda: array("I"))
+    parent_moves: array[int] = field(default_factory=lambda: array("h"))
+    cut: int = 0
+    breaches: dict[str, list[Breach]] = field(default_factory=dict)
+    relevant: dict[str, int] = field(default_factory=dict)
+    taken: set[str] = field(default_factory=set)
+    entered: set[str] = field(default_factory=set)
+    complete: bool = False
+    stopped: str = ""
+
+
+class Is:
+    """What is known of a situation, as bits."""
+
+    OVER = 1  #: ready or done: a mission could begin
+    TOLD = 2  #: somebody knows: held, paused, asked, over, or in a fault
+    MOVES = 4  #: an operation that moves is under way
+    MISSION = 8  #: a mission is under way

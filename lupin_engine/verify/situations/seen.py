@@ -1,0 +1,138 @@
+"""Situations by their marks, which are 128 bits by chance for each, many at a time."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import deque
+from typing import IO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Marks = NDArray[np.uint64]
+
+#: So many situations wait in memory before the rest waits on disk.
+IN_MEMORY = 400_000
+#: How full the table may be.
+_FULL = 0.6
+
+
+class SeenTable:
+    """Numbers by marks: open addressing, by the lower 64 bits."""
+
+    def __init__(self, size: int = 1 << 16) -> None:
+        self.count = 0
+        self._low: Marks = np.zeros(size, np.uint64)
+        self._high: Marks = np.zeros(size, np.uint64)
+        #: The number and 1; 0: nothing is here.
+        self._owner: NDArray[np.uint32] = np.zeros(size, np.uint32)
+
+    def numbers(self, low: Marks, high: Marks) -> tuple[NDArray[np.uint32], NDArray[np.intp]]:
+        """Return the numbers of some marks, and which of them are the first ones that were not seen before.
+
+        The new ones are numbered in their order.
+        """
+        while self.count + len(low) > _FULL * len(self._owner):
+            self._grow()
+        found, places = self._put(low, high, np.arange(self.count, self.count + len(low), dtype=np.uint32))
+        # What is new got the number of its place in this batch; so numbers are not dense yet.
+        new = np.flatnonzero(found == np.arange(self.count, self.count + len(low)))
+        dense = np.zeros(len(low), np.uint32)
+        dense[new] = np.arange(self.count, self.count + len(new))
+        self._owner[places[new]] = dense[new] + np.uint32(1)
+        fresh = found >= self.count
+        found[fresh] = dense[found[fresh] - np.uint32(self.count)]
+        self.count += len(new)
+        return found, new
+
+    def _put(
+        self, low: Marks, high: Marks, numbers: NDArray[np.uint32]
+    ) -> tuple[NDArray[np.uint32], NDArray[np.intp]]:
+        """Put in what is not there, with these numbers; return the numbers that are there, and the places."""
+        mask = np.uint64(len(self._owner) - 1)
+        found = np.zeros(len(low), np.uint32)
+        places = (low & mask).astype(np.intp)
+        left = np.arange(len(low))
+        while len(left):
+            at = places[left]
+            empty = self._owner[at] == 0
+            if empty.any():
+                # Of those that want the same place the first gets it: what is written last stays.
+                first, where = left[empty][::-1], at[empty][::-1]
+                self._owner[where] = numbers[first] + np.uint32(1)
+                won = self._owner[where] == numbers[first] + np.uint32(1)
+                self._low[where[won]], self._high[where[won]] = low[first[won]], high[first[won]]
+            same = (self._low[at] == low[left]) & (self._high[at] == high[left])
+            found[left[same]] = self._owner[at[same]] - np.uint32(1)
+            left = left[~same]
+            places[left] = (places[left] + 1) & int(mask)
+        return found, places
+
+    def _grow(self) -> None:
+        kept = np.flatnonzero(self._owner)
+        low, high, owner = self._low[kept], self._high[kept], self._owner[kept]
+        size = 2 * len(self._owner)
+        self._low, self._high = np.zeros(size, np.uint64), np.zeros(size, np.uint64)
+        self._owner = np.zeros(size, np.uint32)
+        self._put(low, high, owner - np.uint32(1))
+
+
+class Block(NamedTuple):
+    """Situations of one depth that wait: slots by situations, with their marks. `first` is a number."""
+
+    depth: int
+    first: int
+    rows: NDArray[np.uint16]
+    low: Marks
+    high: Marks
+
+
+class WaitingLine:
+    """Blocks that wait, first in first out; those that are too many for the memory wait on disk."""
+
+    def __init__(self, in_memory: int = IN_MEMORY) -> None:
+        self._in_memory = in_memory
+        self._held = 0
+        self._file: IO[bytes] | None = None
+        self._line: deque[Block | tuple[int, int]] = deque()
+        self.count = 0
+
+    def put(self, block: Block) -> None:
+        """Add one at the end."""
+        size = block.rows.shape[1]
+        self.count += size
+        if self._held + size <= self._in_memory:
+            self._held += size
+            self._line.append(block)
+            return
+        if self._file is None:
+            self._file = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as this
+        offset = self._file.seek(0, 2)
+        for array in (np.array([block.depth, block.first]), block.rows, block.low, block.high):
+            np.save(self._file, array, allow_pickle=False)
+        self._line.append((offset, block.depth))
+
+    @property
+    def depth(self) -> int | None:
+        """The depth of the first one."""
+        if not self._line:
+            return None
+        first = self._line[0]
+        return first.depth if isinstance(first, Block) else first[1]
+
+    def pop(self) -> Block:
+        """Take the first one."""
+        first = self._line.popleft()
+        if isinstance(first, Block):
+            self._held -= first.rows.shape[1]
+            block = first
+        else:
+            block = self._read(first[0])
+        self.count -= block.rows.shape[1]
+        return block
+
+    def _read(self, offset: int) -> Block:
+        assert self._file is not None
+        self._file.seek(offset)
+        (depth, number), rows, low, high = (np.load(self._file) for _ in range(4))
+        return Block(int(depth), int(number), rows, low, high)
