@@ -20,7 +20,7 @@ from lupin_engine.verify.situations.found import Breach, ExplorationProgress, Ex
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph, broken
 from lupin_engine.verify.situations.levels import explore
 from lupin_engine.verify.situations.timing import timed_run
-from lupin_engine.verify.situations.ways import Ways
+from lupin_engine.verify.situations.ways import ShortestWays
 from lupin_engine.verify.situations.worlds import OF_PROPERTY
 
 #: Of so many breaches the first is told that can happen at some times.
@@ -124,8 +124,8 @@ class _Judge:
         self._explored = explored
 
     @cached_property
-    def _ways(self) -> Ways:
-        return Ways(self._explored)
+    def _ways(self) -> ShortestWays:
+        return ShortestWays(self._explored)
 
     def of_steps(self, name: str, says: str) -> Proven:
         """Judge a property that is watched in every step."""

@@ -20,7 +20,7 @@ def is_fault(move: WorldMove) -> bool:
     return bool(move.side & Mover.FAILURE) or move.timer[0] in _OF_SILENCE or crash
 
 
-class Ways:
+class ShortestWays:
     """The ways from the beginning to all situations of an explored graph."""
 
     def __init__(self, explored: Explored) -> None:
