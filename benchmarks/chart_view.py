@@ -141,16 +141,15 @@ def draw_and_explain(page: Page, groups: int) -> None:
     ]
     told("draw", drawn)
     beside: list[float] = page.evaluate(
-        """async ([call, element, folds]) => {
-          const ask = eval(call);
+        """async ([element, folds]) => {
+          const ask = CALL;
           let drawing = true;
           Promise.all(folds.map((folded) => ask(["draw", { folded }]))).then(() => (drawing = false));
           const times = [];
           while (drawing) times.push((await ask(["explain", { element }]))[0]);
           return times;
-        }""",
+        }""".replace("CALL", CALL),
         [
-            CALL,
             element,
             [
                 [f"MISSION.LargeMission.GROUP_{one}", f"MISSION.LargeMission.GROUP_{one + 1}"]

@@ -1,8 +1,7 @@
 // Who is here, what they pressed, and what people are to know of.
 import { computed, signal } from "@preact/signals";
-import { MSG_TYPES, type StdMsgsString as Text } from "../ros";
 import { link } from "../wire/link";
-import { alike, json, topic } from "./topics";
+import { alike, recordTopic } from "./topics";
 import { route } from "./page";
 
 const HMI = "/lupin/hmi";
@@ -45,17 +44,15 @@ export interface Pressed {
   readonly answer?: string;
 }
 
-export const people = topic<Text, { people: readonly Person[]; commands: number }>(`${HMI}/people`, MSG_TYPES.StdMsgsString, {
+export const people = recordTopic<{ people: readonly Person[]; commands: number }>(`${HMI}/people`, {
   keep: 1000,
   always: true,
-  read: json,
   same: alike,
 });
 
-const told = topic<Text, { notifications: readonly Notification[] }>(`${HMI}/notifications`, MSG_TYPES.StdMsgsString, {
+const told = recordTopic<{ notifications: readonly Notification[] }>(`${HMI}/notifications`, {
   keep: 1,
   always: true,
-  read: json,
 });
 
 /** All notifications, the newest first; they are of now, whatever moment is shown. */

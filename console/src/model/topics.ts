@@ -1,6 +1,7 @@
 // The topics that the console reads, each declared once. A view asks for one with `useTopic`.
 import { batch, signal, type ReadonlySignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { MSG_TYPES, type StdMsgsString as Text } from "../ros";
 import { link } from "../wire/link";
 import { atRobotTime, robotNow } from "./time/clock";
 import { mode } from "./page";
@@ -112,6 +113,24 @@ export function topic<Message, T = Message>(name: string, type: string, how: How
   topics.set(name, made as Topic<unknown>);
   if (how.always) always.push(made as Topic<unknown>);
   return made;
+}
+
+/** A topic whose messages are records: JSON in a std_msgs/String. All is kept of a record, unless `read` says what. */
+export function recordTopic<T>(name: string, how: Omit<How<T, T>, "read"> & Partial<Pick<How<T, T>, "read">>): Topic<T> {
+  const { read = (record: T) => record, when, ...rest } = how;
+  return topic<Text, T>(name, MSG_TYPES.StdMsgsString, {
+    ...rest,
+    read: (message, at) => {
+      const record = json<T>(message);
+      return record && read(record, at);
+    },
+    ...(when && {
+      when: (message: Text) => {
+        const record = json<T>(message);
+        return record && when(record);
+      },
+    }),
+  });
 }
 
 /** What a topic says at the moment that is shown; it is read as long as the component is there. */

@@ -463,7 +463,7 @@ export const en = {
     running: "running",
     endedAt: (time: string) => `ended at ${time}`,
     silentSince: (time: string) => `not heard since ${time}`,
-    topics: (now: number, all: number) => `${now} of ${all} topics now`,
+    topics: (now: number, all: number) => `${now} of ${all} topics`,
     foreign: "on the network; tells nothing of itself",
     machines: "Machines",
     disk: "Disk",

@@ -460,7 +460,7 @@ export const nl: Texts = {
     running: "loopt",
     endedAt: (time) => `geëindigd om ${time}`,
     silentSince: (time) => `niet gehoord sinds ${time}`,
-    topics: (now, all) => `${now} van ${all} topics nu`,
+    topics: (now, all) => `${now} van ${all} topics`,
     foreign: "op het netwerk; vertelt niets over zichzelf",
     machines: "Computers",
     disk: "Schijf",

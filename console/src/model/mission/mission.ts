@@ -1,8 +1,8 @@
 // What the orchestrator tells, as types and topics; docs/operating.md, "For programs", says what each field is.
 import { computed, effect, signal } from "@preact/signals";
-import { MSG_TYPES, type CommandResponse, type MissionState, type Observation, type StdMsgsString as Text } from "../../ros";
+import { MSG_TYPES, type CommandResponse, type MissionState, type Observation } from "../../ros";
 import { link } from "../../wire/link";
-import { alike, json, topic } from "../topics";
+import { alike, recordTopic, topic } from "../topics";
 
 const ORCHESTRATOR = "/mission_orchestrator";
 /** Seconds without a word after which the orchestrator is silent; the history has a sign of life every 2 s. */
@@ -208,26 +208,21 @@ export const state = topic<MissionState, Omit<MissionState, "header">>("/mission
   lag: LAG_MS,
 });
 
-export const steps = topic<Text, StepRecord>(`${ORCHESTRATOR}/steps`, MSG_TYPES.StdMsgsString, {
+export const steps = recordTopic<StepRecord>(`${ORCHESTRATOR}/steps`, {
   keep: 5000,
   always: true,
-  read: (message) => {
-    const record = json<StepRecord>(message);
-    return record?.step && record.view ? record : undefined;
-  },
-  when: (message) => {
-    const record = json<StepRecord>(message);
-    return record?.wall_ns ? record.wall_ns / 1e6 : undefined;
-  },
+  read: (record) => (record.step && record.view ? record : undefined),
+  when: ({ wall_ns }) => (wall_ns ? wall_ns / 1e6 : undefined),
   same: (one, other) => one.boot === other.boot && one.step.sequence === other.step.sequence,
   minor: ({ step }) => step.event === "attempt.progress",
 });
 
-export const possible = topic<Text, { sequence: number; requests: readonly Possible[] }>(
-  `${ORCHESTRATOR}/possible`,
-  MSG_TYPES.StdMsgsString,
-  { keep: 500, always: true, read: json, same: alike, lag: LAG_MS },
-);
+export const possible = recordTopic<{ sequence: number; requests: readonly Possible[] }>(`${ORCHESTRATOR}/possible`, {
+  keep: 500,
+  always: true,
+  same: alike,
+  lag: LAG_MS,
+});
 
 /** What an orchestrator of an earlier version did not tell; recordings are kept for long. */
 const UNTOLD: Offer = {
@@ -240,20 +235,16 @@ const UNTOLD: Offer = {
   ends: "",
 };
 
-export const missions = topic<Text, Offer>(`${ORCHESTRATOR}/missions`, MSG_TYPES.StdMsgsString, {
+export const missions = recordTopic<Offer>(`${ORCHESTRATOR}/missions`, {
   keep: 200,
   always: true,
-  read: (message) => {
-    const told = json<Partial<Offer>>(message);
-    return told && { ...UNTOLD, ...told };
-  },
+  read: (told) => ({ ...UNTOLD, ...told }),
   same: alike,
 });
 
-export const chart = topic<Text, ChartRecord>(`${ORCHESTRATOR}/chart`, MSG_TYPES.StdMsgsString, {
+export const chart = recordTopic<ChartRecord>(`${ORCHESTRATOR}/chart`, {
   keep: 20,
   always: true,
-  read: json,
   same: (one, other) => one.hash === other.hash && one.boot === other.boot && isDrawn(one) === isDrawn(other),
 });
 

@@ -1,13 +1,13 @@
 // The arm: where it is, what its library says, and its services.
 import { computed, signal } from "@preact/signals";
-import { MSG_TYPES, type JointState, type StdMsgsString as Text } from "../../ros";
+import { MSG_TYPES, type JointState } from "../../ros";
 import { CallFailed, link } from "../../wire/link";
 import { robotNow } from "../time/clock";
 import { stops } from "../story/log";
 import { state as mission } from "../mission/mission";
 import { texts } from "../page";
 import { rosout } from "./rosout";
-import { alike, json, topic } from "../topics";
+import { alike, recordTopic, topic } from "../topics";
 
 const ARM = "/lupin/arm";
 /** Seconds of silence after which nobody knows where the arm is. */
@@ -46,10 +46,9 @@ export interface ArmLibrary {
   readonly jaw?: { readonly state: string; readonly low: number; readonly high: number; readonly state_low: number; readonly state_high: number };
 }
 
-export const armState = topic<Text, LibraryState>(`${ARM}/library/state`, MSG_TYPES.StdMsgsString, {
+export const armState = recordTopic<LibraryState>(`${ARM}/library/state`, {
   keep: 2000,
   throttle: 200,
-  read: json,
   same: alike,
 });
 

@@ -35,7 +35,7 @@ function tagOf({ last_observed, stale_seconds, ...rest }: TwinTagState, at: numb
 
 /** All tags, in the order in which the twin heard of them. */
 export const twin = topic<TwinState, readonly Tag[]>("/twin/state", MSG_TYPES.TwinState, {
-  keep: 2000,
+  keep: 600,
   always: true,
   steady: TWIN_SILENT_S,
   read: ({ tags }, at) => tags.map((tag) => tagOf(tag, at)),

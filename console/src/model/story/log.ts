@@ -1,6 +1,6 @@
 // The log and the timeline of all that is known, as signals.
 import { computed, effect, signal, type ReadonlySignal } from "@preact/signals";
-import { MSG_TYPES, Observation, type StdMsgsString as Text } from "../../ros";
+import { Observation } from "../../ros";
 import { link, type LinkState } from "../../wire/link";
 import { robotNow } from "../time/clock";
 import { isLoading } from "../time/history";
@@ -8,7 +8,7 @@ import { observations, state, steps } from "../mission/mission";
 import { mode, texts } from "../page";
 import { Past, type Known } from "../time/past";
 import { StepStory, type Entry, type Span, type Words } from "./story";
-import { json, topic } from "../topics";
+import { recordTopic } from "../topics";
 
 interface Stops {
   readonly stopped: boolean;
@@ -16,10 +16,9 @@ interface Stops {
 }
 
 /** Which software stops are engaged; the page's own button for it stands outside of the console. */
-export const stops = topic<Text, Stops>("/lupin/hmi/stops", MSG_TYPES.StdMsgsString, {
+export const stops = recordTopic<Stops>("/lupin/hmi/stops", {
   keep: 1000,
   always: true,
-  read: json,
   same: (one, other) => one.stopped === other.stopped && one.stops.map(({ name }) => name).join() === other.stops.map(({ name }) => name).join(),
 });
 
