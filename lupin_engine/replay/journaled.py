@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from lupin_engine.runtime.history import History
 from lupin_engine.runtime.journal.journal import CHARTS, journal_files
 from lupin_engine.runtime.journal.records import (
     END,
+    INPUTS,
     REFUSED,
     RESUMED,
     JournalError,
@@ -54,6 +56,12 @@ class JournaledRun:
         """When it began, in POSIX time."""
         head = self.files[0].head
         return head.time + head.ahead_ns * 1e-9
+
+    @property
+    def heard(self) -> float:
+        """When the first thing entered its machine, in POSIX time; infinity: nothing ever did."""
+        inputs = (record.wall for file in self.files for record in file.records if record.kind in INPUTS)
+        return next(inputs, math.inf)
 
     @property
     def last(self) -> float:
@@ -225,12 +233,12 @@ _NOTHING: Mapping[str, Any] = {"taken": (), "exited": (), "entered": (), "comman
 
 
 def covering(runs: Sequence[JournaledRun], wall: float) -> JournaledRun:
-    """Return the run that a moment in POSIX time lies in.
+    """Return the run that a moment in POSIX time lies in: the last one that anything had entered by then.
 
     Raises:
         JournalError: the journal does not go back so far.
     """
-    begun: Iterator[JournaledRun] = (run for run in reversed(runs) if run.began <= wall)
+    begun: Iterator[JournaledRun] = (run for run in reversed(runs) if run.heard <= wall)
     found = next(begun, None)
     if found is None:
         raise JournalError("this journal does not go back so far")

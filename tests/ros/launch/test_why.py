@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,12 @@ def test_a_run_that_is_over_is_listed_and_explained(lupin: Callable[..., Lupin],
     causes = json.loads(ask("why", "DONE", "--json").stdout)["causes"]
     assert causes[0]["event"] == "nav.dock done"
     assert causes[0]["because"][0]["file"].endswith("lifecycle.yaml")
+
+    over = f"{datetime.fromtimestamp(mission['last'] + 1.0):%Y-%m-%d %H:%M:%S}"
+    assert ": in DONE for " in ask("why", "--at", over, "--timeline", str(tmp_path / "why.svg")).stdout
+    assert ask("replay", "--timeline", str(tmp_path / "replay.png")).returncode == 0
+    assert (tmp_path / "why.svg").read_text().startswith("<svg")
+    assert (tmp_path / "replay.png").read_bytes().startswith(b"\x89PNG")
 
     story = ask("replay").stdout
     assert "nav.dock done" in story
