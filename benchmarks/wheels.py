@@ -132,7 +132,7 @@ def main() -> None:
         if one.situations != states**3:
             raise SystemExit(f"{name}: {states**3:,} situations were expected")
     if theirs is not None:
-        print(f"SPIN is {mine.seconds / max(theirs.seconds, 1e-9):.0f} times as fast")
+        print(f"SPIN is {mine.seconds / max(theirs.seconds, 1e-9):.1f} times as fast")
 
 
 if __name__ == "__main__":

@@ -19,8 +19,8 @@ from typing import TextIO
 ROOT = Path(__file__).parents[1]
 #: With more workers each spends its time on imports.
 CORES = min(os.cpu_count() or 1, 8)
-#: What a test needs beside Python; see `markers` in pyproject.toml.
-MORE = "ros or node or browser or broker"
+#: What a test needs beside Python, or much time; see `markers` in pyproject.toml.
+MORE = "ros or node or browser or broker or proof"
 # A file stays with one worker: what a module makes once, nodes above all, is made once.
 PYTEST = ["pytest", "--durations=10", "--dist=loadfile", "--no-loadscope-reorder"]
 LINT = ["ruff", "check"]

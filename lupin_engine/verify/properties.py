@@ -265,16 +265,16 @@ def _no_false_start(passage: Passage) -> str | None:
 )
 def _closed_once(passage: Passage) -> str | None:
     memory, told = passage.after, [c for c in passage.step.commands if isinstance(c, Publish)]
-    if not told:
+    if not told and not (memory.itineraries and passage.step.taken):
         return None
     begun = [walk for walk in memory.itineraries.values() if walk.begun]
     visited = {visit.target for walk in begun for visit in (*walk.visits, *walk.earlier.values())}
     same = passage.before.mission_id == memory.mission_id
     newly = closed(memory) - (passage.before.closed if same else 0)
     # What is published outside of a visit is about a target that has none.
-    if sum(1 for command in told if command.target in visited) > newly:
-        return f"{', '.join(c.target for c in told)} told, but {newly} closed"
-    return ""
+    if not sum(1 for command in told if command.target in visited) <= newly <= len(told):
+        return f"{', '.join(c.target for c in told) or 'nothing'} told, but {newly} closed"
+    return "" if told else None
 
 
 @_built_in(

@@ -12,10 +12,14 @@ from lupin_engine.machine import operations
 from lupin_engine.machine.holds import Holds
 from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.requests import Requests
 from lupin_engine.machine.step import Refusal
 from lupin_engine.machine.timers import Timers
+from lupin_engine.verify.properties import BUILT_IN
+from lupin_engine.verify.situations.explorer import NO_EXCEPTION
+from lupin_engine.verify.situations.graph import OF_THE_GRAPH
 from lupin_engine.verify.situations.situation import TooMany
 from tests.machine.charts import PAUSE, chart, fails
 from tests.verify.toys import broken
@@ -114,6 +118,14 @@ CHARTS: dict[str, tuple[Callable[[], Chart], str]] = {
         "all_closed",
     ),
     "a request that leads to nowhere": (lambda: _dead_end(), "no_deaf_wait"),
+    "a hold that nobody may release": (
+        lambda: chart(TRIP, holds={"pause": {**PAUSE, "release_guard": lambda _: False}}),
+        "home_again",
+    ),
+    "a list that is never at its end": (lambda: _endless_list(), "no_livelock"),
+    "a flag that is looked at and never set": (lambda: _side_flag(), "home_again"),
+    "two states that send each other back": (lambda: _to_and_fro(), "silence_is_told"),
+    "an abort that begins a drive without an end": (lambda: _home_for_ever(), "abort_stops"),
 }
 
 
@@ -126,6 +138,39 @@ def _circle(seconds: float | None) -> Chart:
 
 def _dead_end() -> Chart:
     return chart({**TRIP, "REST": {"after": {2.0: "DONE"}, "on": {"operator.dock": "END"}}, "END": {}})
+
+
+def _endless_list() -> Chart:
+    states = {**WALK["W"]["states"], "NEXT": {"after": {1.0: {"target": "V", "do": "itinerary.advance"}}}}
+    return chart({**WALK, "W": {**WALK["W"], "states": states}})
+
+
+def _side_flag() -> Chart:
+    waits = {"always": {"target": "DONE", "guard": lambda env: env["context"]["flag"]}}
+    return chart({**TRIP, "REST": waits}, context={"flag": False})
+
+
+def _to_and_fro() -> Chart:
+    away = {"after": {1.0: "BACK"}, "on": {"operator.dock": "READ"}}
+    return chart(
+        {**TRIP, "READ": {**TRIP["READ"], "on_error": "AWAY"}, "AWAY": away, "BACK": {"after": {1.0: "AWAY"}}}
+    )
+
+
+def _home_for_ever() -> Chart:
+    go = {**TRIP["GO"], "on": {"operator.abort": "HOME"}}
+    return chart({**TRIP, "GO": go, "HOME": {"invoke": "nav.dock", "on_done": "DONE", "on_error": "DONE"}})
+
+
+def _passing() -> Chart:
+    """Return the chart of `TRIP` with a state that is left in the step that enters it."""
+    passed = {"invoke": DRIVE, "always": "READ", "on_done": "READ", "on_error": "READ"}
+    return chart({**TRIP, "GO": {**TRIP["GO"], "on_done": "PASSED"}, "PASSED": passed})
+
+
+def _once() -> Chart:
+    """Return the chart of `TRIP` with one try."""
+    return trip(GO={"invoke": DRIVE})
 
 
 @pytest.mark.parametrize("planted", CHARTS)
@@ -157,6 +202,66 @@ def _no(*_: Any, **__: Any) -> bool:
     return False
 
 
+def _without(kind: str) -> Callable[..., None]:
+    """Return what arms all deadlines but those of a kind."""
+
+    def arm(self: Timers, armed: str, owner: str, now: float, delay: float, event: str = "") -> None:
+        if armed != kind:
+            ARM(self, armed, owner, now, delay, event)
+
+    return arm
+
+
+def _at_once(self: Timers, kind: str, owner: str, now: float, delay: float, event: str = "") -> None:
+    """Arm the clocks of states without their time."""
+    ARM(self, kind, owner, now, 0.0 if kind == "after" else delay, event)
+
+
+def _revive(self: Operations, kind: str, attempt: Any, data: Any, step: Any) -> None:
+    """Take it for wanted that a server accepts what was cancelled."""
+    if kind == "accepted":
+        attempt.phase = Phase.ACCEPTED
+    else:
+        REPORT_UNWANTED(self, kind, attempt, data, step)
+
+
+def _cancel_nothing(self: Operations, invocation: Any, step: Any) -> None:
+    """Wait no longer for an attempt, and do not tell its server."""
+    self._scope.timers.disarm("timeout", invocation.attempt or "")
+    invocation.attempt = None
+
+
+def _stay_begun(self: Operations, invocation: Any, why: str, step: Any) -> None:
+    """Cancel for a hold, and forget to begin again."""
+    INTERRUPT(self, invocation, why, step)
+    invocation.begun = True
+
+
+def _skip_one(self: Itineraries, traversal: Any, step: Any) -> None:
+    """Go on to the target after the next one."""
+    ADVANCE(self, traversal, step)
+    traversal.index += 1
+
+
+def _tell_twice(self: Itineraries, visit: Any, step: Any, source: str = "") -> None:
+    """Tell what became of a target, and tell it again."""
+    PUBLISH(self, visit, step, source)
+    PUBLISH(self, visit, step, source)
+
+
+def _begin_eagerly(self: Machine, state: Any, *how: Any) -> None:
+    """Begin an operation when its state is entered, not when the step comes to rest."""
+    ENTER(self, state, *how)
+    found = self.memory.invocations.get(state.name)
+    if found is not None:
+        found.begun = True
+        self._operations._issue(found, self._step)
+
+
+#: What mutants fall back to.
+ARM, ENTER, ADVANCE, PUBLISH = Timers.arm, Machine._enter, Itineraries.advance, Itineraries.publish
+REPORT_UNWANTED, INTERRUPT = Operations._report_unwanted, Operations._interrupt
+
 #: What is planted -> where, what stands there instead, the chart, and a property that must be found broken.
 ENGINES: dict[str, tuple[Any, str, Any, Callable[[], Chart], str]] = {
     "a hold cancels nothing": (Operations, "suspend", _nothing, trip, "hold_stops_all"),
@@ -178,6 +283,28 @@ ENGINES: dict[str, tuple[Any, str, Any, Callable[[], Chart], str]] = {
     "a former attempt is booked": (Operations, "_report_unwanted", _end_as_wanted, trip, "former_attempts"),
     "a visit is closed twice": (Itineraries, "close", _close_again, walk, "closed_once"),
     "open visits are forgotten": (Itineraries, "close_rest", _nothing, walk, "all_closed"),
+    "a target is skipped": (Itineraries, "advance", _skip_one, walk, "all_closed"),
+    "the next target is the same": (Itineraries, "advance", _nothing, walk, "no_livelock"),
+    "a result is told twice": (Itineraries, "publish", _tell_twice, walk, "closed_once"),
+    "a result is told to nobody": (Itineraries, "publish", _nothing, walk, "closed_once"),
+    "a cancel that is not sent": (Operations, "_cancel_current", _cancel_nothing, _once, "abort_stops"),
+    "a cancel without a deadline": (Timers, "arm", _without("cancel"), trip, "hold_stops_all"),
+    "a cancel that is waited for again": (Operations, "abandon", _nothing, trip, "hold_stops_all"),
+    "a late accept is taken for wanted": (Operations, "_report_unwanted", _revive, _once, "hold_stops_all"),
+    "an answer under a hold counts as a cancel": (
+        Operations,
+        "_forget_answer",
+        lambda *_: True,
+        _once,
+        "hold_stops_all",
+    ),
+    "an operation without its timeout": (Timers, "arm", _without("timeout"), trip, "silence_is_told"),
+    "a back-off that never ends": (Timers, "arm", _without("retry"), trip, "no_livelock"),
+    "clocks that take no time": (Timers, "arm", _at_once, lambda: _circle(2.0), "no_zeno"),
+    "what a hold stopped stays stopped": (Operations, "_interrupt", _stay_begun, trip, "no_livelock"),
+    "an operation begins too early": (Machine, "_enter", _begin_eagerly, _passing, "no_false_start"),
+    "a late answer raises": (Operations, "_drop", lambda *_: fails(None), trip, "no_exception"),
+    "a request is not answered": (Machine, "_request", _nothing, trip, "refusals_have_reasons"),
 }
 
 
@@ -187,6 +314,21 @@ def test_mistakes_of_engines_are_found(planted: str, monkeypatch: pytest.MonkeyP
     place, name, instead, of, wanted = ENGINES[planted]
     monkeypatch.setattr(place, name, instead)
     assert wanted in broken(of())
+
+
+def test_a_new_process_that_begins_at_once_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before somebody has said that it may, even what does not move."""
+    assert broken(trip(), restarts=True) == set()
+    monkeypatch.setattr(operations, "is_held_back", _no)
+    assert "hold_starts_nothing" in broken(trip(), restarts=True)
+
+
+def test_there_are_forty_of_them() -> None:
+    """Each with the property that finds it; every property finds one at least."""
+    assert len(CHARTS) + len(ENGINES) >= 40
+    found = {wanted for _, wanted in CHARTS.values()} | {wanted for *_, wanted in ENGINES.values()}
+    every = {one.name for one in (*BUILT_IN, *OF_THE_GRAPH)} | {NO_EXCEPTION}
+    assert found == every
 
 
 def test_what_grows_without_end_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from lupin_engine.cli.main import main
+from lupin_engine.missions.folders import lifecycle_of
+from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.proof import ProofVerdict, prove
+from lupin_engine.verify.proof import Proof, ProofVerdict, prove
 from lupin_engine.verify.situations.explorer import Bounds
 from lupin_engine.verify.situations.found import ExplorationProgress
 from tests import shipped
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_a_budget_that_runs_out_proves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
@@ -59,13 +64,40 @@ def test_inspection_is_proven() -> None:
     assert {one.name for one in proof.properties if one.verdict is not ProofVerdict.HOLDS} == {"invariants"}
 
 
-def test_exploration_breaks_nothing_nearby() -> None:
-    """The first 15,000 situations of the other one; all of them take a minute."""
+#: Mission -> its file, and the parameters that bound it.
+MISSIONS: dict[str, tuple[Path, dict[str, Any]]] = {
+    "exploration": (ROOT / "missions" / "exploration.yaml", {"monitoring_sweeps": 1}),
+    **{
+        name: (ROOT / "examples" / name / "missions" / f"{name}.yaml", {})
+        for name in ("watering", "photo_round", "night_watch")
+    },
+}
+
+
+def proven(name: str, situations: int) -> Proof:
+    """Return what comes of a mission with one target and so many situations at most."""
+    file, parameters = MISSIONS[name]
+    chart = load_chart(lifecycle_of(file), [file], shipped.catalog())
 
     def far(progress: ExplorationProgress) -> str:
-        return "far enough" if progress.situations > 15_000 else ""
+        return "far enough" if progress.situations > situations else ""
 
-    world = make_world(shipped.mission("exploration"), {"monitoring_sweeps": 1})
-    proof = prove(world, Bounds(targets=1), far)
+    return prove(make_world(chart, parameters), Bounds(targets=1, restarts=False), far)
+
+
+@pytest.mark.parametrize("name", MISSIONS)
+def test_nothing_is_broken_nearby(name: str) -> None:
+    """The first situations of each of the others; all of them take a minute."""
+    proof = proven(name, 5_000)
     assert proof.stopped == "far enough"
     assert proof.broken == []
+
+
+@pytest.mark.proof
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("name", MISSIONS)
+def test_it_is_proven(name: str) -> None:
+    """All situations of a mission, or those that there is time for at each run."""
+    proof = proven(name, 150_000)
+    assert proof.broken == []
+    assert proof.complete or name == "night_watch"

@@ -191,7 +191,7 @@ class SituationExplorer:
             known = dict(memory.fetch(self.table.index[WATCHED]) or ())
         judged = []
         for one in self.properties:
-            if not quiet or one not in BUILT_IN or (step.accepted is not None and one.name in _OF_REQUESTS):
+            if not quiet or one not in BUILT_IN or (step.event.is_request and one.name in _OF_REQUESTS):
                 state, verdict = one.watch(known.get(one.name, one.first), passage)
                 known[one.name] = state
                 judged.append((one.name, verdict))
