@@ -26,7 +26,8 @@ from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.verify.properties import BUILT_IN
-from lupin_engine.verify.situations.explorer import Bounds, ExplorationProgress, SituationExplorer
+from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
+from lupin_engine.verify.situations.found import ExplorationProgress
 
 LIFECYCLE = """\
 lifecycle: Wheels
