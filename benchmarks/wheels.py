@@ -28,6 +28,7 @@ from lupin_engine.runtime.setup import make_world
 from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
 from lupin_engine.verify.situations.found import ExplorationProgress
+from lupin_engine.verify.situations.levels import explore
 
 LIFECYCLE = """\
 lifecycle: Wheels
@@ -73,7 +74,7 @@ def ours(states: int) -> Counted:
         world = make_world(load_chart(lifecycle, [mission], load_catalog()), {})
     explorer = SituationExplorer(world, BUILT_IN, Bounds(targets=0, restarts=False))
     begun = time.process_time()
-    found = explorer.explore(_tell)
+    found = explore(explorer, _tell)
     seconds = time.process_time() - begun
     assert found.complete, found.stopped
     assert found.breaches == {}

@@ -270,7 +270,7 @@ def _closed_once(passage: Passage) -> str | None:
     begun = [walk for walk in memory.itineraries.values() if walk.begun]
     visited = {visit.target for walk in begun for visit in (*walk.visits, *walk.earlier.values())}
     same = passage.before.mission_id == memory.mission_id
-    newly = closed(memory) - (passage.before.closed if same else 0)
+    newly = max(0, closed(memory) - (passage.before.closed if same else 0))  # another mission has fewer
     # What is published outside of a visit is about a target that has none.
     if not sum(1 for command in told if command.target in visited) <= newly <= len(told):
         return f"{', '.join(c.target for c in told) or 'nothing'} told, but {newly} closed"
