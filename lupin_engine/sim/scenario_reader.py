@@ -8,7 +8,7 @@ from functools import cache, lru_cache
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.chart.compose.timeless import read_property, scope_of
+from lupin_engine.chart.compose.timeless import WATCHED_ALWAYS, read_property, scope_of
 from lupin_engine.chart.expressions.values import is_expression, read_constant
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, TemporalProperty
@@ -182,7 +182,7 @@ class ScenarioNames:
         found, scope = {}, scope_of(self.chart) if node.properties else None
         for name, one in node.properties.items():
             place = node.key_at("properties", name)
-            if name in self.properties:
+            if name in self.properties or name in WATCHED_ALWAYS:
                 problem = f"there is a property {name!r} already"
                 self.findings.add(place, "conflicting-definition", f"properties.{name}", problem, "rename it")
             read = read_property(name, one, place, scope, self.findings) if scope else None

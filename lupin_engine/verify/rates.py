@@ -119,8 +119,21 @@ def _outcomes(operation: Operation) -> AnyOf:
     if operation.codes:
         fails = tuple(MockOutcome(code=code.name, after=takes) for code in operation.codes)
         ends.append((5.0, AnyOf(fails, (1.0,) * len(fails))))
+    varied = tuple(MockOutcome(after=takes, result=result) for result in _results(operation))
+    if varied:
+        ends[0] = (68.0, ends[0][1])
+        ends.append((20.0, AnyOf(varied, (1.0,) * len(varied))))
     weights, outcomes = zip(*ends, strict=True)
     return AnyOf(outcomes, weights)
+
+
+def _results(operation: Operation) -> Iterator[dict[str, Any]]:
+    """Yield results that say one field otherwise than the mock: a truth value, a word, an end of a range."""
+    for name, kind in operation.result.items():
+        values: tuple[Any, ...] = (False, True) if kind.kind == "bool" else tuple(kind.values or ())
+        if kind.kind in ("number", "integer"):
+            values = tuple(end for end in (kind.minimum, kind.maximum) if end is not None)
+        yield from ({name: value} for value in values)
 
 
 def default_chances(chart: Chart) -> Iterator[Chance]:

@@ -8,13 +8,17 @@ from typing import Any
 
 import pytest
 
+from lupin_engine.chart.compose.timeless import WATCHED_ALWAYS
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.model import TemporalProperty
 from lupin_engine.errors import ChartError
 from lupin_engine.plugin.types import DURATION
 from lupin_engine.sim.scenario import load_scenario
 from lupin_engine.verify.authored import properties_of, told, watched
-from lupin_engine.verify.properties import Glance, Passage, Verdict, due
+from lupin_engine.verify.campaign import STANDSTILL
+from lupin_engine.verify.properties import BUILT_IN, Glance, Passage, Verdict, due
+from lupin_engine.verify.situations.explorer import NO_EXCEPTION
+from lupin_engine.verify.situations.graph import OF_THE_GRAPH
 from tests import shipped
 from tests.machine.charts import PLACE, Bench, chart, expression, fails
 
@@ -88,6 +92,12 @@ def test_they_are_told_in_a_sentence() -> None:
     assert told(rule) == "after n in (1,): never n in (5,), until n in (2,)"
     assert watched(TemporalProperty("p", PLACE, always=n(5), summary="Five.")).says == "Five."
     assert [one.name for one in properties_of(chart(NUMBER), {"p": rule})][-1] == "p"
+
+
+def test_the_names_of_the_others_are_taken() -> None:
+    """The checker knows them, though it stands below what watches them."""
+    every = {one.name for one in (*BUILT_IN, *OF_THE_GRAPH)} | {NO_EXCEPTION, STANDSTILL}
+    assert every == WATCHED_ALWAYS
 
 
 SCENARIO = """\

@@ -17,7 +17,10 @@ from lupin_engine.cli.main import main
 from lupin_engine.errors import ChartError
 from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.missions.selection import load_missions
+from lupin_engine.plugin.contract import Operation
+from lupin_engine.plugin.types import BOOL, NUMBER, within
 from lupin_engine.sim.scenario import Missions, load_scenario
+from lupin_engine.sim.scripted import AnyOf, MockOutcome
 from lupin_engine.verify.campaign import Campaign, CampaignSum
 from lupin_engine.verify.dealing import (
     BATCH,
@@ -30,8 +33,9 @@ from lupin_engine.verify.dealing import (
 )
 from lupin_engine.verify.minimise import Minimiser
 from lupin_engine.verify.properties import BUILT_IN
-from lupin_engine.verify.rates import default_rates, read_rates
+from lupin_engine.verify.rates import default_rates, default_rules, read_rates
 from tests import shipped
+from tests.machine.charts import OPERATIONS, chart
 
 RATES = """\
 campaign: a short and rough day
@@ -288,3 +292,21 @@ def test_a_cluster_that_loses_a_worker_loses_no_seed(tmp_path: Path) -> None:
         found = dealer.run()
     assert (len(set(pids)), killed, found.seeds) == (4, pids[:1], 12 * BATCH)
     assert facts(found) == facts(run_seeds(campaign, range(12 * BATCH)))
+
+
+def test_results_vary_without_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of an operation that says yes or no, or a number within a range, each is drawn now and then."""
+    declared = {"seen": BOOL, "level": within(NUMBER, 0.0, 2.0)}
+    monkeypatch.setitem(OPERATIONS, "arm.look", Operation("look", result=declared))
+    (rule,) = default_rules(chart({"A": {"invoke": "arm.look", "on_done": "B", "on_error": "B"}, "B": {}}))
+    drawn = rule.outcomes[0]
+    assert isinstance(drawn, AnyOf)
+    assert drawn.weights[-1] / sum(drawn.weights) > 0.2
+    varied = drawn.outcomes[-1]
+    assert isinstance(varied, AnyOf)
+    assert [dict(one.result) for one in varied.outcomes if isinstance(one, MockOutcome)] == [
+        {"seen": False},
+        {"seen": True},
+        {"level": 0.0},
+        {"level": 2.0},
+    ]

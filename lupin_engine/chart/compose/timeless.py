@@ -14,6 +14,13 @@ from lupin_engine.plugin.types import DURATION, Type
 
 #: What such a condition does not see, because it is told of every moment.
 _MOMENTARY = ("event", "error", "request", "target", "itinerary")
+#: What is watched of every mission, by `lupin_engine.verify`; a property of an author has another name.
+WATCHED_ALWAYS = frozenset(
+    {"hold_starts_nothing", "hold_stops_all", "no_false_start", "closed_once", "all_closed"}
+    | {"former_attempts", "no_execution_error", "invariants", "ends_are_handled", "no_deaf_wait"}
+    | {"refusals_have_reasons", "time_goes_on", "no_exception"}
+    | {"home_again", "silence_is_told", "abort_stops", "no_zeno", "no_livelock"}
+)
 _KINDS = ("always", "never", "eventually")
 
 
