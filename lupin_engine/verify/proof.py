@@ -147,7 +147,13 @@ class _Judge:
         if not self._explored.complete:
             return [Proven(one.name, one.says, ProofVerdict.NOT_PROVEN) for one in OF_THE_GRAPH]
         graph, found = Graph(self._explored), []
+        stages = self._explorer.chart.profile.stages
+        labels = {state.label for state in self._explorer.chart.states.values()}
+        begins = not labels.isdisjoint({*stages.ready, *stages.ended})
         for one in OF_THE_GRAPH:
+            if one.of_missions and not begins:
+                found.append(Proven(one.name, one.says, ProofVerdict.NOT_RELEVANT))
+                continue
             situations = broken(graph, one)
             if not situations:
                 found.append(Proven(one.name, one.says, ProofVerdict.HOLDS))
@@ -194,6 +200,7 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
     found.append("What an operation's mock leaves behind as a live value was told before it ends well.")
     if bounds.restarts:
         found.append("The process may end at any time, and another one goes on from its journal.")
+        found.append("Missions may be loaded anew at any time, as they are: at once where none is under way.")
     else:
         found.append("The process does not end.")
     if explorer.relevance.passengers:

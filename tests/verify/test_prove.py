@@ -12,9 +12,12 @@ from lupin_engine.cli.main import main
 from lupin_engine.missions.folders import lifecycle_of
 from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_world
+from lupin_engine.verify.authored import properties_of
 from lupin_engine.verify.proof import Proof, ProofVerdict, prove
-from lupin_engine.verify.situations.explorer import Bounds
+from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
 from lupin_engine.verify.situations.found import ExplorationProgress
+from lupin_engine.verify.situations.levels import explore
+from lupin_engine.verify.situations.worlds import LOADED
 from tests import shipped
 
 ROOT = Path(__file__).parents[2]
@@ -58,8 +61,18 @@ def test_check_proves_within_a_budget(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_inspection_is_proven() -> None:
     """The shipped mission with one target, in every situation: nothing is broken."""
-    proof = prove(make_world(shipped.mission("inspection"), {}), Bounds(targets=1, restarts=False))
+    told: list[int | None] = []
+
+    def look(progress: ExplorationProgress) -> str:
+        told.append(progress.estimate)
+        return ""
+
+    proof = prove(make_world(shipped.mission("inspection"), {}), Bounds(targets=1, restarts=False), look)
     assert proof.complete
+    # Whatever is told of how many there will be is right within a factor of two.
+    estimates = [found for found in told if found is not None]
+    assert len(estimates) >= 3
+    assert all(0.5 <= found / proof.progress.situations <= 2.0 for found in estimates), estimates
     assert proof.broken == []
     assert {one.name for one in proof.properties if one.verdict is not ProofVerdict.HOLDS} == {"invariants"}
 
@@ -101,3 +114,31 @@ def test_it_is_proven(name: str) -> None:
     proof = proven(name, 150_000)
     assert proof.broken == []
     assert proof.complete or name == "night_watch"
+
+
+def test_processes_prove_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    """With every class of parameters: the same counts and verdicts, one by one and side by side."""
+    arguments = ["prove", "inspection", "--targets", "0", "--no-restarts", "--parameters", "--json"]
+    assert main([*arguments, "--jobs", "1"]) == 0
+    alone = json.loads(capsys.readouterr().out)
+    assert main([*arguments, "--jobs", "2"]) == 0
+    assert json.loads(capsys.readouterr().out) == alone
+    assert [one["bounds"][0] for one in alone[1:]] == [
+        "In this proof arm_patrol_enabled is True.",
+        "In this proof require_visual_confirmation is True.",
+    ]
+
+
+def test_missions_are_loaded_anew_only_where_none_is_under_way() -> None:
+    """The move leads on only where the robot's process would do it."""
+    chart = shipped.mission("inspection")
+    explorer = SituationExplorer(make_world(chart, {}), properties_of(chart), Bounds(targets=1))
+    rows: list[tuple[int, ...]] = []
+    explorer.keep = lambda some: rows.extend(map(tuple, some.T.tolist()))  # type: ignore[method-assign]
+    found = explore(explorer, lambda progress: "enough" if progress.situations > 2000 else "")
+    loaded = next(number for number, move in enumerate(explorer.moves.all) if move.event is LOADED)
+    sources = {source for source, move in zip(found.sources, found.by, strict=True) if move == loaded}
+    names = {name for s in sources for name in explorer.table.get(rows[s], ("configuration", "")) or ()}
+    assert "READY" in names
+    assert [name for name in names if chart.states[name].mission] == []
+    assert found.breaches == {}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import itertools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -23,7 +24,7 @@ from lupin_engine.plugin.contract import OPERATION_CODES
 from lupin_engine.plugin.profile import START
 from lupin_engine.plugin.types import Type
 from lupin_engine.runtime.possible import requests_of
-from lupin_engine.verify.situations.relevance import Relevance, deciding, invokes
+from lupin_engine.verify.situations.relevance import Relevance, deciding, invokes, reads
 
 #: What missions are called whose steps are looked at.
 MISSION_ID = "proof"
@@ -220,6 +221,36 @@ class Classes:
         if len(found) > MOST_COMBINED:
             self.left_out.append(f"{what}: {MOST_COMBINED} combinations of its fields")
         return found[:MOST_COMBINED]
+
+
+def parameter_classes(world: World) -> Iterator[tuple[str, Any]]:
+    """Yield a value of each class of each parameter that a condition reads, but that of the value it has.
+
+    Classes are both truth values, every word, and of a number what lies below, at and above each number that
+    a condition compares it with.
+    """
+    read = {name for value in deciding(world.chart) for root, name in reads(value) if root == "param"}
+    bounds = _bounds(world)
+    for name, parameter in world.chart.parameters.items():
+        given, kind = world.parameters.get(name, parameter.default), parameter.type
+        if name not in read:
+            continue
+        if kind.kind == "bool":
+            yield name, not given
+        elif kind.values:
+            yield from ((name, word) for word in kind.values if word != given)
+        elif kind.kind in ("number", "integer"):
+            edges = bounds.get(f"param.{name}", [])
+            low = -math.inf if parameter.minimum is None else parameter.minimum
+            high = math.inf if parameter.maximum is None else parameter.maximum
+            for value in _around(edges, kind) if edges else ():
+                if low <= value <= high and _side(value, edges) != _side(given, edges):
+                    yield name, value
+
+
+def _side(value: float, edges: Sequence[float]) -> tuple[int, ...]:
+    """Return of each edge whether a number lies below, at or above it."""
+    return tuple((value > edge) - (value < edge) for edge in edges)
 
 
 def _around(bounds: Sequence[float], kind: Type) -> list[Any]:

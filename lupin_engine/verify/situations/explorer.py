@@ -15,6 +15,7 @@ from lupin_engine.errors import reason
 from lupin_engine.machine.event import Cancel, Report
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Attempt, Phase
+from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import OnHold
@@ -48,6 +49,7 @@ from lupin_engine.verify.situations.situation import (
     settle_names,
 )
 from lupin_engine.verify.situations.worlds import (
+    LOADED,
     OF_PROPERTY,
     TimerName,
     Watched,
@@ -124,7 +126,14 @@ class SituationExplorer:
         if move.timer[0] != "fresh":
             machine.trust(memory.fetch(self.table.index[CALM]))
         try:
-            step = self.moves.carry_out(machine, memory, move)
+            if move.event is LOADED:
+                if not is_idle(machine):
+                    return _NOTHING, memory.reads
+                memory.take_over(successor(Machine(self.world, memory.plain()), self.world).memory)
+                machine = Machine(self.world, memory)
+                step: Step | None = machine.go_on(0.0)
+            else:
+                step = self.moves.carry_out(machine, memory, move)
             effect = _CUT if step is None else self._effect_of(memory, machine, step, situation, before)
         except (Overflow, TooMany):
             raise
@@ -274,6 +283,10 @@ class _LazyGlance:
 
 _OF_REQUESTS = ("refusals_have_reasons",)
 _CUT = Effect((), (), frozenset(), (), (), progress=False, cut=True)
+
+
+#: A move that does nothing.
+_NOTHING = Effect((), (), frozenset(), (), (), progress=False)
 
 
 def _changed(situation: Situation, delta: tuple[tuple[int, int], ...]) -> Situation:

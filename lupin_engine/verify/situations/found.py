@@ -40,7 +40,10 @@ class Breach(NamedTuple):
 
 @dataclass
 class ExplorationProgress:
-    """How far an exploration is: `depth` in moves from the beginning, `steps` were made by the machine."""
+    """How far an exploration is: `depth` in moves from the beginning, `steps` were made by the machine.
+
+    `levels` are the situations that are so many moves away; the last one may not be complete.
+    """
 
     situations: int = 0
     transitions: int = 0
@@ -48,6 +51,19 @@ class ExplorationProgress:
     depth: int = 0
     expanded: int = 0
     waiting: int = 0
+    levels: list[int] = field(default_factory=list)
+
+    @property
+    def estimate(self) -> int | None:
+        """About how many situations there are: None while levels still grow, which tells nothing.
+
+        Levels grow and then shrink. Once one has shrunk, those that follow are taken to shrink alike.
+        """
+        whole = self.levels[: self.depth + 1]
+        if len(whole) < 3 or not whole[-3] > whole[-2] > whole[-1]:
+            return None
+        shrinks = whole[-1] / whole[-2]
+        return round(sum(whole) + whole[-1] * shrinks / (1.0 - shrinks))
 
 
 @dataclass

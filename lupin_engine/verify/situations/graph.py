@@ -19,12 +19,16 @@ _Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class GraphProperty:
-    """Something that holds of the graph as a whole: `broken` gives the situations that break it."""
+    """Something that holds of the graph as a whole: `broken` gives the situations that break it.
+
+    One `of_missions` is about charts in which missions begin and end.
+    """
 
     name: str
     says: str
     broken: Callable[[Graph], _Mask]
     why: str
+    of_missions: bool = False
 
 
 class Graph:
@@ -110,12 +114,14 @@ OF_THE_GRAPH = (
         "From every situation READY or DONE can be reached, if servers answer.",
         _not_home,
         "no answer, no request and no time leads to READY or DONE",
+        of_missions=True,
     ),
     GraphProperty(
         SILENCE,
         "If servers say nothing, time alone leads to a state in which somebody is told.",
         _untold,
         "time alone leads to no state in which somebody is told",
+        of_missions=True,
     ),
     GraphProperty(
         "abort_stops",
@@ -134,6 +140,7 @@ OF_THE_GRAPH = (
         "If servers answer, a mission gets on: its targets get results, it ends, or somebody is told.",
         _livelock,
         "however servers answer, no target gets a result, and the mission does not end",
+        of_missions=True,
     ),
 )
 

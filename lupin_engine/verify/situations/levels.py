@@ -228,6 +228,9 @@ class LevelWalk:
         found.parent_moves.extend(moves)
         self._waiting.put(Block(depth, found.progress.situations, rows, low, high))
         found.progress.situations += rows.shape[1]
+        levels = found.progress.levels
+        levels += [0] * (depth + 1 - len(levels))
+        levels[depth] += rows.shape[1]
         found.progress.waiting = self._waiting.count
         explorer.keep(rows)
 

@@ -185,6 +185,19 @@ class TrackedMemory(Memory):
         """Nothing: which target a display shows leads to nothing, so it is not read."""
         return ""
 
+    def plain(self) -> Memory:
+        """Return a memory of the machine's own kind, of which nothing is tracked."""
+        found = {name: getattr(self, name) for name in (*WHOLE, *_IDLE)}
+        found |= {name: dict(getattr(self, name).items()) for name in (*ORDERED, *UNORDERED)}
+        return Memory(**found)
+
+    def take_over(self, other: Memory) -> None:
+        """Become what another memory is."""
+        for name in WHOLE:
+            setattr(self, name, getattr(other, name))
+        for name in (*ORDERED, *UNORDERED):
+            getattr(self, name).replaced(getattr(other, name))
+
     def looked_at_timers(self) -> list[list[Timer]]:
         """Return the deadlines that run, and those that are stopped, as far as the step looked at them."""
         return [getattr(self, name) for name in ("timers", "frozen") if self.is_set(name)]

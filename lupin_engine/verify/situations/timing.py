@@ -13,11 +13,12 @@ from dataclasses import dataclass, field, replace
 
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Timer
+from lupin_engine.machine.reload import successor
 from lupin_engine.machine.step import Step
 from lupin_engine.verify.situations.explorer import MORNING, SituationExplorer
 from lupin_engine.verify.situations.found import Effect
 from lupin_engine.verify.situations.situation import Situation, is_new
-from lupin_engine.verify.situations.worlds import OF_PROPERTY, TimerName, WorldMove, running
+from lupin_engine.verify.situations.worlds import LOADED, OF_PROPERTY, TimerName, WorldMove, running
 
 #: Between two things that happen, in seconds.
 GAP = 0.01
@@ -139,7 +140,11 @@ def _run(
         if any(step.taken for step in passed):
             return None
         steps += passed
-        step = _carry_out(machine, move, time, names)
+        if move.event is LOADED:
+            machine = successor(machine, explorer.world)
+            step: Step | None = machine.go_on(time)
+        else:
+            step = _carry_out(machine, move, time, names)
         if step is None or step.taken != effect.taken:
             return None
         _rename(names, effect, [name for name in machine.memory.attempts if name not in before])

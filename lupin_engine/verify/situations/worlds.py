@@ -42,6 +42,8 @@ Rank = tuple[TimerName, TimerName]
 
 #: What properties remember, by their names.
 Watched = tuple[tuple[str, Remembered], ...]
+#: The missions are loaded anew, as they are; where one is under way, that waits for its end.
+LOADED = Event("loaded")
 #: The kind of the deadlines of properties.
 OF_PROPERTY = "property"
 
@@ -128,6 +130,7 @@ class WorldMoves:
         yield "stray", WorldMove(Mover.WORLD, events.done("long over", {}))
         if restarts:
             yield "restart", WorldMove(Mover.WORLD, Event(RESUMED, {"detail": "", "held": True, "away": 1.0}))
+            yield "loaded", WorldMove(Mover.WORLD, LOADED)
 
     # -- what is possible where -----------------------------------------------------------------------
 

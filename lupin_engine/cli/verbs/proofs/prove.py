@@ -7,6 +7,7 @@ proven, because the budget ran out or somebody interrupted.
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +18,7 @@ import click
 
 from lupin_engine.cli import options
 from lupin_engine.cli.exit_codes import BROKEN, NOT_PROVEN, not_done
-from lupin_engine.errors import Diagnostic, LupinError, UsageError
+from lupin_engine.errors import Diagnostic, UsageError
 from lupin_engine.plugin.registry import load_catalog
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
     from lupin_engine.missions.load import LoadedMissions
     from lupin_engine.verify.proof import Proof, Proven
+    from lupin_engine.verify.proving import ProofTask
+    from lupin_engine.verify.situations.explorer import Bounds
     from lupin_engine.verify.situations.found import ExplorationProgress
     from lupin_engine.verify.story import FailingScenario
 
@@ -46,7 +49,16 @@ _EVERY = 1.0
     help="So many operations that nobody waits for may still answer at any later time.",
 )
 @click.option("--no-restarts", is_flag=True, help="The process does not end in the midst of a mission.")
-@click.option("--budget", metavar="DURATION", help="Stop after so much time, such as '60 s'.")
+@click.option(
+    "--parameters",
+    "every_class",
+    is_flag=True,
+    help="Prove as well with the other values of each parameter that conditions tell apart, one at a time.",
+)
+@click.option(
+    "--jobs", "-j", type=click.IntRange(min=1), help="Proofs side by side; default: one for each core."
+)
+@click.option("--budget", metavar="DURATION", help="Stop after so much time in all, such as '60 s'.")
 @click.option("--no-scenarios", is_flag=True, help="Write no scenario that fails beside the mission.")
 @click.option(
     "--report",
@@ -63,6 +75,8 @@ def prove(
     targets: int,
     late: int,
     no_restarts: bool,
+    every_class: bool,
+    jobs: int | None,
     budget: str | None,
     no_scenarios: bool,
     report: Path | None,
@@ -81,7 +95,7 @@ def prove(
     from lupin_engine.cli.settings import settings_in
     from lupin_engine.errors import Problems
     from lupin_engine.missions.selection import load_missions
-    from lupin_engine.runtime.setup import make_world
+    from lupin_engine.verify.proving import proof_tasks, prove_tasks
     from lupin_engine.verify.situations.explorer import Bounds
 
     problems, catalog = Problems(UsageError), load_catalog()
@@ -90,19 +104,27 @@ def prove(
         seconds = read_budget("--budget", budget)
     if report is not None and report.suffix != ".html":
         problems.add(f"--report: {str(report)!r} must end in .html")
-    loaded = [load_missions([name], catalog) for name in missions]
-    worlds = []
-    for one in loaded:
-        parameters, wrong = settings_in("--set", settings, one.chart.parameters)
+    loaded = {name: load_missions([name], catalog) for name in missions}
+    given = {}
+    for name, one in loaded.items():
+        given[name], wrong = settings_in("--set", settings, one.chart.parameters)
         problems.add(*wrong)
-        worlds.append((one, parameters))
     problems.tell()
+    tasks = [
+        task for name, one in loaded.items() for task in proof_tasks(one, name, given[name], every_class)
+    ]
     bounds = Bounds(targets, late, not no_restarts)
+    jobs = min(jobs or os.cpu_count() or 1, len(tasks))
+    if jobs > 1:
+        made = prove_tasks(tasks, loaded, bounds, jobs, seconds)
+    else:
+        shown = not (as_json or quiet) and sys.stderr.isatty()
+        made = _one_by_one(tasks, loaded, bounds, seconds, shown)
     proofs = []
-    for one, parameters in worlds:
-        tell = _progress(one.names[0], seconds, not (as_json or quiet) and sys.stderr.isatty())
-        proof = _proven(one, make_world(one.chart, parameters), bounds, tell)
-        proofs.append((one, proof, {} if no_scenarios else _write_scenarios(one, proof, parameters)))
+    for task, proof in zip(tasks, made, strict=True):
+        one = loaded[task.mission]
+        written = {} if no_scenarios else _write_scenarios(one, proof, task.parameters)
+        proofs.append((one, proof, written))
     if report is not None:
         from lupin_engine.cli.files import write_text
         from lupin_engine.cli.verbs.proofs.proof_page import proof_page
@@ -128,20 +150,36 @@ def read_budget(option: str, budget: str | None) -> float | None:
         raise UsageError(f"{option}: {problem}; write a duration such as '60 s'") from None
 
 
-def _proven(
-    loaded: LoadedMissions, world: Any, bounds: Any, tell: Callable[[ExplorationProgress], str]
-) -> Proof:
-    from lupin_engine.verify.proof import prove as prove_all
-    from lupin_engine.verify.situations.situation import TooMany
+def _one_by_one(
+    tasks: Sequence[ProofTask],
+    loaded: Mapping[str, LoadedMissions],
+    bounds: Bounds,
+    seconds: float | None,
+    shown: bool,
+) -> list[Proof]:
+    """Make proofs one after the other; after an interruption the rest is not begun."""
+    from lupin_engine.verify.proving import prove_task
 
-    try:
-        return prove_all(world, bounds, tell)
-    except TooMany as problem:
-        raise LupinError(f"{loaded.names[0]} has situations without end: {problem}") from None
+    began = time.monotonic()
+    made: list[Proof] = []
+    for task in tasks:
+        one = loaded[task.mission]
+        tell = _progress(one.names[0], seconds, began, shown)
+        over = bool(made) and made[-1].stopped == "interrupted"
+        made.append(prove_task(task, one, bounds, _interrupted if over else tell))
+    return made
 
 
-def _progress(name: str, seconds: float | None, shown: bool) -> Callable[[ExplorationProgress], str]:
+def _interrupted(_: ExplorationProgress) -> str:
+    return "interrupted"
+
+
+def _progress(
+    name: str, seconds: float | None, budget_began: float, shown: bool
+) -> Callable[[ExplorationProgress], str]:
     """Return what is asked now and then: it shows how far it is, and says when the time is over."""
+    from lupin_engine.verify.proving import out_of_time
+
     began = time.monotonic()
     last = [began]
 
@@ -152,14 +190,19 @@ def _progress(name: str, seconds: float | None, shown: bool) -> Callable[[Explor
             rate = progress.transitions / (now - began)
             click.echo(
                 f"\r{name}: {progress.situations:,} situations, {progress.waiting:,} wait,"
-                f" {progress.transitions:,} transitions, {rate:,.0f}/s, {progress.depth} deep ",
+                f" {progress.transitions:,} transitions, {rate:,.0f}/s, {progress.depth} deep"
+                f"{_of_about(progress)} ",
                 err=True,
                 nl=False,
             )
-        over = seconds is not None and now - began > seconds
-        return f"the budget of {seconds:g} s ran out" if over else ""
+        return out_of_time(seconds, budget_began)
 
     return look
+
+
+def _of_about(progress: ExplorationProgress) -> str:
+    about = progress.estimate
+    return "" if about is None else f", an estimated {progress.expanded / about:.0%} of {about:,}"
 
 
 def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Diagnostic, ...]:
@@ -169,15 +212,15 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
     What was not proven in time is no error.
     """
     from lupin_engine.missions.selection import load_missions
-    from lupin_engine.runtime.setup import make_world
     from lupin_engine.verify.breach import findings
+    from lupin_engine.verify.proving import ProofTask, prove_task
     from lupin_engine.verify.situations.explorer import Bounds
 
     found: list[Diagnostic] = []
     for file in files:
         loaded = load_missions([str(file)], load_catalog())
-        tell = _progress(loaded.names[0], seconds / len(files), shown=False)
-        proof = _proven(loaded, make_world(loaded.chart, {}), Bounds(), tell)
+        tell = _progress(loaded.names[0], seconds / len(files), time.monotonic(), shown=False)
+        proof = prove_task(ProofTask(str(file), {}), loaded, Bounds(), tell)
         if told:
             _show(loaded, proof, {}, quiet=True)
         else:
