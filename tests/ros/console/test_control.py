@@ -174,7 +174,7 @@ def test_every_button_in_every_state(
     hands = Operator("hands")
     agree(console, attendant)
     hands.set_parameter("mission_orchestrator", "localization_covariance_threshold", 0.0)
-    start(console, "inspection", tag_sequence="1, 30, 5, 28, 9, 26, 10, 24")
+    start(console, "inspection", tag_sequence="30, 28, 5, 26, 1, 24, 9, 10")
     in_state(attendant, "PREPARE")
     agree(console, attendant, "pause", "abort")
     button(console, "pause").click()

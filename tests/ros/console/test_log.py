@@ -32,8 +32,8 @@ def command(robot: Served, *words: str) -> None:
 
 @pytest.fixture(scope="module")
 def robot(serve: Callable[..., Served]) -> Served:
-    """One whose past and whose deaths are this module's alone."""
-    return serve("up", "--speed", "4")
+    """One whose past and whose deaths are this module's alone; its mission lasts as long as the tests."""
+    return serve("up", "--speed", "2")
 
 
 @pytest.fixture(scope="module")
