@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections import deque
 from typing import Any
@@ -16,6 +17,7 @@ from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore
 from lupin_engine.verify.situations.levels import explore
+from lupin_engine.verify.situations.relevance import _sweeps_told_apart
 from lupin_engine.verify.situations.situation import TrackedMemory
 from tests.machine.charts import PAUSE, chart
 from tests.verify.toys import KeepingExplorer, explored, round_trip, wheels
@@ -151,3 +153,19 @@ def test_what_a_step_writes_counts_as_read() -> None:
     slots = [explorer.table.index[name, ""] for name in ("mission_id", "current_itinerary")]
     assert [slot for slot, _ in memory.changes()] == slots[:1]
     assert memory.reads >= set(slots)
+
+
+@pytest.mark.parametrize(
+    ("source", "most"),
+    [
+        ("itinerary.open", 0),
+        ("itinerary.sweep + itinerary.closed > 1 and input.late", 2),
+        ("itinerary.sweep >= 3 or itinerary.sweep == 5", 6),
+        ("itinerary.sweep - itinerary.closed > 1", math.inf),
+        ("itinerary.sweep > 1 and itinerary.sweep % 2 == 0", math.inf),
+        ("itinerary.sweep > context.most", math.inf),
+    ],
+)
+def test_sweeps_are_counted_as_far_as_a_condition_tells_them_apart(source: str, most: float) -> None:
+    """Beyond that a mission without end would have situations without end."""
+    assert _sweeps_told_apart(source) == most

@@ -6,6 +6,8 @@ never distinguished. Details, readings, and how often something was counted are 
 
 from __future__ import annotations
 
+import ast
+import math
 import re
 from collections.abc import Hashable, Iterator, Mapping
 from typing import Any
@@ -54,7 +56,8 @@ class Relevance:
         inputs = set(chart.inputs) if unclear or ("input", "") in known else inputs
         #: Of an input of which only the levels are read, they are what is compared.
         self.inputs = frozenset(name for name in inputs if unclear or self._is_read(name))
-        self.counts_sweeps = any("itinerary.sweep" in value.source for value in _all(chart))
+        #: So far sweeps without end are counted; no condition tells more of them apart.
+        self.most_sweeps = max((_sweeps_told_apart(value.source) for value in _all(chart)), default=0)
         self._cause = {name: _reads_event(invoke) for name, invoke in invokes(chart)}
 
     @property
@@ -115,7 +118,7 @@ class Relevance:
         return value.begun, value.tries, value.attempt, cause, frozen(value.item), told
 
     def _walk(self, _: str, value: Traversal) -> Hashable:
-        sweep = value.sweep if value.sweeps > 0 or self.counts_sweeps else 0
+        sweep = value.sweep if value.sweeps > 0 else min(value.sweep, self.most_sweeps)
         closed = tuple((visit.target, visit.closed) for visit in value.visits)
         items = tuple(map(frozen, value.items))
         return items, closed, value.index, sweep, value.sweeps, value.leaves_open, value.begun
@@ -165,6 +168,39 @@ def frozen(value: Any) -> Hashable:
         return frozenset(value)
     hash(value)
     return value  # type: ignore[no-any-return]
+
+
+def _sweeps_told_apart(source: str) -> float:
+    """Return from which sweep on an expression is always the same; `math.inf` where that is not seen.
+
+    It is seen where a sum of counts is compared with a number: beyond that all sweeps are too many alike.
+    """
+    if "itinerary.sweep" not in source:
+        return 0
+    try:
+        nodes = list(ast.walk(ast.parse(source, mode="eval")))
+    except SyntaxError:  # the language has words that Python has not
+        return math.inf
+    compared = [node for node in nodes if isinstance(node, ast.Compare) and len(node.comparators) == 1]
+    found, seen = 0.0, 0
+    for node in compared:
+        left, right = node.left, node.comparators[0]
+        bound = right.value if isinstance(right, ast.Constant) else None
+        if isinstance(bound, (int, float)) and isinstance(node.ops[0], _ORDERS) and _is_count(left):
+            found = max(found, math.floor(bound) + 1)
+            seen += ast.unparse(left).count("itinerary.sweep")
+    return found if seen == source.count("itinerary.sweep") else math.inf
+
+
+_ORDERS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
+_COUNTS = tuple(f"itinerary.{name}" for name in ("sweep", "closed", "remaining", "total"))
+
+
+def _is_count(node: ast.expr) -> bool:
+    """Say whether this is a count of an itinerary, or a sum of some."""
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        return _is_count(node.left) and _is_count(node.right)
+    return ast.unparse(node) in _COUNTS
 
 
 def _reads_event(invoke: Invoke) -> bool:
