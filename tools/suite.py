@@ -36,6 +36,7 @@ ROS = [*PYTEST, *AGAIN, f"-n{2 * CORES}", "-m", f"({MORE}) and not browser"]
 BROWSER = ["pytest", "--durations=10", *AGAIN, "-m", "browser"]
 #: Where its tests are, unless others are named: to look for them among all takes half a minute.
 BROWSER_TESTS = ["tests/console", "tests/ros/console"]
+_MARKED = re.compile(rf"\bmark\.({MORE.replace(' or ', '|')})\b")
 
 NO_TESTS = 5
 _CLOSING = re.compile(r"^(\x1b\[\d+m)*=+ .* in [\d.]+s.* =+(\x1b\[\d+m)*$")
@@ -76,6 +77,12 @@ def start(name: str, module: list[str]) -> Part:
     return Part(name, process, time.monotonic(), [])
 
 
+def marked_files() -> list[str]:
+    """Return the files outside `tests/ros` with a test that needs more."""
+    files = [file for file in (ROOT / "tests").rglob("test_*.py") if "ros" not in file.parts]
+    return sorted(str(file.relative_to(ROOT)) for file in files if _MARKED.search(file.read_text("utf-8")))
+
+
 def main() -> int:
     """Run the parts, lint and types beside the quick tests; fail if any of them does."""
     if sys.argv[1:2] not in (["check"], ["test"]):
@@ -98,7 +105,8 @@ def main() -> int:
     if sys.argv[1] == "test":
         named = any((ROOT / argument.partition("::")[0]).exists() for argument in sys.argv[2:])
         browser = [*BROWSER, *given, *([] if named else BROWSER_TESTS)]
-        tests += [start("ROS tests", [*ROS, *given]), start("browser", browser)]
+        ros = [*ROS, *given, *([] if named else ["tests/ros", *marked_files()])]
+        tests += [start("ROS tests", ros), start("browser", browser)]
         pages = threading.Thread(target=tests[2].read, args=(None,))
         pages.start()
         tests[1].read(sys.stdout)
