@@ -72,7 +72,7 @@ def same(one: Any, other: Any) -> bool:
         return list(one) == list(other) and all(same(one[key], other[key]) for key in one)
     if isinstance(one, (list, np.ndarray)):
         return len(one) == len(other) and all(map(same, one, other))
-    is_nan = isinstance(one, float) and math.isnan(one)
+    is_nan = isinstance(one, (float, np.floating)) and math.isnan(one)
     return bool(one == other) or (is_nan and math.isnan(other))
 
 
