@@ -73,14 +73,15 @@ def test_a_flood_of_starts_does_not_fill_the_disk(world: World, operator: Operat
     operator.in_state("READY")
     flood = [sys.executable, "-m", "tests.faults.flood", "3"]
     done = subprocess.run(flood, cwd=ROOT, capture_output=True, text=True, check=True)
-    sent = int(done.stdout.split()[0])
+    sent, answered = (int(word) for word in done.stdout.split() if word.isdigit())
     end(world)
     records = [record for file in journal_files(own_state) for record in read_journal(file).records]
     written = [record for record in records if record.kind == "event" and record.data[0] == "mission.start"]
     counted = [record.data for record in records if record.kind == "refused"]
-    assert sent > 50
+    assert answered > 50
     assert {data[:2] for data in counted} == {("mission.start", "unknown_mission")}
-    assert len(written) + sum(data[2] for data in counted) == sent
+    # The last ones may be on their way when it ends.
+    assert answered <= len(written) + sum(data[2] for data in counted) <= sent
     assert len(written) <= 8
     assert sum(file.stat().st_size for file in journal_files(own_state)) < 300_000
     logs = own_state.parents[1] / "log" / own_state.name
