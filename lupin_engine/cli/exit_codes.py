@@ -1,4 +1,4 @@
-"""Exit codes: one table for the verbs of the operator, and what verbs that carry out a mission fail with."""
+"""Exit codes: of an interruption, of the operator's verbs, of proofs, and of missions not carried out."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import contextlib
 from collections.abc import Iterator
 
 from lupin_engine.errors import LupinError
+
+#: How every verb ends that somebody interrupts, as for a shell.
+INTERRUPTED = 130
 
 #: How a verb of the operator ends. The orchestrator said yes, or there was something to show; it said no, or
 #: there was nothing; nobody was asked, because no orchestrator is there or the command line is wrong.

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lupin_engine import __version__
+from lupin_engine.cli.exit_codes import INTERRUPTED
 from lupin_engine.errors import ChartError, LupinError, nearest
 
 if TYPE_CHECKING:
@@ -77,7 +78,6 @@ OPERATOR_VERBS: Mapping[str, str] = MappingProxyType(
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 DEFECT = 70
-INTERRUPTED = 130
 READER_GONE = 141
 
 

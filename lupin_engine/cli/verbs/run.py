@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lupin_engine.cli import options
-from lupin_engine.cli.exit_codes import not_done
+from lupin_engine.cli.exit_codes import INTERRUPTED, not_done
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.plugin.registry import load_catalog
 
@@ -107,7 +107,7 @@ def _carry_out(
 ) -> int:
     """Run the mission; an error is reported to the observer and aborts the mission."""
     from lupin_engine.ros.launch.interrupts import Interrupted
-    from lupin_engine.ros.launch.monitor import INTERRUPTED, NOT_DONE
+    from lupin_engine.ros.launch.monitor import NOT_DONE
 
     try:
         bringup.bring_up(given.plugins, loaded.chart.catalog, loaded.heard)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lupin_engine.cli import options
-from lupin_engine.cli.exit_codes import not_done
+from lupin_engine.cli.exit_codes import INTERRUPTED, not_done
 from lupin_engine.cli.options import PNG, SVG, TERMINAL
 from lupin_engine.errors import Problems, UsageError, nearest
 from lupin_engine.plugin.registry import load_catalog
@@ -82,7 +82,6 @@ def simulate(
     """
     from lupin_engine.cli.terminal import outcome
     from lupin_engine.replay.timeline import timeline
-    from lupin_engine.ros.launch.monitor import INTERRUPTED
 
     problems = Problems(UsageError)
     if interactive and (as_json or quiet or speed or picture or until is not None):

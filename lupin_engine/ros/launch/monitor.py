@@ -17,7 +17,7 @@ from lupin_engine.runtime.history import History
 from lupin_engine.runtime.record import OpenQuestion, open_questions, read_step
 
 #: Exit codes of a run.
-ALL_VISITED, SOME_MISSED, NOT_DONE, INTERRUPTED = 0, 1, 2, 130
+ALL_VISITED, SOME_MISSED, NOT_DONE = 0, 1, 2
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,6 @@ class RecordedPages:
         self._recording = recording
         self._catalog = catalog
         self._journal = journal
-        self._unpacked = TemporaryDirectory(prefix="lupin-journal-")
         #: The charts that were drawn anew, by their hashes.
         self._charts: dict[str, LoadedMissions] = {}
         wires = [profile.wire for profile in profiles if profile.wire is not None]
@@ -160,6 +159,7 @@ class RecordedPages:
         files = dict(self._recording.attached(JOURNAL_TYPE))
         if not files:
             return JournalMoments(self._journal)
+        self._unpacked = TemporaryDirectory(prefix="lupin-journal-")  # it is there as long as this object
         for name, data in files.items():
             (Path(self._unpacked.name) / Path(name).name).write_bytes(data)
         return JournalMoments(Path(self._unpacked.name))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lupin_engine.cli import options
+from lupin_engine.cli.exit_codes import INTERRUPTED
 from lupin_engine.cli.files import write_text
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.plugin.registry import load_catalog
@@ -92,8 +93,6 @@ def campaign(
         _tell(found, dealer.found, took, written, quiet)
         if interrupted:
             click.echo(f"interrupted after {dealer.found.seeds} of {seeds} seeds; the rest was not looked at")
-    from lupin_engine.ros.launch.monitor import INTERRUPTED
-
     return INTERRUPTED if interrupted else 1 if dealer.found.first else 0
 
 
