@@ -15,6 +15,7 @@ from lupin_engine.cli import crash
 from lupin_engine.cli import main as entry
 from lupin_engine.cli.main import OPERATOR_VERBS, VERBS, lupin, main
 from lupin_engine.errors import ChartError, Diagnostic, LupinError, Place, UsageError
+from tests.processes import ended
 
 HEAVY = ("numpy", "pydantic", "rich", "structlog", "transitions", "yaml", "rclpy", "lupin_engine.chart")
 
@@ -168,9 +169,8 @@ def test_a_reader_that_leaves_is_no_defect() -> None:
     program = (
         "import sys; from lupin_engine.cli.main import main; sys.stdin.read(); sys.exit(main(['--help']))"
     )
-    with subprocess.Popen(
-        [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as process:
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    with ended(subprocess.Popen([sys.executable, "-c", program], **pipes)) as process:
         assert process.stdin
         assert process.stdout
         assert process.stderr

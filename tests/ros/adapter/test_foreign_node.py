@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.processes import ended
+
 pytestmark = pytest.mark.timeout(180)
 
 CATALOG = """\
@@ -57,9 +59,8 @@ def test_a_node_in_plain_rclpy_ends_quietly(
 ) -> None:
     """It gets its ROS arguments as rclpy wants them; how rclpy's spin ends at a signal is no defect."""
     command = lupin_node("far_node", "--ros-args", "-r", "__ns:=/there")
-    with subprocess.Popen(
-        command, env=installed, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as node:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with ended(subprocess.Popen(command, env=installed, text=True, **pipes)) as node:
         assert node.stdout is not None
         assert node.stdout.readline() == "it spins as /there/far_node\n"
         node.send_signal(number)

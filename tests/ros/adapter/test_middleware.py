@@ -31,6 +31,7 @@ from lupin_engine.ros.adapter.dds.profile import OPEN, RANGE, THIS_MACHINE, use_
 from lupin_engine.ros.adapter.executor import StaleAfter
 from lupin_engine.ros.adapter.node import ActionCaller, CallFailure, Qos, RosNode, ServedGoal, peer_mismatches
 from lupin_engine.ros.adapter.peers import rival_servers
+from tests.processes import ended
 from tests.ros.helpers import PATIENCE, spin_for, spin_until, work_off
 
 MakeNode = Callable[..., RosNode]
@@ -377,7 +378,7 @@ def test_what_is_published_last_arrives(make_node: MakeNode) -> None:
     )
     world, heard = make_node("world"), list[str]()
     world.subscribe(String, "/last", Qos.EVENT, lambda message: heard.append(message.data[0]))
-    with subprocess.Popen([sys.executable, "-c", program]) as process:
+    with ended(subprocess.Popen([sys.executable, "-c", program])) as process:
         spin_until([world], lambda: process.poll() is not None)
     spin_until([world], lambda: len(heard) == 5, 10.0)
     assert heard == ["0", "1", "2", "3", "4"]

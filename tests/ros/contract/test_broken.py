@@ -35,6 +35,7 @@ from lupin_engine.plugin.contract import (
 from lupin_engine.plugin.types import BOOL, COUNT, DURATION
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
+from tests.processes import ended
 from tests.ros.launch.processes import until
 
 pytestmark = pytest.mark.timeout(120)
@@ -434,7 +435,8 @@ def test_nodes_do_not_outlive_a_harness_that_is_killed(tmp_path: Path) -> None:
         "input()\n"
     )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE, env=environment) as harness:
+    command = [sys.executable, "-c", program]
+    with ended(subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)) as harness:
         until((tmp_path / "pid").exists, "the node has begun")
         harness.kill()
     pid = int((tmp_path / "pid").read_text())

@@ -13,6 +13,7 @@ import pytest
 
 from lupin_engine.ros.adapter import process
 from lupin_engine.ros.launch.supervisor import Patience, Supervisor, cut_log, group_lives, last_lines
+from tests.processes import ended
 from tests.ros.launch.processes import until
 
 #: A child that tells when it is there, and lives until it is told to end.
@@ -154,7 +155,8 @@ def test_a_child_ends_when_its_supervisor_is_killed(tmp_path: Path) -> None:
         f"s = Supervisor(pathlib.Path({str(tmp_path)!r}), dict(os.environ)); "
         f"print(s.start('child', [sys.executable, '-c', {child!r}]), flush=True); signal.pause()"
     )
-    with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True) as process:
+    command = [sys.executable, "-c", parent]
+    with ended(subprocess.Popen(command, stdout=subprocess.PIPE, text=True)) as process:
         assert process.stdout is not None
         pid = int(process.stdout.readline())
         log = tmp_path / "child.log"
