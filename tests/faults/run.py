@@ -13,6 +13,7 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from lupin_engine.ros.adapter.node import CallFailure
+from lupin_engine.ros.adapter.process import StoodStill
 from lupin_msgs.msg import Observation
 from tests.faults.arena import Arena
 from tests.faults.plan import ORCHESTRATOR, Fault, Plan
@@ -41,6 +42,7 @@ class Run:
         self._due: list[tuple[float, int, Callable[[], None]]] = []
         self._faults = len(plan.faults)
         self._gone: set[str] = set()
+        self._stopped = {fault.node for fault in plan.faults if fault.kind == "stop"}
         self._heard, self._heard_at = 0, -math.inf
         self._held_since: float | None = None
         self._asked_at = -math.inf
@@ -78,10 +80,16 @@ class Run:
 
     def _lift(self, fault: Fault) -> None:
         self._arena.lift(fault)
-        self._faults -= 1
+        if fault.kind == "stop":  # who stood still for long ends a moment later
+            self._at(time.monotonic() + RESPAWN_S, self._pass)
+        else:
+            self._pass()
         for number, lost in enumerate(self._seen.lost):
             if lost.why == str(fault) and fault.kind in ("cut", "stop"):
                 self._seen.lost[number] = replace(lost, end=min(lost.end, time.monotonic()))
+
+    def _pass(self) -> None:
+        self._faults -= 1
 
     def _look_after(self) -> None:
         """Start again what has ended."""
@@ -89,8 +97,9 @@ class Run:
             code = self._arena.process(node).poll()
             if code is None or node in ("flood", "witness") or node in self._respawning:
                 continue
-            if node not in self._gone:
+            if node not in self._gone and (node not in self._stopped or code != StoodStill.exit_code):
                 self._seen.ended.append(f"{node} ended with {code}")
+            self._gone.add(node)
             self._respawning.add(node)
             self._at(time.monotonic() + RESPAWN_S, lambda node=node: self._respawn(node))  # type: ignore[misc]
 

@@ -22,6 +22,8 @@ Each work-around lives in this package, for this reason:
 * timers run on the monotonic clock (on ROS time with `use_sim_time`): a stepped wall clock moves no deadline;
 * declared parameter types, integers accepted for doubles (`parameters`): rclpy refuses `60` for a double;
 * type hashes compared with the peers' (`peers`): a mismatch is otherwise silent;
+* a node that stood still for longer than others remember it ends itself (`process`): Fast DDS may never
+  match the two again;
 * diagnostics of every node (`vitals`): one that hangs is on the network all the same;
 * servers counted (`peers`): two of one name are otherwise both obeyed.
 """
@@ -34,7 +36,8 @@ import re
 import time
 import uuid
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -62,7 +65,7 @@ from lupin_engine.ros.adapter.actions import (
     ServedGoal,
 )
 from lupin_engine.ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
-from lupin_engine.ros.adapter.dds.profile import use_profile
+from lupin_engine.ros.adapter.dds.profile import forgotten_after, is_closed, use_profile
 from lupin_engine.ros.adapter.executor import Executor, LivingEntities, Serving, StaleAfter
 from lupin_engine.ros.adapter.logs import COUNT_S, NodeLog, guarded
 from lupin_engine.ros.adapter.parameters import Declared, DeclaredParameters
@@ -72,7 +75,12 @@ from lupin_engine.ros.adapter.peers import (
     rival_servers,
     service_channels,
 )
-from lupin_engine.ros.adapter.process import ends_the_process_after, signals_call
+from lupin_engine.ros.adapter.process import (
+    StoodStill,
+    ends_the_process_after,
+    signals_call,
+    standstill_calls,
+)
 from lupin_engine.ros.adapter.qos import Qos
 from lupin_engine.ros.adapter.vitals import REPORT_S, CountedPublisher, Vitals
 
@@ -181,6 +189,7 @@ class RosNode:
         self._channels: dict[str, None] = {}
         self._vitals: Vitals | None = None
         self._failures: deque[float] = deque(maxlen=MAX_FAILURES_PER_SECOND)
+        self._stood_still: float | None = None
         self._told_findings: frozenset[str] = frozenset()
         self._seen_rivals: frozenset[str] = frozenset()
         try:
@@ -449,9 +458,10 @@ class RosNode:
         `CANCEL_LIMIT_S`. Returns cleanly in all these cases.
 
         Raises:
+            StoodStill: the process did, and others may have forgotten the node; it has ended as on `stop`.
             Exception: the node keeps failing outside its callbacks (see MAX_FAILURES_PER_SECOND).
         """
-        with signals_call(self.stop), contextlib.ExitStack() as end:
+        with signals_call(self.stop), self._watching() as limit, contextlib.ExitStack() as end:
             end.callback(self.leave)
             end.callback(self._say_goodbye)
             if RosNode.rehearsed is not None:
@@ -459,6 +469,25 @@ class RosNode:
                 return
             while self.spin_once():
                 pass
+        if self._stood_still is not None:
+            raise StoodStill(
+                f"{self.name} stood still for {self._stood_still:.1f} s; others may forget a node after "
+                f"{limit:g} s, so it ends, to be started again"
+            )
+
+    @contextlib.contextmanager
+    def _watching(self) -> Iterator[float]:
+        """End the spin when the process stood still for more than so many seconds."""
+
+        def end(seconds: float) -> None:
+            self._stood_still = seconds
+            self.stop()
+
+        # The second one goes on while the computer sleeps. Whoever sleeps with it forgets nobody.
+        which = time.CLOCK_MONOTONIC if is_closed() else time.CLOCK_BOOTTIME
+        limit = forgotten_after()
+        with standstill_calls(end, limit, partial(time.clock_gettime, which)):
+            yield limit
 
     def _say_goodbye(self) -> None:
         for callback in self._stop_callbacks:

@@ -12,10 +12,13 @@ from __future__ import annotations
 import contextlib
 import faulthandler
 import os
+import resource
 import signal
 import socket
 import threading
 from collections.abc import Callable, Iterator
+
+from lupin_engine.errors import LupinError
 
 #: Set for the processes that a supervisor starts.
 SUPERVISED = "LUPIN_SUPERVISED"
@@ -23,8 +26,19 @@ SUPERVISED = "LUPIN_SUPERVISED"
 #: Seconds between being told to stop and being killed, once the supervisor is gone.
 GRACE_S = 5.0
 
+#: Seconds between two looks at whether the process stood still.
+LOOK_S = 0.25
+#: Who waits for Python's lock wakes every 5 ms to ask for it: in a process that stands still nobody does.
+_WAKES = 10
+
 #: The file descriptor, because `sys.stderr` may be anything by then.
 _STDERR = 2
+
+
+class StoodStill(LupinError):
+    """The process stood still, and other nodes may have forgotten it: it is to be started again."""
+
+    exit_code = 75  # EX_TEMPFAIL: the same again may succeed
 
 
 @contextlib.contextmanager
@@ -61,6 +75,41 @@ def signals_call(stop: Callable[[], None]) -> Iterator[None]:
         writer.close()
         watcher.join()
         reader.close()
+
+
+@contextlib.contextmanager
+def standstill_calls(
+    tell: Callable[[float], None], limit: float, clock: Callable[[], float]
+) -> Iterator[None]:
+    """Call `tell`, on another thread, when the process has stood still for more than `limit` seconds.
+
+    It gets the seconds, and is called once at most. `clock` is in seconds and never goes back. A call that
+    holds Python's lock for as long is no standstill: the threads of the middleware, which tell others that
+    this node is there, do without it.
+    """
+    over = threading.Event()
+
+    def look() -> None:
+        before, woken = clock(), _wakes()
+        while not over.wait(LOOK_S):
+            now, wakes = clock(), _wakes()
+            if now - before > limit and wakes - woken < _WAKES:
+                tell(now - before)
+                return
+            before, woken = now, wakes
+
+    watcher = threading.Thread(target=look, name="standstill", daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        over.set()
+        watcher.join()
+
+
+def _wakes() -> int:
+    """Return how often this thread has waited for something until now."""
+    return resource.getrusage(resource.RUSAGE_THREAD).ru_nvcsw
 
 
 @contextlib.contextmanager

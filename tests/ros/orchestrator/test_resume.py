@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
+import time
 from collections import Counter
 from pathlib import Path
 
 import pytest
 
+from lupin_engine.ros.adapter.process import StoodStill
 from lupin_engine.ros.names import COMMAND_SERVICE
 from lupin_engine.runtime.journal.frames import MAGIC
 from lupin_engine.runtime.journal.journal import journal_files
@@ -19,6 +22,9 @@ from tests.ros.world import Operator, World
 pytestmark = pytest.mark.timeout(180)
 
 NODE = "mission_orchestrator"
+#: Seconds for which a node stands still until others have forgotten it, and what it says of that.
+FORGOTTEN_S = 4.0
+WHY = "others may forget a node after 2.25 s, so it ends, to be started again"
 
 
 def kill(world: World, node: str = NODE) -> None:
@@ -64,6 +70,36 @@ def test_a_mission_goes_on_when_somebody_says_so(world: World, operator: Operato
     found = [read_journal(file) for file in journal_files(own_state)]
     (mission,) = [file for file in found if file.head.mission_id]
     assert [record.kind for record in mission.records].count("resumed") == 1
+
+
+@pytest.mark.parametrize("node", [NODE, "greenhouse_bridge"])
+def test_a_node_that_stood_still_begins_anew(world: World, operator: Operator, node: str) -> None:
+    """Others have forgotten it, and a third node comes meanwhile: else some would never find it again."""
+    world.start_all(speed=2.0)
+    operator.in_state("READY")
+    assert operator.start("1", "5").accepted
+    operator.in_state("INSPECTING", "NAVIGATING")
+    stopped = world.processes[node]
+    stopped.send_signal(signal.SIGSTOP)
+    world.start("lupin_twin")
+    until = time.monotonic() + FORGOTTEN_S
+    operator.until(lambda: time.monotonic() > until, "the standstill")
+    stopped.send_signal(signal.SIGCONT)
+    operator.until(lambda: stopped.poll() is not None, "its end")
+    assert stopped.returncode == StoodStill.exit_code
+    told = re.findall(rf"^lupin: {node} stood still for (\S+) s; {WHY}$", world.log(node).read_text(), re.M)
+    assert len(told) == 1
+    assert float(told[0]) >= FORGOTTEN_S
+    if node == NODE:
+        start_again(world, operator)
+    else:
+        world.start(node)
+        operator.ask("pause")
+    operator.held()
+    operator.resume()
+    operator.until_done(published=2)
+    assert {tag for tag, _ in outcomes(operator)} == {"1", "5"}
+    assert node != NODE or outcomes(operator) == {("1", 0): 1, ("5", 0): 1}
 
 
 def test_a_command_is_done_once_also_by_the_next_orchestrator(world: World, operator: Operator) -> None:
