@@ -83,7 +83,8 @@ def test_a_stopped_process_takes_nothing_with_it(
         answer = one.answer(hung[-1])
         assert answer["value"] == "/twin/get_field: no answer within 2 s; what was asked for may still happen"
     finally:
-        os.kill(twin.pid, signal.SIGKILL)
+        twin.kill()
+        twin.wait(10.0)
     world.start("lupin_twin", store_file=tmp_path / "twin.db")
     one.until(lambda: isinstance(one.call(*ask), dict), "a field again")
 
