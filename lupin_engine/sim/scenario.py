@@ -27,15 +27,16 @@ from lupin_engine.missions.folders import (
 )
 from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.registry import Catalog
+from lupin_engine.runtime.history import History
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.expectations import Comparison
 from lupin_engine.sim.failure import ScenarioFailure
 from lupin_engine.sim.scenario_file import ScenarioNode
 from lupin_engine.sim.scenario_reader import ScenarioNames, ScriptReader, check_names
-from lupin_engine.sim.simulation import Run, Script, Simulation
+from lupin_engine.sim.simulation import Run, Script, Simulation, Standstill
 from lupin_engine.verify.authored import properties_of
-from lupin_engine.verify.properties import Monitor
+from lupin_engine.verify.properties import STANDSTILL, Monitor
 
 
 class Missions:
@@ -102,14 +103,19 @@ class Scenario:
         return jitters or self.script.is_random
 
     def run(self, shift: int = 0) -> Run:
-        """Simulate it, its seed shifted; errors as for `simulate`."""
+        """Simulate it, its seed shifted; a standstill violates a property, other errors as for `simulate`."""
         script = replace(self.script, seed=self.script.seed + shift) if shift else self.script
         world = self.missions.world(self.chart, self.parameters)
         simulation = Simulation(self.chart, script, self.parameters, world)
         monitor = Monitor(properties_of(self.chart, self.properties))
         simulation.listener = lambda step: monitor.take(step, simulation.machine.scope)
-        run = simulation.run()
-        monitor.end(run.seconds)
+        try:
+            run = simulation.run()
+            monitor.end(run.seconds)
+        except Standstill as problem:
+            told = History(simulation.steps[: problem.kept])
+            run = replace(simulation.result(cut_off=True), history=told)
+            monitor.breaches = {STANDSTILL: (told.steps[-1], str(problem))}
         return replace(run, violated=tuple((step, name, text) for name, text, step in monitor.told))
 
     def failures(self, run: Run) -> list[ScenarioFailure]:

@@ -41,6 +41,8 @@ NEW_YEAR = "2026-01-01 00:00"
 MOST_AT_ONCE = 10_000
 #: Steps in which a circle is looked for.
 _CIRCLE = 100
+#: How many steps of such circles are told.
+_TOLD = 12
 
 
 @dataclass(frozen=True)
@@ -237,9 +239,18 @@ def simulate(
 
     Raises:
         UsageError: a parameter does not exist or is out of range.
-        LupinError: a plugin cannot work with the parameters, or time stands still for ever.
+        LupinError: a plugin cannot work with the parameters.
+        Standstill: time stands still for ever.
     """
     return Simulation(chart, script, parameters or {}, world).run()
+
+
+class Standstill(LupinError):
+    """A simulation in which time stands still for ever; `kept` of its steps tell enough."""
+
+    def __init__(self, text: str, kept: int) -> None:
+        super().__init__(text)
+        self.kept = kept
 
 
 class _InMemory:
@@ -328,6 +339,9 @@ class Simulation:
         self._counted: dict[int, int] = {}
         self._planned = 0
         self._stopped = False
+        #: While it runs: how many steps were made at the moment that is now.
+        self._at_once: int | None = None
+        self._moment = 0.0
 
     def _make_engine(self) -> Engine:
         drivers: dict[str, Any] = {}
@@ -340,10 +354,11 @@ class Simulation:
         """Run until the mission is over, nothing more will happen, or the time limit is reached.
 
         Raises:
-            LupinError: time stands still for ever.
+            Standstill: time stands still for ever.
         """
+        self._at_once = 0
         self.begin()
-        cut_off, at_once = False, 0
+        cut_off = False
         while not self.is_over:
             due = self.next_due
             if due is None:
@@ -352,11 +367,8 @@ class Simulation:
                 self._clock.move_to(self._script.limit)
                 cut_off = True
                 break
-            at_once = at_once + 1 if due <= self.now else 0
-            if at_once > MOST_AT_ONCE:
-                raise LupinError(self._standstill())
             self.go_on()
-        return self._result(cut_off)
+        return self.result(cut_off)
 
     def _standstill(self) -> str:
         """Say that the mission goes in circles, and through which operations."""
@@ -551,6 +563,11 @@ class Simulation:
             self._planned += 1
             self._agenda.note(step.time, self._start_mission)
         self.listener(step)
+        if self._at_once is not None:
+            same = self._moment == step.time
+            self._at_once, self._moment = (self._at_once + 1 if same else 0), step.time
+            if self._at_once > MOST_AT_ONCE:
+                raise Standstill(self._standstill(), len(self.steps) - self._at_once + _TOLD)
 
     def _notice_beginnings(self, step: Step) -> None:
         """Plan what waits for a state that was entered, or for an operation that was started."""
@@ -563,7 +580,8 @@ class Simulation:
                     if happening.nth in (0, count):
                         self._plan(index, happening)
 
-    def _result(self, cut_off: bool) -> Run:
+    def result(self, cut_off: bool) -> Run:
+        """Return what came of it until now."""
         return Run(
             chart=self._machine.chart,
             history=self.history,

@@ -14,21 +14,17 @@ from itertools import pairwise
 from typing import Any
 
 from lupin_engine.chart.model import Chart, Transition
-from lupin_engine.errors import LupinError
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.profile import START
 from lupin_engine.replay.reconstruction import RunRecord
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.sim.simulation import Run, Script, Simulation
+from lupin_engine.sim.simulation import Run, Script, Simulation, Standstill
 from lupin_engine.verify.authored import properties_of
 from lupin_engine.verify.draws import draw, pool_of
-from lupin_engine.verify.properties import Monitor, Property
+from lupin_engine.verify.properties import STANDSTILL, Monitor, Property
 from lupin_engine.verify.rates import Rates
-
-#: The property that a simulation comes to its end.
-STANDSTILL = "time_goes_on"
 
 #: Two transitions, one taken after the other, no third between them.
 Pair = tuple[str, str]
@@ -148,7 +144,7 @@ class Campaign:
             run = simulation.run()
             monitor.end(run.seconds)
             into.ended[run.view.lifecycle] += 1
-        except LupinError as problem:
+        except Standstill as problem:
             monitor.breaches[STANDSTILL] = simulation.steps[-1], str(problem)
         into.seconds += simulation.now
         into.relevant.update(monitor.relevant)
@@ -174,6 +170,6 @@ class Campaign:
         """Return the run of a violation up to the step that it is about."""
         script = self.script(violation.seed)
         simulation = Simulation(self.chart, script, self.parameters, self.world)
-        with suppress(LupinError):  # time stands still: the steps are there all the same
+        with suppress(Standstill):  # time stands still: the steps are there all the same
             simulation.run()
         return RunRecord(tuple(simulation.steps[: violation.steps]), self.parameters, script.seed)

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import LupinError, UsageError
+from lupin_engine.machine.event import Start
 from lupin_engine.machine.step import Step
 from lupin_engine.replay.reconstruction import RunRecord, duration, script_of
 from lupin_engine.replay.yaml_text import yaml_text
@@ -32,9 +34,12 @@ from lupin_engine.sim.simulation import (
     Tell,
     is_named,
 )
+from lupin_engine.verify.properties import STANDSTILL
 
 #: To how many digits times are tried, and how many scenarios at most.
 _DIGITS, MOST_TRIES = (1, 3, 6, 12), 400
+#: The same where each is a run of thousands of steps.
+_FEW_TRIES = 40
 #: What a simulation has of a mission: the parts of a scenario file.
 Parts = Mapping[str, Any]
 _SECONDS = re.compile(r"([0-9.]+) s")
@@ -58,6 +63,10 @@ class Minimiser:
         self._file = file
         self._mission = mission
         self._missions = missions
+        #: What the servers of a circle without time say to every attempt.
+        self._circle: list[dict[str, Any]] = []
+        # A run in which time stands still is a long one.
+        self._most = MOST_TRIES if name != STANDSTILL else _FEW_TRIES
         self.tries = 0
 
     def text(self, recording: RunRecord, script: Script) -> str:
@@ -77,6 +86,8 @@ class Minimiser:
             parts |= {"request": script.request, "when": list(_happened(script, recording.steps, digits))}
             parts["limit"] = f"{math.ceil(recording.steps[-1].time) + 1} s"
             parts.pop("start", None)
+            if self._name == STANDSTILL:
+                parts = self._standing(parts, recording.steps)
             if self._run(parts) is not None:
                 break
         else:
@@ -87,13 +98,34 @@ class Minimiser:
         written = {key: said for key, said in parts.items() if said}
         if all(when.get("nth") != "every" for when in parts["when"]):
             written.pop("limit")  # what is not begun again ends by itself
-        return yaml_text({**written, "expect": _expected(run)})
+        return self._text(written, _expected(run))
+
+    def _standing(self, parts: Parts, steps: Sequence[Step]) -> dict[str, Any]:
+        """Let the servers of a circle without time go on with what they said last, as long as it lasts."""
+        begun = [(step.time, c.operation) for step in steps for c in step.commands if isinstance(c, Start)]
+        circle = {operation for time, operation in begun if time == steps[-1].time}
+        self._circle, mocks = [], []
+        for mock in parts.get("mocks", ()):
+            then = mock["then"]
+            if mock["do"] in circle:
+                before = sum(1 for time, name in begun if name == mock["do"] and time < steps[-1].time)
+                usual, _ = Counter(map(repr, then[before:])).most_common(1)[0]
+                lasting = next(one for one in then[before:] if repr(one) == usual)
+                self._circle.append({"do": mock["do"], "then": lasting})
+                then = then[:before]
+            mocks += [{**mock, "then": then}] if then else []
+        return {**parts, "mocks": mocks}
+
+    def _text(self, parts: Parts, expected: Parts) -> str:
+        mocks = [*(mock for mock in parts.get("mocks", ()) if mock["then"]), *self._circle]
+        kept = {key: said for key, said in parts.items() if key != "mocks"}
+        return yaml_text({**kept, **({"mocks": mocks} if mocks else {}), "expect": expected})
 
     def _run(self, parts: Parts) -> Run | None:
         """Run a scenario; None when it does not violate the property, or cannot be run."""
         self.tries += 1
         with suppress(LupinError):
-            text = yaml_text({**parts, "expect": {}})
+            text = self._text(parts, {})
             run = load_scenario_text(text, self._file, self._missions).run()
             if not run.unfired and any(name == self._name for _, name, _ in run.violated):
                 return run
@@ -101,7 +133,7 @@ class Minimiser:
 
     def _smaller(self, parts: Parts) -> Parts:
         before: Parts = {}
-        while parts != before and self.tries < MOST_TRIES:
+        while parts != before and self.tries < self._most:
             before = parts
             for candidates in (_fewer_targets, _plainer, _earlier):
                 parts = self._first(parts, candidates)
@@ -111,7 +143,7 @@ class Minimiser:
     def _first(self, parts: Parts, candidates: Callable[[Parts], Iterable[Parts]]) -> Parts:
         """Take every candidate that does, one after the other; each is made of what was kept before."""
         index = 0
-        while self.tries < MOST_TRIES:
+        while self.tries < self._most:
             found = next(_after(candidates(parts), index), None)
             if found is None:
                 break
@@ -124,9 +156,9 @@ class Minimiser:
     def _fewer_pieces(self, parts: Parts) -> Parts:
         """Leave out faults and happenings, first many at once, then each (delta debugging)."""
         size = max(1, len(_pieces(parts)) // 2)
-        while size and self.tries < MOST_TRIES:
+        while size and self.tries < self._most:
             at = 0
-            while at < len(_pieces(parts)) and self.tries < MOST_TRIES:
+            while at < len(_pieces(parts)) and self.tries < self._most:
                 fewer = _without(parts, _pieces(parts)[at : at + size])
                 if self._run(fewer) is not None:
                     parts = fewer

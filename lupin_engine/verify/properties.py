@@ -36,6 +36,8 @@ from lupin_engine.plugin.profile import ANSWER, START, Publish
 
 #: The property that invariants hold.
 INVARIANTS = "invariants"
+#: The property that a simulation comes to its end; who simulates watches it.
+STANDSTILL = "time_goes_on"
 #: What a watcher remembers: times at which something is due.
 Remembered = tuple[float, ...]
 

@@ -15,6 +15,7 @@ from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.scenario import Missions, load_scenario_text
 from lupin_engine.sim.simulation import Run
 from lupin_engine.verify.proof import Proven
+from lupin_engine.verify.properties import STANDSTILL
 from lupin_engine.verify.situations.graph import NO_ZENO, SILENCE
 from lupin_engine.verify.situations.relevance import invokes
 
@@ -47,8 +48,8 @@ def failing_scenario(
         parameters: the settings of the proof.
         missions: loads them.
     """
-    if broken.steps is None or broken.name == NO_ZENO:
-        return None  # a simulation of a circle without time does not end
+    if broken.steps is None:
+        return None
     file = mission.with_name(f"{mission.stem}.{broken.name}{SUFFIX}")
     record = RunRecord(broken.steps, dict(parameters))
     chart = missions.chart(mission)
@@ -61,10 +62,17 @@ def failing_scenario(
     return None
 
 
+def why_none(broken: Proven) -> str:
+    """Return why no scenario was written for a property that is broken."""
+    if broken.steps is None:
+        return "no times were found at which this happens in that order: it may not be possible"
+    return "no scenario: a simulation of these moves does not break it"
+
+
 def _after(broken: Proven, chart: Chart, parts: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a scenario says of the time after the steps that lead to the breach."""
-    if not broken.of_the_graph:
-        return {"limit": _WAIT, "expect": {}} if broken.waits else {"expect": {}}
+    if not broken.of_the_graph or broken.name == NO_ZENO:
+        return {"limit": _WAIT, "expect": {}} if broken.waits or broken.of_the_graph else {"expect": {}}
     found: dict[str, Any] = {"limit": _WAIT}
     if broken.name == SILENCE:
         silent = dict.fromkeys(invoke.name for _, invoke in invokes(chart))
@@ -82,6 +90,8 @@ def _failing(broken: Proven, text: str, file: Path, missions: Missions) -> Run |
         run = scenario.run()
     except LupinError:
         return None
+    if broken.name == NO_ZENO:
+        return run if any(name == STANDSTILL for _, name, _ in run.violated) else None
     if broken.of_the_graph:
         return run if scenario.failures(run) else None
     return run if any(name == broken.name for _, name, _ in run.violated) else None

@@ -15,8 +15,7 @@ from lupin_engine.errors import ChartError
 from lupin_engine.plugin.types import DURATION
 from lupin_engine.sim.scenario import load_scenario
 from lupin_engine.verify.authored import properties_of, told, watched
-from lupin_engine.verify.campaign import STANDSTILL
-from lupin_engine.verify.properties import BUILT_IN, Glance, Passage, Verdict, due
+from lupin_engine.verify.properties import BUILT_IN, STANDSTILL, Glance, Passage, Verdict, due
 from lupin_engine.verify.situations.explorer import NO_EXCEPTION
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH
 from tests import shipped

@@ -19,6 +19,7 @@ from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.contract import Operation
 from lupin_engine.plugin.types import BOOL, NUMBER, within
+from lupin_engine.sim import simulation
 from lupin_engine.sim.scenario import Missions, load_scenario
 from lupin_engine.sim.scripted import AnyOf, MockOutcome
 from lupin_engine.verify.campaign import Campaign, CampaignSum
@@ -32,7 +33,7 @@ from lupin_engine.verify.dealing import (
     run_seeds,
 )
 from lupin_engine.verify.minimise import Minimiser
-from lupin_engine.verify.properties import BUILT_IN
+from lupin_engine.verify.properties import BUILT_IN, STANDSTILL
 from lupin_engine.verify.rates import default_rates, default_rules, read_rates
 from tests import shipped
 from tests.machine.charts import OPERATIONS, chart
@@ -49,6 +50,14 @@ chance:
     do: [{value: {estop: true}}, {after: {between: [1 s, 20 s]}, value: {estop: false}}]
   - {every: 2 min, do: [{request: operator.resume}]}
   - {every: 4 min, do: [{request: operator.abort}]}
+"""
+#: Frontiers are found and reached at once.
+STILL = """\
+campaign: servers that take no time
+limit: 10 min
+mocks:
+  - {do: nav.choose_frontier, then: {after: 0 s}}
+  - {do: nav.go_to, then: {after: 0 s}}
 """
 
 
@@ -183,6 +192,35 @@ def test_what_is_violated_becomes_a_small_scenario(tmp_path: Path, monkeypatch: 
     assert "operator.abort" in text
     again = load_scenario(file, shipped.catalog())
     assert again.failures(again.run()) == []
+
+
+def test_a_circle_without_time_becomes_a_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what the servers of the circle say each time; `lupin test` tells of it, and ends."""
+    monkeypatch.setattr(simulation, "MOST_AT_ONCE", 500)
+    rates, catalog = tmp_path / "rates.yaml", shipped.catalog()
+    rates.write_text(STILL, encoding="utf-8")
+    loaded = load_missions(["exploration"], catalog)
+    campaign = Campaign(loaded, read_rates(rates, loaded.chart), {})
+    violation = run_seeds(campaign, range(1)).first[STANDSTILL]
+    file = tmp_path / "still.scenario.yaml"
+    minimiser = Minimiser(STANDSTILL, "Time goes on.", file, loaded.files[0], Missions(catalog))
+    text = minimiser.text(campaign.recorded(violation), campaign.script(violation.seed))
+    file.write_text(text, encoding="utf-8")
+    assert text == (
+        "scenario: Time goes on.\n"
+        "mission: exploration\n"
+        "mocks:\n"
+        "  - {do: nav.choose_frontier, then: {after: 0 s}}\n"
+        "  - {do: nav.go_to, then: {after: 0 s}}\n"
+        "expect: {}\n"
+    )
+    scenario = load_scenario(file, catalog)
+    (failed,) = scenario.failures(scenario.run())
+    assert failed.what == "violated: time_goes_on"
+    assert failed.actual == (
+        "time stands still at 0.5 s: more than 500 things happen at that moment; nav.go_to,"
+        " nav.choose_frontier begin and end over and over, so let one of them take time"
+    )
 
 
 def test_rates_are_checked_like_everything(tmp_path: Path) -> None:

@@ -8,6 +8,12 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.cli.main import main
+from lupin_engine.missions.load import load_chart
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.verify.proof import prove
+from lupin_engine.verify.situations import ways
+from lupin_engine.verify.situations.explorer import Bounds
+from tests import shipped
 
 LIFECYCLE = Path(__file__).parents[1] / "charts" / "mini" / "lifecycle.yaml"
 PLANTED = """\
@@ -51,3 +57,94 @@ def test_a_breach_becomes_a_scenario_that_fails(tmp_path: Path, capsys: pytest.C
     mission.write_text(mended.replace("  C: {after: {1 s: done}}\n", "").replace("in_state('C')", "false"))
     for name in ("never_c", "b_comes"):
         assert main(["test", str(tmp_path / f"planted.{name}.scenario.yaml")]) == 0
+
+
+def test_a_breach_is_told_with_the_place_as_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Relative to the folder in which one works."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(LIFECYCLE, tmp_path)
+    Path("planted.yaml").write_text(PLANTED, encoding="utf-8")
+    Path("late.scenario.yaml").write_text(
+        "scenario: it fails\nmission: planted\nmocks:\n  - {do: nav.localize, then: {fail: driver_error}}\n"
+        "expect: {}\n",
+        encoding="utf-8",
+    )
+    assert main(["test", "late.scenario.yaml"]) == 1
+    told = capsys.readouterr().out
+    assert "    actual:   planted.yaml:4:3: property never_c: in_state('C') holds\n" in told
+    assert str(tmp_path) not in told
+
+
+#: Two ways lead to C, and as many to D, in as many moves: a failure, and a request.
+TWO_WAYS = """\
+mission: TwoWays
+properties:
+  never_c: {never: "in_state('C')"}
+  never_d: {never: "in_state('D')"}
+initial: A
+states:
+  A:
+    invoke: {do: nav.localize, with: {max_variance: 1.0}, timeout: {after: 10 s, code: late}}
+    on_done: B
+    on_error: C
+    on: {operator.skip_current: C}
+  B:
+    invoke: {do: nav.localize, with: {max_variance: 1.0}, timeout: {after: 10 s, code: late}}
+    on_done: D
+    on_error: D
+  C: {after: {1 s: done}}
+  D: {after: {1 s: done}}
+  done: {type: final}
+"""
+
+
+def ways_to_breaches(folder: Path) -> dict[str, str]:
+    """Return the last move of the way that is told of each property that is broken."""
+    shutil.copy(LIFECYCLE, folder)
+    mission = folder / "two_ways.yaml"
+    mission.write_text(TWO_WAYS, encoding="utf-8")
+    chart = load_chart(folder / "lifecycle.yaml", [mission], shipped.catalog())
+    proof = prove(make_world(chart, {}), Bounds(targets=0, restarts=False))
+    return {one.name: one.moves[-1].partition(" ")[0] for one in proof.broken}
+
+
+def test_of_the_shortest_ways_the_one_with_the_fewest_faults_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever was found first: were what goes well the fault, the other way would be told."""
+    told = ways_to_breaches(tmp_path)
+    assert told == {"never_c": "operator.skip_current", "never_d": "attempt.done"}
+    is_fault = ways.is_fault
+    monkeypatch.setattr(ways, "is_fault", lambda move: not is_fault(move))
+    turned = ways_to_breaches(tmp_path)
+    assert turned["never_c"] != told["never_c"]
+    assert turned["never_d"] != told["never_d"]
+
+
+#: Two states that send each other on without any time.
+STILL = """\
+mission: Still
+initial: A
+states:
+  A: {after: {0 s: B}, on: {operator.skip_current: done}}
+  B: {after: {0 s: A}}
+  done: {type: final}
+"""
+
+
+def test_a_circle_without_time_is_a_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`lupin test` shows that time does not go on, and comes to its end."""
+    shutil.copy(LIFECYCLE, tmp_path)
+    mission, page = tmp_path / "still.yaml", tmp_path / "proof.html"
+    mission.write_text(STILL, encoding="utf-8")
+    asked = ["prove", str(mission), "--targets", "0", "--no-restarts", "--quiet", "--report", str(page)]
+    assert main(asked) == 1
+    scenario = tmp_path / "still.no_zeno.scenario.yaml"
+    told = capsys.readouterr().out
+    assert f"wrote {scenario}; lupin test {scenario} shows it again" in told
+    assert main(["test", str(scenario)]) == 1
+    told = capsys.readouterr().out
+    assert "violated: time_goes_on" in told
+    assert "more than 10000 things happen at that moment; it goes in circles" in told

@@ -16,7 +16,7 @@ from lupin_engine.replay.timeline import timeline
 from lupin_engine.replay.timeline_svg import svg
 from lupin_engine.sim.narration import tell
 from lupin_engine.verify.proof import Proof, Proven
-from lupin_engine.verify.story import FailingScenario
+from lupin_engine.verify.story import FailingScenario, why_none
 
 _STYLE = """
 body { font: 15px/1.5 Inter, "DejaVu Sans", Arial, sans-serif; margin: 2rem auto; max-width: 76rem; }
@@ -95,6 +95,7 @@ def _verdict(one: Proven) -> str:
 def _counterexample(one: Proven, scenario: FailingScenario | None) -> Iterator[str]:
     yield f"<h3 class='broken'>{escape(one.name)}</h3><p>{escape(one.text)}</p>"
     if scenario is None:
+        yield f"<p>{escape(why_none(one))}</p>"
         yield "<ol>" + "".join(f"<li>{escape(text)}</li>" for text in one.moves) + "</ol>"
         return
     lines = (

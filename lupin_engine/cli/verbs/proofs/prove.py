@@ -134,7 +134,7 @@ def prove(
         click.echo(json.dumps([_record(one, proof, written) for one, proof, written in proofs], default=str))
     else:
         for one, proof, written in proofs:
-            _show(one, proof, written, quiet)
+            _show(one, proof, written, quiet, not no_scenarios)
     if any(proof.broken for _, proof, _ in proofs):
         return BROKEN
     return 0 if all(proof.complete for _, proof, _ in proofs) else NOT_PROVEN
@@ -222,7 +222,7 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
         tell = _progress(loaded.names[0], seconds / len(files), time.monotonic(), shown=False)
         proof = prove_task(ProofTask(str(file), {}), loaded, Bounds(), tell)
         if told:
-            _show(loaded, proof, {}, quiet=True)
+            _show(loaded, proof, {}, quiet=True, wanted=False)
         else:
             click.echo(f"{loaded.names[0]}: {_last_line(proof)}", err=True)
         found += findings(proof, str(file))
@@ -247,7 +247,13 @@ def _write_scenarios(
     return written
 
 
-def _show(loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingScenario], quiet: bool) -> None:
+def _show(
+    loaded: LoadedMissions,
+    proof: Proof,
+    written: Mapping[str, FailingScenario],
+    quiet: bool,
+    wanted: bool = True,
+) -> None:
     from lupin_engine.cli.terminal.outcome import make_console
 
     console = make_console()
@@ -258,7 +264,7 @@ def _show(loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingSce
             mark, about = _MARKS[one.verdict.value]
             click.echo(f"  {mark} {one.name}: {one.says}{about}")
         if one.verdict is one.verdict.BROKEN:
-            _show_breach(one, written.get(one.name), console)
+            _show_breach(one, written.get(one.name), console, wanted)
     if not quiet:
         for text in proof.dead:
             click.echo(f"  warning: nothing leads to {text}")
@@ -277,10 +283,11 @@ _MARKS = {
 }
 
 
-def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console) -> None:
+def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console, wanted: bool) -> None:
     """Tell how a property is broken: as `lupin simulate` tells it, or as the moves that lead there."""
     from lupin_engine.cli.terminal.outcome import show_timeline, tell_story
     from lupin_engine.replay.timeline import timeline
+    from lupin_engine.verify.story import why_none
 
     click.echo(f"      {one.text}")
     if scenario is not None:
@@ -288,8 +295,8 @@ def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console
         show_timeline(timeline(scenario.run), console)
         click.echo(f"      wrote {scenario.file}; lupin test {scenario.file} shows it again")
         return
-    if one.steps is None:
-        click.echo("      no times were found at which this happens in that order: it may not be possible")
+    if wanted or one.steps is None:
+        click.echo(f"      {why_none(one)}")
     for text in one.moves:
         click.echo(f"      {text}")
 
