@@ -12,6 +12,7 @@ import bisect
 import contextlib
 import difflib
 import enum
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -46,6 +47,16 @@ class Place(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}"
+
+    @property
+    def shown(self) -> str:
+        """The place as it can be clicked on: relative to the current folder where the file lies below it."""
+        return f"{near(self.file)}:{self.line}:{self.column}"
+
+
+def near(file: str) -> str:
+    """Return a file's name relative to the current folder, when it lies below it."""
+    return file.removeprefix(os.path.join(os.getcwd(), ""))
 
 
 @dataclass(frozen=True)

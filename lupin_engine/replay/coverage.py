@@ -19,11 +19,10 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Environment, Expression
 from lupin_engine.chart.model import Chart, Hold, Invoke, Kind, State, Transition
-from lupin_engine.errors import Place
+from lupin_engine.errors import Place, near
 from lupin_engine.machine.step import Step
 from lupin_engine.missions.folders import is_shipped
 from lupin_engine.runtime.history import DONE, FAILED, AttemptHistory
-from lupin_engine.sim.failure import near, shown
 from lupin_engine.sim.narration import short_name
 from lupin_engine.sim.scenario import Missions
 from lupin_engine.sim.simulation import Run
@@ -345,7 +344,7 @@ def add_up(results: Iterable[ScenarioResult], missions: Missions) -> Coverage:
 
 
 def _tally_record(tally: Tally) -> dict[str, Any]:
-    missing = [{"place": shown(item.place), "what": item.text} for item in tally.missing]
+    missing = [{"place": item.place.shown, "what": item.text} for item in tally.missing]
     return {"taken": tally.taken, "of": tally.total, "missing": missing}
 
 
@@ -376,4 +375,4 @@ def _missing(part: FileCoverage) -> Iterator[str]:
             yield ""
             yield f"{part.title}: {tally.kind} that were not reached"
         for item in tally.missing:
-            yield f"  {shown(item.place)}: {item.text}"
+            yield f"  {item.place.shown}: {item.text}"

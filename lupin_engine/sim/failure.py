@@ -5,7 +5,6 @@ Nothing here knows colours: `ScenarioFailure.lines` names what each line is, and
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,12 +52,12 @@ class ScenarioFailure:
 
     def about(self) -> Iterator[tuple[str, str]]:
         """Yield what differs, and the lines of both files."""
-        yield HEAD, f"{shown(self.place)}: {self.what}"
+        yield HEAD, f"{self.place.shown}: {self.what}"
         yield EXPECTED, f"    expected: {self.expected}"
         yield ACTUAL, f"    actual:   {self.actual}"
         yield from excerpt(self.place)
         for what, place in self.concerned:
-            yield CHART, f"  {shown(place)}: {what}"
+            yield CHART, f"  {place.shown}: {what}"
             yield from excerpt(place)
 
     def told(self) -> Iterator[tuple[str, str]]:
@@ -146,16 +145,6 @@ def _leads_to(target: str | None, states: Sequence[str]) -> bool:
 
 def _text(value: Any) -> str:
     return (", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)) or "none"
-
-
-def shown(place: Place) -> str:
-    """Return a place as it can be clicked on: relative to the current folder where the file lies below it."""
-    return f"{near(place.file)}:{place.line}:{place.column}"
-
-
-def near(file: str) -> str:
-    """Return a file's name relative to the current folder, when it lies below it."""
-    return file.removeprefix(os.path.join(os.getcwd(), ""))
 
 
 def excerpt(place: Place) -> Iterator[tuple[str, str]]:

@@ -14,7 +14,6 @@ from lupin_engine.chart.expressions.evaluation import Environment, Expression
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.errors import reason
 from lupin_engine.machine.timers import seconds
-from lupin_engine.sim.failure import shown
 from lupin_engine.verify.properties import (
     BUILT_IN,
     HOLDS,
@@ -113,7 +112,7 @@ def _late(rule: TemporalProperty) -> str:
 
 
 def _named(rule: TemporalProperty) -> str:
-    return f"{shown(rule.place)}: property {rule.name}:"
+    return f"{rule.place.shown}: property {rule.name}:"
 
 
 def _holds(condition: Expression | None, env: Environment) -> bool:

@@ -28,6 +28,7 @@ from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.machine.event import Act, Cancel, Report, Start
 from lupin_engine.machine.holds import OWN_HOLDS
 from lupin_engine.machine.memory import Invocation, Memory, Phase
+from lupin_engine.machine.operations import EVERYTHING
 from lupin_engine.machine.scope import EvaluationScope
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.builtin import BUILTIN
@@ -246,6 +247,21 @@ def _hold_stops_all(passage: Passage) -> str | None:
         if attempt.phase is Phase.CANCELLING and attempt.id not in deadlines:
             return f"{attempt.operation} ({attempt.id}) is cancelled without a deadline"
     return "" if moving else None
+
+
+@_built_in("resources_exclude", "Nothing is under way beside what has yet to let go of the same resource.")
+def _resources_exclude(passage: Passage) -> str | None:
+    users = [found for found in passage.after.attempts.values() if found.uses]
+    using = [found for found in users if found.phase not in (Phase.WAITING, Phase.LOST)]
+    for one in using:
+        for other in using if one.phase is not Phase.CANCELLING else ():
+            shared = [name for name in other.uses if name in one.uses or name == EVERYTHING]
+            if other is not one and shared:
+                name, beside = f"{one.operation} ({one.id})", f"{other.operation} ({other.id})"
+                return (
+                    f"{name} is {one.phase.value} while {beside} is {other.phase.value}: both use {shared[0]}"
+                )
+    return "" if using else None
 
 
 def _moves(chart: Chart, operation: str) -> bool:

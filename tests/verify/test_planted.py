@@ -273,6 +273,13 @@ ENGINES: dict[str, tuple[Any, str, Any, Callable[[], Chart], str]] = {
     "a timeout that nobody hears": (Operations, "timed_out", _nothing, trip, "silence_is_told"),
     "an end that is not told": (Operations, "_signal", _nothing, trip, "ends_are_handled"),
     "nothing is ever begun": (Operations, "begin_missing", _no, trip, "no_livelock"),
+    "a resource that nobody waits for": (
+        Operations,
+        "_before",
+        lambda *_: None,
+        trip,
+        "resources_exclude",
+    ),
     "a refusal without a reason": (
         Requests,
         "_refusal",

@@ -215,15 +215,14 @@ def _record(results: Sequence[ScenarioResult], coverage: Coverage | None) -> dic
 
 
 def _result_record(result: ScenarioResult) -> dict[str, Any]:
-    from lupin_engine.sim.failure import shown
 
     failures = [
         {
-            "place": shown(failure.place),
+            "place": failure.place.shown,
             "what": failure.what,
             "expected": failure.expected,
             "actual": failure.actual,
-            "concerned": [{"place": shown(place), "what": what} for what, place in failure.concerned],
+            "concerned": [{"place": place.shown, "what": what} for what, place in failure.concerned],
             "story": list(failure.story),
         }
         for failure in result.failures
