@@ -1,9 +1,9 @@
 // The topics that the console reads, each declared once. A view asks for one with `useTopic`.
-import { batch, signal, type ReadonlySignal } from "@preact/signals";
+import { batch, computed, signal, type ReadonlySignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { MSG_TYPES, type StdMsgsString as Text } from "../ros";
 import { link } from "../wire/link";
-import { atRobotTime, robotNow } from "./time/clock";
+import { atRobotTime, shownNow } from "./time/clock";
 import { mode } from "./page";
 import { moment, Past, shown, type Known } from "./time/past";
 
@@ -139,11 +139,21 @@ export function useTopic<T>(wanted: Topic<T>): Known<T> | undefined {
   return wanted.shown.value;
 }
 
+/** By topic and seconds: who asks draws anew when the answer changes, not at each message. */
+const stale = new Map<string, ReadonlySignal<boolean>>();
+
 /** Whether a topic is silent for so many seconds, now; of the past it is never said, nor of virtual time. */
 export function isStale(wanted: Topic<unknown>, seconds: number): boolean {
-  if (mode.value !== "robot") return false;
+  const key = `${wanted.name} ${seconds}`;
+  const known = stale.get(key) ?? computed(() => isSilent(wanted, seconds));
+  stale.set(key, known);
+  return known.value;
+}
+
+function isSilent(wanted: Topic<unknown>, seconds: number): boolean {
+  if (mode.value !== "robot" || moment.value !== null) return false;
   const heard = wanted.heardAt.value;
-  return moment.value === null && (heard === undefined || robotNow() - heard > seconds * 1000);
+  return heard === undefined || shownNow.value - heard > seconds * 1000;
 }
 
 /** Whether two values of JSON are one. */

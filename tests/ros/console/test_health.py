@@ -11,9 +11,9 @@ import pytest
 
 pytest.importorskip("playwright", reason="playwright is not installed here")
 
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, ViewportSize, expect
 
-from tests.ros.console.conftest import Served
+from tests.ros.console.conftest import PHONE, Served
 
 SINCE = re.compile(r"not heard since \d+:\d\d:\d\d")
 
@@ -66,6 +66,11 @@ def test_a_page_that_comes_later_knows_it_too(console: Page) -> None:
     console.evaluate("location.hash = 'health'")
     row = console.get_by_role("row", name="/lupin_twin")
     expect(row.locator(".pill")).to_have_text(SINCE)
+    # On a phone a row is a card: nothing lies beside the screen, and it is a row of a table still.
+    console.set_viewport_size(ViewportSize(**PHONE))
+    expect(row.locator(".pill")).to_be_in_viewport()
+    assert console.locator(".health .scroll").evaluate("(it) => it.scrollWidth <= it.clientWidth")
+    expect(console.get_by_role("row", name="/mission_orchestrator").get_by_role("cell")).to_have_count(6)
 
 
 def test_a_warning_in_the_log_comes_to_the_top(console: Page) -> None:

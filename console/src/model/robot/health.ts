@@ -1,5 +1,4 @@
 // How nodes and machines are, as every node tells it of itself on /diagnostics, and the battery.
-import { signal } from "@preact/signals";
 import { MSG_TYPES, type BatteryState } from "../../ros";
 import { link } from "../../wire/link";
 import { topic } from "../topics";
@@ -34,16 +33,14 @@ export const ENDED = 3;
 export const WARNED = 1;
 /** Seconds of silence after which a node, which tells something once a second, is not heard any more. */
 export const NODE_SILENT_S = 3;
-/** Milliseconds between two states that are shown, and that are kept. */
-const SHOWN_EVERY_MS = 1000;
+/** Milliseconds between two states that are kept. */
 const KEPT_EVERY_MS = 5000;
 const RATE = / \(Hz\)$/;
 
 const nodes = new Map<string, NodeHealth>();
 let keptAt = 0;
-let shownAt = 0;
-/** All nodes as they are now. */
-export const nodesNow = signal<Nodes>(new Map());
+/** All nodes as they are now; nobody is told of a change, because it is shown once a second. */
+export const nodesNow: Nodes = nodes;
 
 function take({ status }: DiagnosticArray, at: number): Nodes | undefined {
   for (const { level, name, message, hardware_id: machine, values } of status) {
@@ -58,10 +55,6 @@ function take({ status }: DiagnosticArray, at: number): Nodes | undefined {
       values: Object.fromEntries(told.map(({ key, value }) => [key, value])),
       rates: rates.map(({ key, value }) => [key.replace(RATE, ""), Number(value)] as const),
     });
-  }
-  if (Math.abs(at - shownAt) >= SHOWN_EVERY_MS || !nodesNow.peek().has(status[0]?.name ?? "")) {
-    shownAt = at;
-    nodesNow.value = new Map(nodes);
   }
   if (Math.abs(at - keptAt) < KEPT_EVERY_MS) return undefined;
   keptAt = at;

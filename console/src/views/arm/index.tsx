@@ -17,7 +17,7 @@ function State() {
   const t = texts.value.arm;
   const now = armState.shown.value?.value;
   const silent = !joints.shown.value || isStale(joints, ARM_SILENT_S);
-  const heard = joints.heardAt.value;
+  const heard = silent && joints.heardAt.value;
   return (
     <Panel title={t.state} class="arm-state">
       <div class="row" role="status">

@@ -4,6 +4,7 @@ import { useEffect } from "preact/hooks";
 import { shownNow } from "../../model/time/clock";
 import { battery, diagnostics, ENDED, NODE_SILENT_S, nodesNow, nodesOnNetwork, WARNED, type NodeHealth } from "../../model/robot/health";
 import { texts } from "../../model/page";
+import { isStale } from "../../model/topics";
 import { moment, type Known } from "../../model/time/past";
 import { notifications } from "../../model/people";
 import { rosout } from "../../model/robot/rosout";
@@ -19,6 +20,8 @@ const LOOK_EVERY_MS = 5000;
 const MOST_LINES = 200;
 /** Less charge than this is a warning. */
 const LOW_CHARGE = 0.2;
+/** Seconds of silence after which the battery is not heard any more. */
+const BATTERY_SILENT_S = 5;
 
 const onNetwork = signal<readonly string[]>([]);
 const severity = signal<"warn" | "error">("warn");
@@ -58,19 +61,31 @@ function Rates({ node }: { node: NodeHealth }) {
   );
 }
 
+/** Roles are said, because on a phone rows are laid out as cards, and a browser takes those for no table. */
 function NodeRow({ node, now }: { node: NodeHealth; now: number }) {
+  const t = texts.value.health;
   const gone = node.level === ENDED || isSilent(node, now);
   return (
-    <tr class={gone ? "gone" : ""}>
-      <th scope="row">{node.name}</th>
-      <td>
+    <tr role="row" class={gone ? "gone" : ""}>
+      <th role="rowheader" scope="row">
+        {node.name}
+      </th>
+      <td role="cell">
         <State node={node} now={now} />
       </td>
-      <td>{ago((now - node.at) / 1000)}</td>
-      <td>{span(valueOf(node, "up (s)") ?? 0)}</td>
-      <td>{number(valueOf(node, "processor (%)"))} %</td>
-      <td>{number(valueOf(node, "memory (MB)"), 0)} MB</td>
-      <td>
+      <td role="cell" data-label={t.heard}>
+        {ago((now - node.at) / 1000)}
+      </td>
+      <td role="cell" data-label={t.up}>
+        {span(valueOf(node, "up (s)") ?? 0)}
+      </td>
+      <td role="cell" data-label={t.processor}>
+        {number(valueOf(node, "processor (%)"))} %
+      </td>
+      <td role="cell" data-label={t.memory}>
+        {number(valueOf(node, "memory (MB)"), 0)} MB
+      </td>
+      <td role="cell" data-label={t.published}>
         <Rates node={node} />
       </td>
     </tr>
@@ -80,12 +95,14 @@ function NodeRow({ node, now }: { node: NodeHealth; now: number }) {
 /** A node that fell silent before this page was opened: the gateway knows since when. */
 function LostRow({ name, since }: { name: string; since: number }) {
   return (
-    <tr class="gone">
-      <th scope="row">{name}</th>
-      <td>
+    <tr role="row" class="gone">
+      <th role="rowheader" scope="row">
+        {name}
+      </th>
+      <td role="cell">
         <Pill tone="bad">{texts.value.health.silentSince(clockTime(since * 1000))}</Pill>
       </td>
-      <td colSpan={5} />
+      <td role="cell" colSpan={5} />
     </tr>
   );
 }
@@ -101,17 +118,17 @@ function Nodes({ nodes, now }: { nodes: readonly NodeHealth[]; now: number }) {
     <Panel title={t.nodes}>
       {nodes.length === 0 && <p class="soft">{t.nothing}</p>}
       <div class="scroll">
-        <table>
-          <thead>
-            <tr>
+        <table role="table">
+          <thead role="rowgroup">
+            <tr role="row">
               {[t.node, t.state, t.heard, t.up, t.processor, t.memory, t.published].map((text) => (
-                <th key={text} scope="col">
+                <th key={text} role="columnheader" scope="col">
                   {text}
                 </th>
               ))}
             </tr>
           </thead>
-          <tbody>
+          <tbody role="rowgroup">
             {nodes.map((node) => (
               <NodeRow key={node.name} node={node} now={now} />
             ))}
@@ -119,9 +136,11 @@ function Nodes({ nodes, now }: { nodes: readonly NodeHealth[]; now: number }) {
               <LostRow key={id} name={about} since={first} />
             ))}
             {others.map((name) => (
-              <tr key={name}>
-                <th scope="row">{name}</th>
-                <td colSpan={6} class="soft">
+              <tr role="row" key={name}>
+                <th role="rowheader" scope="row">
+                  {name}
+                </th>
+                <td role="cell" colSpan={6} class="soft">
                   {t.foreign}
                 </td>
               </tr>
@@ -178,18 +197,17 @@ function Machines({ nodes, now }: { nodes: readonly NodeHealth[]; now: number })
   );
 }
 
-function BatteryPanel({ now }: { now: number }) {
+function BatteryPanel() {
   const t = texts.value.health;
   const known = battery.shown.value;
-  const heard = moment.value === null ? battery.heardAt.value : known?.at;
   const past = battery.past
     .until(moment.value)
     .flatMap(({ at, value }): Known<number>[] => (value.charge === undefined ? [] : [{ at, value: value.charge }]));
-  const silent = heard !== undefined && now - heard > 5000;
+  const silent = known !== undefined && isStale(battery, BATTERY_SILENT_S);
   const charge = known?.value.charge;
   return (
     <Panel title={t.battery}>
-      {known === undefined || heard === undefined ? (
+      {known === undefined ? (
         <p class="soft">{t.noBattery}</p>
       ) : (
         <div class={silent ? "silent" : ""}>
@@ -200,7 +218,7 @@ function BatteryPanel({ now }: { now: number }) {
           </p>
         </div>
       )}
-      {silent && <Pill tone="warn">{t.silentSince(clockTime(heard))}</Pill>}
+      {silent && <Pill tone="warn">{t.silentSince(clockTime(battery.heardAt.value ?? known.at))}</Pill>}
     </Panel>
   );
 }
@@ -242,7 +260,7 @@ export function HealthView() {
     const timer = setInterval(look, LOOK_EVERY_MS);
     return () => clearInterval(timer);
   }, []);
-  const known = moment.value === null ? nodesNow.value : (diagnostics.shown.value?.value ?? new Map<string, NodeHealth>());
+  const known = moment.value === null ? nodesNow : (diagnostics.shown.value?.value ?? new Map<string, NodeHealth>());
   const nodes = [...known.values()].sort((one, other) => one.name.localeCompare(other.name));
   const now = shownNow.value;
   return (
@@ -250,7 +268,7 @@ export function HealthView() {
       <Nodes nodes={nodes} now={now} />
       <div class="pair">
         <Machines nodes={nodes} now={now} />
-        <BatteryPanel now={now} />
+        <BatteryPanel />
       </div>
       <Log />
     </div>
