@@ -145,7 +145,7 @@ export const en = {
     taken: (count: number) => (count ? `Taken ${count} ×, the last time` : "Not taken as far as is known."),
     moments: "When that was",
     can: "What can happen now",
-    onlyNow: "Of the past it is known what happened, not what else could have.",
+    onlyNow: "What could happen then, and why not, is not known here: it is told of now, and of recordings.",
     asking: "asking …",
     noRules: "It listens to nothing.",
     always: "always",

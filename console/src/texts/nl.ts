@@ -147,7 +147,7 @@ export const nl: Texts = {
     taken: (count) => (count ? `${count} × genomen, het laatst` : "Niet genomen voor zover bekend."),
     moments: "Wanneer dat was",
     can: "Wat nu kan gebeuren",
-    onlyNow: "Van het verleden is bekend wat gebeurde, niet wat er nog had gekund.",
+    onlyNow: "Wat toen kon, en waarom niet, is hier niet bekend: dat staat bij nu, en bij opnamen.",
     asking: "vragen …",
     noRules: "Hij luistert nergens naar.",
     always: "altijd",

@@ -131,14 +131,16 @@ def test_the_keyboard_alone_leads_through_the_chart(chart: Page) -> None:
     stage.focus()
     for key in ("ArrowRight", "ArrowRight", "ArrowRight"):
         chart.keyboard.press(key)
-    name = chart.locator(".paper .cursor").get_attribute("data-state")
     chart.keyboard.press("Enter")
-    expect(chart.locator(".detail > .soft").first).to_have_text(str(name))
+    chart.locator(".detail").wait_for()
+    cursor = chart.locator(".paper .cursor")
+    expect(chart.locator(".detail > .soft").first).to_have_text(str(cursor.get_attribute("data-state")))
     stage.focus()
     chart.keyboard.press("Escape")
     expect(chart.locator(".detail")).to_have_count(0)
-    while chart.locator(".paper .cursor").get_attribute("data-state") != "MISSION":
+    while (name := str(cursor.get_attribute("data-state"))) != "MISSION":
         chart.keyboard.press("ArrowRight")
+        expect(cursor).not_to_have_attribute("data-state", name)
     chart.keyboard.press("Space")
     expect(state(chart, MISSION)).to_have_count(0)
     chart.keyboard.press("Space")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-
 import pytest
 
 pytest.importorskip("playwright", reason="playwright is not installed here")
@@ -11,7 +9,7 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from lupin_gateway.server import PAGES
-from tests.browsing import FLAGS, PHONE, opened
+from tests.browsing import PHONE, opened
 from tests.ros.console.conftest import Served
 
 
@@ -62,9 +60,10 @@ def test_on_a_phone_all_views_can_be_reached_at_once(browser: Browser, robot: Se
         for target in (*links, page.locator("nav summary")):
             box = target.bounding_box()
             assert box is not None
-            assert box["x"] >= 0 and box["x"] + box["width"] <= PHONE["width"]
+            assert box["x"] >= 0
+            assert box["x"] + box["width"] <= PHONE["width"]
             assert box["y"] + box["height"] <= PHONE["height"]
-            assert box["height"] >= 44 and box["width"] >= 44
+            assert min(box["height"], box["width"]) >= 44
             assert target.evaluate("(it) => it.scrollWidth <= it.clientWidth")
         for link in links:
             link.click()
@@ -72,18 +71,3 @@ def test_on_a_phone_all_views_can_be_reached_at_once(browser: Browser, robot: Se
         page.locator("nav summary").click()
         expect(page.locator("nav select").first).to_be_in_viewport()
     context.close()
-
-
-def test_all_views_are_shown_without_webgl(browser: Browser, robot: Served) -> None:
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    plain = browser.browser_type.launch(executable_path=chromium, args=[*FLAGS, "--disable-3d-apis"])
-    for page in opened(plain.new_context(locale="en-GB"), robot.url):
-        assert page.evaluate("document.createElement('canvas').getContext('webgl')") is None
-        for link in page.locator("nav a").all():
-            link.click()
-            expect(page.locator(".view .panel").first).to_be_visible()
-        page.evaluate("location.hash = 'map'")
-        expect(page.locator(".view canvas").first).to_be_visible()
-        page.evaluate("location.hash = 'chart'")
-        expect(page.locator('.paper [data-state="MISSION"]')).to_be_visible()
-    plain.close()

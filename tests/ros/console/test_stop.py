@@ -52,7 +52,8 @@ def release(page: Page) -> None:
 
 
 def press_and_release(page: Page, robot: Robot) -> None:
-    """A press is heard at once, and shown as confirmed; so is the release."""
+    """A press on a page that is connected is heard at once, and shown as confirmed; so is the release."""
+    expect(page.locator("#stop-box")).to_have_attribute("data-state", "free")
     robot.is_told(False)
     page.locator("#stop").click()
     robot.is_told(True)
