@@ -52,7 +52,8 @@ class Inputs:
             if spec.of_mission:
                 if spec.name in memory.heard:
                     memory.before[spec.name] = memory.heard.pop(spec.name)
-                memory.inputs.pop(spec.name, None)
+                if spec.name in memory.inputs:
+                    del memory.inputs[spec.name]
                 for level in spec.levels:
                     memory.levels.pop(f"input.{spec.name}.{level.name}", None)
                 self._scope.timers.disarm("fresh", spec.name)

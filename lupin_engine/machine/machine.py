@@ -529,8 +529,8 @@ class Machine:
         self._wall.begin_mission()
         memory.current_itinerary = ""
         for variable in self.chart.context.values():
-            if variable.of_mission:
-                memory.context.pop(variable.name, None)
+            if variable.of_mission and variable.name in memory.context:
+                del memory.context[variable.name]
         memory.broken.clear()  # those left are about these variables
         self._begin_context(self._step)
         for walker in self._table.walks:

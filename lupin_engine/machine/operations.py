@@ -329,11 +329,12 @@ class Operations:
 
     def _count(self, invocation: Invocation, by: int) -> None:
         """Count a try, or take it back, for the visit that it serves: the open one of a state around it."""
-        traversal = self._scope.memory.traversal
-        visit = traversal.visit if traversal is not None else None
-        if traversal is None or visit is None or visit.closed:
+        memory = self._scope.memory
+        if memory.current_itinerary not in self._scope.chart.lineage[invocation.state]:
             return
-        if traversal.state in self._scope.chart.lineage[invocation.state]:
+        traversal = memory.traversal
+        visit = traversal.visit if traversal is not None else None
+        if visit is not None and not visit.closed:
             name = self._invoke(invocation).name
             visit.tries[name] = visit.tries.get(name, 0) + by
 

@@ -16,9 +16,11 @@ from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore
-from lupin_engine.verify.situations.levels import explore
+from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph
+from lupin_engine.verify.situations.levels import LevelWalk, explore
 from lupin_engine.verify.situations.relevance import _sweeps_told_apart
 from lupin_engine.verify.situations.situation import TrackedMemory
+from tests import shipped
 from tests.machine.charts import PAUSE, chart
 from tests.verify.toys import KeepingExplorer, explored, round_trip, wheels
 
@@ -44,6 +46,32 @@ def test_what_is_remembered_changes_nothing(of: Chart) -> None:
     assert fast.progress.steps <= slow.progress.steps
     assert fast.progress.situations == slow.progress.situations
     assert (fast.sources, fast.targets, fast.by) == (slow.sources, slow.targets, slow.by)
+
+
+@pytest.mark.parametrize("of", [round_trip(), shipped.mission("inspection")])
+def test_what_is_dead_changes_nothing(of: Chart) -> None:
+    """The plain walk, with what is dead left out, has the situations and transitions of the reduced one."""
+    explorer = KeepingExplorer(of, targets=1)
+    plain = explore(explorer, live=False)
+    every = list(explorer.situations)
+    walk = LevelWalk(explorer, memo=True, live=True)
+    reduced = walk.run(lambda _: "")
+    assert plain.complete
+    assert reduced.complete
+    numbers = {situation: number for number, situation in enumerate(explorer.situations)}
+    of_plain = []
+    for situation in every:
+        dead = walk.live.dead(tuple(situation[slot] for slot in walk.live.of_place))
+        kept = tuple(min(value, 1) if slot in dead else value for slot, value in enumerate(situation))
+        of_plain.append(numbers[kept])
+    assert set(of_plain) == set(range(reduced.progress.situations))
+    moved = [of_plain[number] for number in plain.sources], [of_plain[number] for number in plain.targets]
+    expected = {(a, by, b) for a, by, b in zip(moved[0], plain.by, moved[1], strict=True) if a != b}
+    assert set(zip(reduced.sources, reduced.by, reduced.targets, strict=True)) == expected
+    assert plain.breaches.keys() == reduced.breaches.keys()
+    assert (plain.taken, plain.entered) == (reduced.taken, reduced.entered)
+    broken = [[one.name for one in OF_THE_GRAPH if one.broken(Graph(g)).any()] for g in (plain, reduced)]
+    assert broken[0] == broken[1]
 
 
 def said(machine: Machine) -> list[Event]:

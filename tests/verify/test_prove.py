@@ -9,16 +9,19 @@ from typing import Any
 import pytest
 
 from lupin_engine.cli.main import main
+from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.reload import successor
 from lupin_engine.missions.folders import lifecycle_of
 from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.authored import properties_of
 from lupin_engine.verify.proof import Proof, ProofVerdict, prove
-from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
+from lupin_engine.verify.situations.explorer import Bounds
 from lupin_engine.verify.situations.found import ExplorationProgress
 from lupin_engine.verify.situations.levels import explore
+from lupin_engine.verify.situations.situation import DROPPED, THROUGH, TrackedMemory
 from lupin_engine.verify.situations.worlds import LOADED
 from tests import shipped
+from tests.verify.toys import KeepingExplorer
 
 ROOT = Path(__file__).parents[2]
 
@@ -130,15 +133,19 @@ def test_processes_prove_the_same(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_missions_are_loaded_anew_only_where_none_is_under_way() -> None:
-    """The move leads on only where the robot's process would do it."""
+    """The move leads on only where the robot does it, and leaves as it is what it does not read."""
     chart = shipped.mission("inspection")
-    explorer = SituationExplorer(make_world(chart, {}), properties_of(chart), Bounds(targets=1))
-    rows: list[tuple[int, ...]] = []
-    explorer.keep = lambda some: rows.extend(map(tuple, some.T.tolist()))  # type: ignore[method-assign]
+    explorer = KeepingExplorer(chart, targets=1)
     found = explore(explorer, lambda progress: "enough" if progress.situations > 2000 else "")
+    rows, table = explorer.situations, explorer.table
     loaded = next(number for number, move in enumerate(explorer.moves.all) if move.event is LOADED)
     sources = {source for source, move in zip(found.sources, found.by, strict=True) if move == loaded}
-    names = {name for s in sources for name in explorer.table.get(rows[s], ("configuration", "")) or ()}
+    names = {name for s in sources for name in table.get(rows[s], ("configuration", "")) or ()}
     assert "READY" in names
     assert [name for name in names if chart.states[name].mission] == []
     assert found.breaches == {}
+    for source in sources:
+        before = TrackedMemory(table, rows[source]).plain()
+        after = successor(Machine(explorer.world, before), explorer.world).memory
+        assert all(getattr(after, name) == getattr(before, name) for name in THROUGH)
+        assert not any(getattr(after, name) for name in DROPPED)

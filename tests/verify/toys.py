@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.machine.scope import World
+from lupin_engine.runtime.setup import make_world
 from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
-from lupin_engine.verify.situations.found import Explored
+from lupin_engine.verify.situations.found import Effect, Explored
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph
 from lupin_engine.verify.situations.levels import explore
 from lupin_engine.verify.situations.memo import Rows
@@ -49,7 +49,12 @@ class KeepingExplorer(SituationExplorer):
 
     def __init__(self, of: Chart, **bounds: Any) -> None:
         self.situations: list[Situation] = []
-        super().__init__(World(of, {}), BUILT_IN, Bounds(**bounds))
+        super().__init__(make_world(of, {}), BUILT_IN, Bounds(**bounds))
+
+    def initial(self) -> tuple[Situation, Effect]:
+        """Begin with none."""
+        self.situations.clear()
+        return super().initial()
 
     def keep(self, rows: Rows) -> None:
         """Keep all situations."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
 from lupin_engine.errors import reason
@@ -117,30 +118,34 @@ class SituationExplorer:
     def step(self, situation: Situation, number: int) -> tuple[Effect, set[int]]:
         """Make the machine's own step, and return what it read."""
         memory = TrackedMemory(self.table, situation)
+        effect = self._step(memory, situation, number)
+        needs, sets = frozenset(memory.values), frozenset(memory.written - memory.values)
+        return replace(effect, needs=needs, sets=sets), memory.reads
+
+    def _step(self, memory: TrackedMemory, situation: Situation, number: int) -> Effect:
         before = TrackedMemory(self.table, situation)
-        before.reads = memory.reads
+        before.reads, before.values = memory.reads, memory.values
         move = self.moves.all[number]
         if move.timer[0] == OF_PROPERTY:
-            return self._late(memory, situation, move.timer[1]), memory.reads
+            return self._late(memory, situation, move.timer[1])
         machine = Machine(self.world, memory)
         if move.timer[0] != "fresh":
             machine.trust(memory.fetch(self.table.index[CALM]))
         try:
             if move.event is LOADED:
                 if not is_idle(machine):
-                    return _NOTHING, memory.reads
+                    return _NOTHING
                 memory.take_over(successor(Machine(self.world, memory.plain()), self.world).memory)
                 machine = Machine(self.world, memory)
                 step: Step | None = machine.go_on(0.0)
             else:
                 step = self.moves.carry_out(machine, memory, move)
-            effect = _CUT if step is None else self._effect_of(memory, machine, step, situation, before)
+            return _CUT if step is None else self._effect_of(memory, machine, step, situation, before)
         except (Overflow, TooMany):
             raise
         except Exception as problem:  # a defect of the engine, or of a plugin: told like what it breaks
             told = f"{type(problem).__name__}: {reason(problem)}"
-            effect = Effect((), ((NO_EXCEPTION, told),), frozenset(), (), (), progress=False)
-        return effect, memory.reads
+            return Effect((), ((NO_EXCEPTION, told),), frozenset(), (), (), progress=False)
 
     def _effect_of(
         self,
@@ -199,7 +204,13 @@ class SituationExplorer:
         if len(self.properties) > len(BUILT_IN):
             known = dict(memory.fetch(self.table.index[WATCHED]) or ())
         judged = []
+        # Where no visit was looked at and nothing told, none was closed.
+        left_out: tuple[str, ...] = ()
+        if not memory.is_looked_at("itineraries") and not any(isinstance(c, Publish) for c in step.commands):
+            left_out = _OF_VISITS
         for one in self.properties:
+            if one.name in left_out:
+                continue
             if not quiet or one not in BUILT_IN or (step.event.is_request and one.name in _OF_REQUESTS):
                 state, verdict = one.watch(known.get(one.name, one.first), passage)
                 known[one.name] = state
@@ -281,6 +292,7 @@ class _LazyGlance:
         return found
 
 
+_OF_VISITS = ("closed_once",)
 _OF_REQUESTS = ("refusals_have_reasons",)
 _CUT = Effect((), (), frozenset(), (), (), progress=False, cut=True)
 

@@ -14,7 +14,8 @@ class Effect:
     """What a move does: the slots that change with what they are then, and what is told of it.
 
     `progress`: something was told of a target or of the mission. `fresh` are the deadlines that it sets,
-    `renamed` the attempts that get another name. One that is `cut` is beyond the bounds.
+    `renamed` the attempts that get another name. One that is `cut` is beyond the bounds. The step has taken
+    the values of the slots that it `needs`; those that it `sets` it has written whatever they were.
     """
 
     delta: tuple[tuple[int, int], ...]
@@ -26,6 +27,8 @@ class Effect:
     fresh: frozenset[TimerName] = frozenset()
     renamed: tuple[tuple[str, str], ...] = ()
     cut: bool = False
+    needs: frozenset[int] = frozenset()
+    sets: frozenset[int] = frozenset()
 
 
 class Breach(NamedTuple):
@@ -93,6 +96,13 @@ class Explored:
     entered: set[str] = field(default_factory=set)
     complete: bool = False
     stopped: str = ""
+
+    def take_in(self, effect: Effect) -> None:
+        """Keep what an effect tells of the chart."""
+        self.taken.update(effect.taken)
+        self.entered.update(effect.entered)
+        for name in effect.relevant:
+            self.relevant[name] = self.relevant.get(name, 0) + 1
 
 
 class Is:

@@ -8,13 +8,15 @@ none is known.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lupin_engine.verify.situations.explorer import SituationExplorer
 from lupin_engine.verify.situations.found import Breach, Effect, ExplorationProgress, Explored
+from lupin_engine.verify.situations.liveness import Liveness
 from lupin_engine.verify.situations.memo import Indices, LevelPart, MemoTable, Rows, marks_of
 from lupin_engine.verify.situations.seen import Block, Marks, SeenTable, WaitingLine
 from lupin_engine.verify.situations.situation import Overflow
@@ -31,6 +33,7 @@ def explore(
     explorer: SituationExplorer,
     goes_on: Callable[[ExplorationProgress], str] = lambda _: "",
     memo: bool = True,
+    live: bool = True,
 ) -> Explored:
     """Look at all situations.
 
@@ -38,19 +41,24 @@ def explore(
         explorer: makes the steps.
         goes_on: called now and then; returns why to stop, or nothing.
         memo: whether what a move does is remembered; without, every transition is a step.
+        live: whether what nothing will read is not told apart (see `liveness`).
 
     Raises:
         TooMany: something grows without end.
     """
     while True:
         try:
-            return LevelWalk(explorer, memo).run(goes_on)
+            return LevelWalk(explorer, memo, live).run(goes_on)
         except Overflow:
             explorer.make_room()
 
 
 class _Stopped(Exception):
     """It was said that the exploration stops; the text says why."""
+
+
+class _Anew(Exception):
+    """More is live than was thought: the walk begins again, with all that was worked out."""
 
 
 class _Effects:
@@ -62,8 +70,10 @@ class _Effects:
         self._changes, self._progress, self._cut, self._breaks = (bytearray() for _ in range(4))
         self._low, self._high = array("Q"), array("Q")
         self._starts, self._slots, self._values = array("I", [0]), array("H"), array("H")
+        self._before = array("H")
+        self._without: dict[tuple[int, frozenset[int]], int] = {}
 
-    def add(self, effect: Effect, situation: tuple[int, ...]) -> int:
+    def add(self, effect: Effect, situation: Mapping[int, int]) -> int:
         """Keep an effect. The step has read what it changes, so marks change alike wherever it is taken."""
         self.all.append(effect)
         low, high = np.uint64(0), np.uint64(0)
@@ -73,6 +83,7 @@ class _Effects:
                 high ^= self._marks[1, slot, number]
             self._slots.append(slot)
             self._values.append(value)
+            self._before.append(situation[slot])
         self._low.append(int(low))
         self._high.append(int(high))
         self._starts.append(len(self._slots))
@@ -81,6 +92,21 @@ class _Effects:
         self._cut.append(effect.cut)
         self._breaks.append(bool(effect.breaches))
         return len(self.all) - 1
+
+    def without(self, number: int, dead: frozenset[int]) -> int:
+        """Return the number of an effect after which the values of some slots do not matter."""
+        effect = self.all[number]
+        if not any(value > 1 and slot in dead for slot, value in effect.delta):
+            return number
+        gone = frozenset(slot for slot, _ in effect.delta if slot in dead)
+        found = self._without.get((number, gone))
+        if found is None:
+            begin, end = self._starts[number], self._starts[number + 1]
+            before = dict(zip(self._slots[begin:end], self._before[begin:end], strict=True))
+            delta = [(slot, min(value, 1) if slot in gone else value) for slot, value in effect.delta]
+            kept = tuple((slot, value) for slot, value in delta if value != before[slot])
+            found = self._without[number, gone] = self.add(replace(effect, delta=kept), before)
+        return found
 
     def changing(self, effects: NDArray[np.uint32]) -> NDArray[np.bool_]:
         return np.frombuffer(self._changes, np.bool_)[effects]
@@ -108,10 +134,80 @@ class _Effects:
         rows[slots[flat], columns] = values[flat]
 
 
+class Leads:
+    """What effects do where something is not live after them; `used` are those that were met in this walk."""
+
+    def __init__(self, live: Liveness, effects: _Effects) -> None:
+        self._live = live
+        self._effects = effects
+        #: Whether all that steps needed so far was live.
+        self.certain = True
+        self.used: set[int] = set()
+        self._places: dict[tuple[int, ...], int] = {}
+        self._dead: dict[tuple[int, ...], frozenset[int]] = {}
+        self._known: dict[int, tuple[int, int]] = {}
+        #: Slots that end together; the first are none.
+        self._ends: list[tuple[int, ...]] = [()]
+
+    def first(self, rows: Rows) -> Rows:
+        """Return the first situation without what is not live in it."""
+        place = tuple(rows[list(self._live.of_place), 0].tolist())
+        for slot in self._dead_at(place):
+            rows[slot] = np.minimum(rows[slot], 1)
+        return rows
+
+    def settle(
+        self, rows: Rows, columns: Indices, effects: NDArray[np.uint32]
+    ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+        """Return for transitions what they do, and the number of the slots that end with them."""
+        every, of = np.unique(rows[list(self._live.of_place)], axis=1, return_inverse=True)
+        places = [tuple(place) for place in every.T.tolist()]
+        numbers = np.array([self._places.setdefault(p, len(self._places)) for p in places], np.uint64)[of]
+        pairs, inverse = np.unique((numbers.ravel()[columns] << np.uint64(32)) | effects, return_inverse=True)
+        names = dict(zip((self._places[place] for place in places), places, strict=True))
+        found = np.array([self._lead(pair, names) for pair in pairs.tolist()], np.uint32)
+        return found[inverse, 0], found[inverse, 1]
+
+    def _lead(self, pair: int, names: Mapping[int, tuple[int, ...]]) -> tuple[int, int]:
+        known = self._known.get(pair)
+        if known is None:
+            number = pair & 0xFFFFFFFF
+            self.used.add(number)
+            known = self._known[pair] = self._work_out(names[pair >> 32], number)
+        return known
+
+    def _work_out(self, place: tuple[int, ...], number: int) -> tuple[int, int]:
+        effect = self._effects.all[number]
+        delta = dict(effect.delta)
+        to = tuple(delta.get(s, value) for s, value in zip(self._live.of_place, place, strict=True))
+        self.certain = self._live.takes(place, effect, to) and self.certain
+        dead = self._dead_at(to)
+        ends = tuple(sorted(dead - self._dead_at(place) - delta.keys()))
+        if ends not in self._ends:
+            self._ends.append(ends)
+        return self._effects.without(number, dead), self._ends.index(ends)
+
+    def _dead_at(self, place: tuple[int, ...]) -> frozenset[int]:
+        found = self._dead.get(place)
+        if found is None:
+            found = self._dead[place] = self._live.dead(place)
+        return found
+
+    def ending(
+        self, rows: Rows, columns: Indices, ends: NDArray[np.uint32]
+    ) -> Iterator[tuple[int, Indices, NDArray[np.uint16]]]:
+        """Yield slots that end, with the transitions in which something ends there, and its values."""
+        for number in np.unique(ends):
+            at = np.flatnonzero(ends == number) if number else np.zeros(0, np.intp)
+            for slot in self._ends[number]:
+                values = rows[slot, columns[at]]
+                yield slot, at[values > 1], values[values > 1]
+
+
 class LevelWalk:
     """One exploration."""
 
-    def __init__(self, explorer: SituationExplorer, memo: bool) -> None:
+    def __init__(self, explorer: SituationExplorer, memo: bool, live: bool) -> None:
         self._explorer = explorer
         self._memo_on = memo
         table = explorer.table
@@ -120,19 +216,34 @@ class LevelWalk:
         self._effects = _Effects(self._marks)
         self._memo: dict[tuple[int, int], MemoTable] = {}
         self._flags = MemoTable()
+        self.live = Liveness(explorer.chart, table, live)
+        self._goes_on: Callable[[ExplorationProgress], str] = lambda _: ""
+        self._steps = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Have seen nothing; what was worked out stays."""
         self._seen = SeenTable()
         self._waiting = WaitingLine()
-        self._found = Explored(explorer.moves)
+        self._found = Explored(self._explorer.moves)
+        self._found.progress.steps = self._steps
         self._looked_at = 0
-        self._goes_on: Callable[[ExplorationProgress], str] = lambda _: ""
+        self._leads = Leads(self.live, self._effects)
 
     def run(self, goes_on: Callable[[ExplorationProgress], str]) -> Explored:
         """Look at everything."""
         self._goes_on = goes_on
+        while True:
+            try:
+                return self._run()
+            except _Anew:
+                self._begin()
+
+    def _run(self) -> Explored:
         situation, effect = self._explorer.initial()
-        self._take_in(0, -1, effect)
+        self._count()
         self._found.breaches = {name: [Breach(name, 0, -1, text)] for name, text in effect.breaches}
-        rows = np.array([situation], np.uint16).T
+        rows = self._leads.first(np.array([situation], np.uint16).T)
         low, high = LevelPart(rows, self._marks).key(frozenset(range(len(situation))))
         self._seen.numbers(low, high)
         self._add(0, rows, low, high, [0], [-1])
@@ -145,6 +256,8 @@ class LevelWalk:
         except KeyboardInterrupt:
             self._found.stopped = "interrupted"
         self._found.complete = not self._found.stopped
+        for one in (effect, *(self._effects.all[number] for number in self._leads.used)):
+            self._found.take_in(one)
         return self._found
 
     def _look(self) -> None:
@@ -171,9 +284,8 @@ class LevelWalk:
         every: list[tuple[Indices, NDArray[np.uint32], int]] = []
         for begin, end in zip([0, *edges], [*edges, rows.shape[1]], strict=True):
             part = LevelPart(rows[:, begin:end], self._marks)
-            numbers = block.first + order[begin:end]
             for move, columns in self._possible(part):
-                every.append((columns + begin, self._follow(part, columns, move, numbers), move))
+                every.append((columns + begin, self._follow(part, columns, move), move))
         columns = np.concatenate([each[0] for each in every])
         effects = np.concatenate([each[1] for each in every])
         moves = np.repeat(np.array([each[2] for each in every], np.uint16), [len(each[0]) for each in every])
@@ -184,12 +296,18 @@ class LevelWalk:
     ) -> None:
         """Take in where some moves lead; `columns` are those of the situations in the block."""
         found, known = self._found, self._effects
+        effects, ends = self._leads.settle(block.rows, columns, effects)
+        if not self._leads.certain:
+            raise _Anew
         found.cut += known.cut(effects)
         self._note_breaches(block.depth, block.first + columns, moves, effects)
         changing = known.changing(effects)
-        columns, moves, effects = columns[changing], moves[changing], effects[changing]
+        columns, moves, effects, ends = columns[changing], moves[changing], effects[changing], ends[changing]
         low, high = known.marks(effects)
         low, high = low ^ block.low[columns], high ^ block.high[columns]
+        for slot, at, values in self._leads.ending(block.rows, columns, ends):
+            low[at] ^= self._marks[0, slot][values] ^ self._marks[0, slot, 1]
+            high[at] ^= self._marks[1, slot][values] ^ self._marks[1, slot, 1]
         targets, new = self._seen.numbers(low, high)
         found.sources.frombytes((block.first + columns).astype(np.uint32).tobytes())
         found.targets.frombytes(targets.tobytes())
@@ -203,6 +321,8 @@ class LevelWalk:
         if len(new):
             rows = block.rows[:, columns[new]]
             known.apply(rows, effects[new])
+            for slot, at, _ in self._leads.ending(block.rows, columns[new], ends[new]):
+                rows[slot, at] = 1
             self._add(
                 block.depth + 1,
                 rows,
@@ -275,7 +395,7 @@ class LevelWalk:
         _, first, of = np.unique(packed, return_index=True, return_inverse=True)
         return [tuple(rows[list(slots), at].tolist()) for at in first], of
 
-    def _follow(self, part: LevelPart, columns: Indices, move: int, numbers: Indices) -> NDArray[np.uint32]:
+    def _follow(self, part: LevelPart, columns: Indices, move: int) -> NDArray[np.uint32]:
         """Return the effects of a move in some situations."""
         self._looked_at += len(columns)
         place = move, int(part.rows[self._configuration, 0])
@@ -286,20 +406,16 @@ class LevelWalk:
         def step(column: int) -> tuple[int, Iterable[int]]:
             situation = tuple(part.rows[:, column].tolist())
             effect, reads = self._explorer.step(situation, move)
-            self._take_in(int(numbers[column]), move, effect)
-            return self._effects.add(effect, situation), reads
+            self._count()
+            return self._effects.add(effect, dict(enumerate(situation))), reads
 
         return known.results(part, columns, step)
 
-    def _take_in(self, number: int, move: int, effect: Effect) -> None:
-        """Keep what an effect tells that was not seen before."""
-        found = self._found
-        found.progress.steps += 1
-        found.taken.update(effect.taken)
-        found.entered.update(effect.entered)
-        for name in effect.relevant:
-            found.relevant[name] = found.relevant.get(name, 0) + 1
-        if found.progress.steps % _PACE == 0:
+    def _count(self) -> None:
+        """Take notice of a step of the machine."""
+        self._steps += 1
+        self._found.progress.steps = self._steps
+        if self._steps % _PACE == 0:
             self._look()
 
     def _note_breaches(

@@ -32,6 +32,9 @@ UNORDERED: tuple[str, ...] = ("context", "request", "given", "inputs", "levels",
 UNORDERED += ("budgets", "heard", "before")
 WHOLE: tuple[str, ...] = ("configuration", "mission", "mission_id", "started_at", "current_itinerary")
 WHOLE += ("timers", "frozen", "asked", "held", "deferred", "waiting_actions", "broken", "wall")
+#: What a reload of the same missions leaves as it is, whatever it is, and what it empties.
+THROUGH = ("context", "request", "heard", "before", "itineraries")
+DROPPED = ("history", "budgets", "given", "handled")
 #: What is no part of a memory: which deadlines certainly come before others, what is known to be false, and
 #: what the properties of authors remember.
 RANKS, CALM, WATCHED = ("ranks", ""), ("calm", ""), ("watched", "")
@@ -150,15 +153,21 @@ def _is_plain(value: Any) -> bool:
 
 
 class TrackedMemory(Memory):
-    """The memory of a situation; what is read is looked up when it is first asked for, and remembered."""
+    """The memory of a situation; what is read is looked up when it is first asked for, and remembered.
 
-    __slots__ = ("reads", "situation", "table")
+    `reads` are the slots that a step depends on. Of those in `values` it has taken the value; of others it
+    has only looked whether there is anything, or has compared that with what it has `written`.
+    """
+
+    __slots__ = ("reads", "situation", "table", "values", "written")
 
     def __init__(self, table: SlotTable, situation: Situation) -> None:
         # Nothing of the fields is set here: what is not set is looked up.
         self.table = table
         self.situation = situation
         self.reads: set[int] = set()
+        self.values: set[int] = set()
+        self.written: set[int] = set()
 
     def __getattr__(self, name: str) -> Any:
         if name in _IDLE:
@@ -177,8 +186,14 @@ class TrackedMemory(Memory):
     def fetch(self, slot: int) -> Any:
         """Return what a slot is, and remember that it was read."""
         self.reads.add(slot)
+        self.values.add(slot)
         number = self.situation[slot]
         return self.table.value(slot, number) if number else None
+
+    def has(self, slot: int) -> bool:
+        """Say whether a slot is anything, and remember that somebody wants to know that."""
+        self.reads.add(slot)
+        return self.situation[slot] != 0
 
     @property
     def target(self) -> str:
@@ -186,21 +201,37 @@ class TrackedMemory(Memory):
         return ""
 
     def plain(self) -> Memory:
-        """Return a memory of the machine's own kind, of which nothing is tracked."""
+        """Return a memory of the machine's own kind, of which nothing is tracked.
+
+        What goes `THROUGH` a reload entry by entry, or is `DROPPED` by it, is not read by that.
+        """
+        unread = TrackedMemory(self.table, self.situation)
         found = {name: getattr(self, name) for name in (*WHOLE, *_IDLE)}
-        found |= {name: dict(getattr(self, name).items()) for name in (*ORDERED, *UNORDERED)}
+        for name in (*ORDERED, *UNORDERED):
+            of = unread if name in (*THROUGH, *DROPPED) else self
+            found[name] = dict(getattr(of, name).items())
         return Memory(**found)
 
     def take_over(self, other: Memory) -> None:
-        """Become what another memory is."""
+        """Become what another memory is that goes on from this one."""
         for name in WHOLE:
             setattr(self, name, getattr(other, name))
         for name in (*ORDERED, *UNORDERED):
-            getattr(self, name).replaced(getattr(other, name))
+            if name not in THROUGH:
+                getattr(self, name).replaced(getattr(other, name))
 
     def looked_at_timers(self) -> list[list[Timer]]:
         """Return the deadlines that run, and those that are stopped, as far as the step looked at them."""
         return [getattr(self, name) for name in ("timers", "frozen") if self.is_set(name)]
+
+    def is_looked_at(self, name: str) -> bool:
+        """Say whether entries of a field were looked at, put in or taken out."""
+        entries = object.__getattribute__(self, name) if self.is_set(name) else {}
+        return (
+            not isinstance(entries, TrackedDict)
+            or bool(entries.gone)
+            or any(True for _ in dict.items(entries))
+        )
 
     def is_set(self, name: str) -> bool:
         """Say whether a field was looked at or written."""
@@ -236,6 +267,7 @@ class TrackedMemory(Memory):
     def change(self, slot: int, value: Any) -> Iterator[tuple[int, int]]:
         """Yield a slot with what it is now if it is not as it was; whether it is, depends on what it was."""
         self.reads.add(slot)
+        self.written.add(slot)
         old = self.situation[slot]
         if old and self.table.is_kept(slot, old, value):
             return
@@ -315,7 +347,11 @@ class TrackedDict(dict[str, Any]):
             return default
 
     def __contains__(self, key: object) -> bool:
-        return super().__contains__(key) or self.get(str(key), self) is not self
+        if super().__contains__(key):
+            return True
+        if key in self.gone or self._all or not key:
+            return False
+        return self._memory.has(self._memory.table.slot((self._field, str(key))))
 
     def __setitem__(self, key: str, value: Any) -> None:
         if self._field in ORDERED and key not in self:
@@ -324,8 +360,9 @@ class TrackedDict(dict[str, Any]):
         self.gone.discard(key)
 
     def __delitem__(self, key: str) -> None:
-        self[key]
-        super().__delitem__(key)
+        if key not in self:
+            raise KeyError(key)
+        super().pop(key, None)
         self.gone.add(key)
         if self._field in ORDERED:
             self.in_order().remove(key)
@@ -363,8 +400,14 @@ class TrackedDict(dict[str, Any]):
 
     def clear(self) -> None:
         """Take all entries out."""
-        for key in list(self.in_order()):
-            del self[key]
+        known = self._memory.table.keys.get(self._field)
+        if known is None:
+            for key in list(self.in_order()):
+                del self[key]
+        else:  # whatever there was
+            super().clear()
+            self.gone.update(known)
+            self._all = True
 
     def __iter__(self) -> Iterator[str]:
         self._load()
@@ -379,6 +422,8 @@ class TrackedDict(dict[str, Any]):
 
     def keys(self) -> Any:
         """Return all keys."""
+        if self._field in UNORDERED:
+            return dict.fromkeys(self.in_order()).keys()
         self._load()
         return super().keys()
 
