@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
+from multiprocessing.queues import SimpleQueue
 from multiprocessing.synchronize import Event
 from types import MappingProxyType
 from typing import Any
@@ -27,6 +28,11 @@ from lupin_engine.verify.situations.classes import parameter_classes
 from lupin_engine.verify.situations.explorer import Bounds
 from lupin_engine.verify.situations.found import ExplorationProgress
 from lupin_engine.verify.situations.situation import TooMany
+
+#: How far a proof is: its number, and how long it has been under way (s).
+ProofNews = tuple[int, ExplorationProgress, float]
+#: So often a process tells how far it is, in seconds.
+_TOLD_EVERY = 1.0
 
 
 @dataclass(frozen=True)
@@ -72,8 +78,12 @@ def prove_tasks(
     bounds: Bounds,
     jobs: int,
     seconds: float | None,
+    told: Callable[[int, ExplorationProgress, float], None],
 ) -> list[Proof]:
     """Make proofs in processes, all within some seconds; Ctrl-C stops all in order.
+
+    Args:
+        told: called now and then for each proof under way: its number, how far it is, and after how long (s).
 
     Raises:
         LupinError: a mission has situations without end.
@@ -81,21 +91,34 @@ def prove_tasks(
     context = get_context("spawn")
     stop = context.Event()
     workers = min(jobs, len(tasks))
-    with ProcessPoolExecutor(workers, context, _begin, (stop, seconds, time.monotonic())) as pool:
-        made = [pool.submit(_prove_here, task, bounds) for task in tasks]
-        _gather(made, stop)
+    news = context.SimpleQueue()
+    with ProcessPoolExecutor(workers, context, _begin, (stop, news, seconds, time.monotonic())) as pool:
+        # Processes that begin leave a Ctrl-C to this one from their first moment on.
+        usual = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            made = [pool.submit(_prove_here, number, task, bounds) for number, task in enumerate(tasks)]
+        finally:
+            signal.signal(signal.SIGINT, usual)
+        _gather(made, stop, news, told)
         proofs = [future.result() for future in made]
     return [
         replace(proof, chart=loaded[task.mission].chart) for proof, task in zip(proofs, tasks, strict=True)
     ]
 
 
-def _gather(made: Sequence[Future[Proof]], stop: Event) -> None:
-    """Wait for all; with a Ctrl-C, for what they have found so far."""
+def _gather(
+    made: Sequence[Future[Proof]],
+    stop: Event,
+    news: SimpleQueue[ProofNews],
+    told: Callable[[int, ExplorationProgress, float], None],
+) -> None:
+    """Wait for all, and tell how far they are; with a Ctrl-C, for what they have found so far."""
     left = set(made)
     while left:
         try:
-            left = wait(left, return_when=FIRST_COMPLETED).not_done
+            left = wait(left, _TOLD_EVERY / 2, return_when=FIRST_COMPLETED).not_done
+            while not news.empty():
+                told(*news.get())
         except KeyboardInterrupt:
             stop.set()
 
@@ -109,23 +132,30 @@ def out_of_time(seconds: float | None, began: float) -> str:
 # -- in a process of its own -----------------------------------------------------------------------------
 
 _stop: Event | None = None
+_news: SimpleQueue[ProofNews] | None = None
 _seconds: float | None = None
 _began = 0.0
 
 
-def _begin(stop: Event, seconds: float | None, began: float) -> None:
-    global _stop, _seconds, _began
-    _stop, _seconds, _began = stop, seconds, began
+def _begin(stop: Event, news: SimpleQueue[ProofNews], seconds: float | None, began: float) -> None:
+    global _stop, _news, _seconds, _began
+    _stop, _news, _seconds, _began = stop, news, seconds, began
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who dealt out says when to stop
     copyreg.pickle(MappingProxyType, lambda found: (MappingProxyType, (dict(found),)))
 
 
-def _prove_here(task: ProofTask, bounds: Bounds) -> Proof:
+def _prove_here(number: int, task: ProofTask, bounds: Bounds) -> Proof:
+    began = last = time.monotonic()
+
+    def goes_on(progress: ExplorationProgress) -> str:
+        nonlocal last
+        now = time.monotonic()
+        if _news is not None and now - last >= _TOLD_EVERY:
+            last = now
+            _news.put((number, progress, now - began))
+        if _stop is not None and _stop.is_set():
+            return "interrupted"
+        return out_of_time(_seconds, _began)
+
     loaded = load_missions([task.mission], load_catalog())
-    return replace(prove_task(task, loaded, bounds, _goes_on), chart=None)  # type: ignore[arg-type]
-
-
-def _goes_on(_: ExplorationProgress) -> str:
-    if _stop is not None and _stop.is_set():
-        return "interrupted"
-    return out_of_time(_seconds, _began)
+    return replace(prove_task(task, loaded, bounds, goes_on), chart=None)  # type: ignore[arg-type]

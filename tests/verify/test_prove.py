@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -149,3 +155,34 @@ def test_missions_are_loaded_anew_only_where_none_is_under_way() -> None:
         after = successor(Machine(explorer.world, before), explorer.world).memory
         assert all(getattr(after, name) == getattr(before, name) for name in THROUGH)
         assert not any(getattr(after, name) for name in DROPPED)
+
+
+def test_an_interruption_tells_what_each_process_has_found() -> None:
+    """Each proof shows how far it is; after a Ctrl-C at the terminal all end in order."""
+    ours, theirs = os.openpty()
+    asked = ["prove", "inspection", "exploration", "--targets", "4", "--jobs", "2", "--no-scenarios"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "lupin_engine.cli.main", *asked],
+        stdout=subprocess.PIPE,
+        stderr=theirs,
+        env={**os.environ, "COLUMNS": "200", "TERM": "xterm"},
+        start_new_session=True,
+    )
+    os.close(theirs)
+    told = ""
+    while not all(f"{name}Mission: " in told for name in ("Inspection", "Exploration")):
+        told += os.read(ours, 65536).decode(errors="replace")
+    os.killpg(process.pid, signal.SIGINT)
+    with suppress(OSError):  # nobody has the terminal open any more
+        while more := os.read(ours, 65536):
+            told += more.decode(errors="replace")
+    os.close(ours)
+    found, _ = process.communicate(timeout=60)
+    assert process.returncode == 3, told
+    assert re.search(
+        r"Mission: [0-9,]+ situations, [0-9,]+ wait, [0-9,]+ transitions, [0-9,]+/s, \d+ deep", told
+    )
+    assert "Traceback" not in told
+    lines = [line for line in found.decode().splitlines() if "not proven, " in line]
+    assert [line.partition(": ")[0] for line in lines] == ["InspectionMission", "ExplorationMission"]
+    assert all(re.search(r"not proven, interrupted: [1-9]", line) for line in lines)

@@ -10,7 +10,8 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -115,10 +116,11 @@ def prove(
     ]
     bounds = Bounds(targets, late, not no_restarts)
     jobs = min(jobs or os.cpu_count() or 1, len(tasks))
+    shown = not (as_json or quiet) and sys.stderr.isatty()
     if jobs > 1:
-        made = prove_tasks(tasks, loaded, bounds, jobs, seconds)
+        with _progress_of(tasks, loaded, shown) as told:
+            made = prove_tasks(tasks, loaded, bounds, jobs, seconds, told)
     else:
-        shown = not (as_json or quiet) and sys.stderr.isatty()
         made = _one_by_one(tasks, loaded, bounds, seconds, shown)
     proofs = []
     for task, proof in zip(tasks, made, strict=True):
@@ -187,17 +189,41 @@ def _progress(
         now = time.monotonic()
         if shown and now - last[0] >= _EVERY:
             last[0] = now
-            rate = progress.transitions / (now - began)
-            click.echo(
-                f"\r{name}: {progress.situations:,} situations, {progress.waiting:,} wait,"
-                f" {progress.transitions:,} transitions, {rate:,.0f}/s, {progress.depth} deep"
-                f"{_of_about(progress)} ",
-                err=True,
-                nl=False,
-            )
+            click.echo(f"\r{_so_far(name, progress, now - began)} ", err=True, nl=False)
         return out_of_time(seconds, budget_began)
 
     return look
+
+
+def _so_far(name: str, progress: ExplorationProgress, took: float) -> str:
+    """Return how far a proof is, after some seconds."""
+    rate = progress.transitions / took
+    return (
+        f"{name}: {progress.situations:,} situations, {progress.waiting:,} wait,"
+        f" {progress.transitions:,} transitions, {rate:,.0f}/s, {progress.depth} deep{_of_about(progress)}"
+    )
+
+
+@contextmanager
+def _progress_of(
+    tasks: Sequence[ProofTask], loaded: Mapping[str, LoadedMissions], shown: bool
+) -> Iterator[Callable[[int, ExplorationProgress, float], None]]:
+    """Show a line for each proof that is under way; what is given takes how far one is."""
+    from rich.console import Console
+    from rich.progress import Progress, TextColumn
+
+    lines: dict[int, Any] = {}
+    bar = Progress(TextColumn("{task.description}"), console=Console(stderr=True), disable=not shown)
+
+    def told(number: int, progress: ExplorationProgress, took: float) -> None:
+        task = tasks[number]
+        if number not in lines:
+            lines[number] = bar.add_task("")
+        name = f"{loaded[task.mission].names[0]}{f', {task.varied}' if task.varied else ''}"
+        bar.update(lines[number], description=_so_far(name, progress, took))
+
+    with bar:
+        yield told
 
 
 def _of_about(progress: ExplorationProgress) -> str:
