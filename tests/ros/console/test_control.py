@@ -256,7 +256,7 @@ def test_an_inspection_from_start_to_end(console: Page, attendant: Attendant) ->
     in_state(attendant, "DONE")
     expect(panel(console, "Mission")).to_contain_text("2 of 2 done")
     expect(panel(console, "Mission").locator(".pill.good").last).to_have_text(re.compile("2 completed"))
-    assert view(attendant)["completed"] == 2
+    until(lambda: view(attendant)["completed"] == 2, "both targets counted")
 
 
 def test_an_exploration_from_start_to_end(console: Page, attendant: Attendant) -> None:
