@@ -16,9 +16,10 @@ from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore
+from lupin_engine.verify.situations import classes
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph
 from lupin_engine.verify.situations.levels import LevelWalk, explore
-from lupin_engine.verify.situations.relevance import _sweeps_told_apart
+from lupin_engine.verify.situations.relevance import _sweeps_told_apart, elements_told_apart
 from lupin_engine.verify.situations.situation import TrackedMemory
 from tests import shipped
 from tests.machine.charts import PAUSE, chart
@@ -197,3 +198,16 @@ def test_what_a_step_writes_counts_as_read() -> None:
 def test_sweeps_are_counted_as_far_as_a_condition_tells_them_apart(source: str, most: float) -> None:
     """Beyond that a mission without end would have situations without end."""
     assert _sweeps_told_apart(source) == most
+
+
+def test_lists_are_as_long_as_a_condition_tells_them_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of servers that are missing it matters whether there is one; with more the same is found."""
+    of = shipped.mission("inspection")
+    assert elements_told_apart(of, "missing") == 1
+    assert elements_told_apart(shipped.mission("exploration"), "discovered") == math.inf
+    short = explored(of, targets=2, restarts=False)
+    monkeypatch.setattr(classes, "elements_told_apart", lambda *_: math.inf)
+    long = explored(of, targets=2, restarts=False)
+    assert short.progress.situations < long.progress.situations
+    assert (short.taken, short.entered, short.breaches) == (long.taken, long.entered, long.breaches)
+    assert set(short.flags) == set(long.flags)

@@ -24,7 +24,13 @@ from lupin_engine.plugin.contract import OPERATION_CODES
 from lupin_engine.plugin.profile import START
 from lupin_engine.plugin.types import Type
 from lupin_engine.runtime.possible import requests_of
-from lupin_engine.verify.situations.relevance import Relevance, deciding, invokes, reads
+from lupin_engine.verify.situations.relevance import (
+    Relevance,
+    deciding,
+    elements_told_apart,
+    invokes,
+    reads,
+)
 
 #: What missions are called whose steps are looked at.
 MISSION_ID = "proof"
@@ -127,7 +133,11 @@ class Classes:
         bounds += self._bounds.get(f"input.{spec.name}", [])
         if kind.kind in ("number", "integer") and bounds:
             return _around(bounds, kind)
-        return self._of_type(kind, spec.name)
+        found = self._of_type(kind, spec.name)
+        if kind.kind != "list" or spec.of_mission:
+            return found
+        most = elements_told_apart(self.chart, spec.name)  # more are too many alike
+        return [value for value in found if len(value) <= most]
 
     def _level(self, spec: Input, level: Any) -> list[float]:
         margin = float(level.hysteresis.evaluate(self._env)) if level.hysteresis else 0.0

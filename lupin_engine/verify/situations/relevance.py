@@ -9,7 +9,8 @@ from __future__ import annotations
 import ast
 import math
 import re
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Compiled, Expression, Value
@@ -171,11 +172,42 @@ def frozen(value: Any) -> Hashable:
 
 
 def _sweeps_told_apart(source: str) -> float:
-    """Return from which sweep on an expression is always the same; `math.inf` where that is not seen.
+    """Return from which sweep on an expression is always the same; `math.inf` where that is not seen."""
+    return _told_apart(source, "itinerary.sweep", _is_count)
 
-    It is seen where a sum of counts is compared with a number: beyond that all sweeps are too many alike.
+
+def elements_told_apart(chart: Chart, name: str) -> float:
+    """Return from how many elements of an input on every expression is the same; `math.inf` if not seen."""
+    what = f"input.{name}"
+    parts = (chart.states, chart.holds, chart.invariants, chart.properties, chart.missions, chart.context)
+    every = [expression for part in parts for expression in _expressions(part)]
+    if not all(isinstance(expression.evaluate, Compiled) for expression in every):
+        return math.inf
+    return max(
+        (_told_apart(one.source, what, lambda node: ast.unparse(node) == f"len({what})") for one in every),
+        default=0,
+    )
+
+
+def _expressions(of: Any) -> Iterator[Expression]:
+    """Yield all expressions in a part of a chart, also those whose values only travel."""
+    if isinstance(of, Expression):
+        yield of
+    elif is_dataclass(of):
+        for one in fields(of):
+            yield from _expressions(getattr(of, one.name))
+    elif isinstance(of, Mapping):
+        yield from (found for each in of.values() for found in _expressions(each))
+    elif isinstance(of, (list, tuple, set, frozenset)):
+        yield from (found for each in of for found in _expressions(each))
+
+
+def _told_apart(source: str, what: str, is_count: Callable[[ast.expr], bool]) -> float:
+    """Return from which number on an expression is always the same; `math.inf` where that is not seen.
+
+    It is seen where a count is compared with a number: beyond that all are too many alike.
     """
-    if "itinerary.sweep" not in source:
+    if what not in source:
         return 0
     try:
         nodes = list(ast.walk(ast.parse(source, mode="eval")))
@@ -186,10 +218,10 @@ def _sweeps_told_apart(source: str) -> float:
     for node in compared:
         left, right = node.left, node.comparators[0]
         bound = right.value if isinstance(right, ast.Constant) else None
-        if isinstance(bound, (int, float)) and isinstance(node.ops[0], _ORDERS) and _is_count(left):
+        if isinstance(bound, (int, float)) and isinstance(node.ops[0], _ORDERS) and is_count(left):
             found = max(found, math.floor(bound) + 1)
-            seen += ast.unparse(left).count("itinerary.sweep")
-    return found if seen == source.count("itinerary.sweep") else math.inf
+            seen += ast.unparse(left).count(what)
+    return found if seen == source.count(what) else math.inf
 
 
 _ORDERS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
