@@ -134,6 +134,7 @@ valve.main()
 def test_a_valve_that_does_not_watch_gets_no_order(garden: Garden) -> None:
     """The robot is not ready, and says for what it waits."""
     garden.operator.in_state("READY")
+    garden.operator.set_parameter("mission_orchestrator", "dependency_timeout_s", 10.0)
     garden.kill("valve")
     garden.operator.in_state("BOOT")
     garden.valve("-c", DEAF.format(folder=str(WATERING)))

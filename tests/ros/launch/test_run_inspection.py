@@ -75,7 +75,7 @@ def test_without_time_to_come_home_the_robot_stops_where_it_is(
     lupin: Start, signals: tuple[signal.Signals, ...]
 ) -> None:
     """A service that is stopped, or Ctrl-C a second time: the goal is cancelled and its end awaited."""
-    run = lupin(*FAR, "--json")
+    run = lupin(*FAR, "--speed", "2", "--json")
     run.until_line('"current_target": "21"')
     for number in signals:
         run.process.send_signal(number)
@@ -144,15 +144,8 @@ def test_an_absent_action_server_is_named(lupin: Start) -> None:
     assert "action server navigate_to_pose" in told.removeprefix(begin).split(", ")
 
 
-def test_a_low_battery_refuses_the_start(lupin: Start) -> None:
-    """The service's reason reaches the terminal."""
-    run = lupin("run", "inspection", "--tags", "1", "--sim", "battery=0.1")
-    assert run.end() == 2, run.output
-    assert run.errors == ["lupin: InspectionMission was not started: start refused: battery low"]
-
-
 def test_an_engaged_emergency_stop_refuses_the_start(lupin: Start) -> None:
-    """Nothing starts while the e-stop is engaged; the text says so."""
+    """Nothing starts while the e-stop is engaged; the service's reason reaches the terminal."""
     run = lupin("run", "inspection", "--tags", "1", "--sim", "estop=true")
     assert run.end() == 2, run.output
     assert run.errors == ["lupin: InspectionMission was not started: start refused: e-stop engaged"]
@@ -160,11 +153,11 @@ def test_an_engaged_emergency_stop_refuses_the_start(lupin: Start) -> None:
 
 def test_nodes_that_run_are_used_and_left_alone(lupin: Start) -> None:
     """`lupin up` serves; a run joins, a second run is refused, an option for somebody else's node too."""
-    up = lupin("up", "inspection")
+    up = lupin("up", "inspection", "--speed", "3")
     up.until_line("Ctrl-C stops everything")
     serving = set(up.processes())
 
-    first = lupin("run", "inspection")  # all tags: it takes minutes
+    first = lupin("run", "inspection")  # all tags: it takes a minute
     first.until_line("NAVIGATING  tag 1")
     (joined,) = [line for line in first.lines if line.startswith("using what is there: ")]
     there = set(joined.removeprefix("using what is there: ").split(", "))

@@ -2,36 +2,48 @@
 
 from __future__ import annotations
 
+import io
 import json
-import os
 import re
 import shutil
-import subprocess
 import sys
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
+from lupin_engine.cli.main import main
 from tests.ros.launch.processes import Lupin
 
 pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed here")
 pytestmark = pytest.mark.timeout(240)
 
-LUPIN = (sys.executable, "-m", "lupin_engine.cli.main")
+
+class Said(NamedTuple):
+    """What a verb printed, and its exit code."""
+
+    returncode: int
+    stdout: str
+    stderr: str
 
 
-def test_a_run_that_is_over_is_listed_and_explained(lupin: Callable[..., Lupin], tmp_path: Path) -> None:
+def test_a_run_that_is_over_is_listed_and_explained(
+    lupin: Callable[..., Lupin],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
     run = lupin("run", "inspection", "--tags", "1,2", "--speed", "10")
     run.process.wait(200)
+    monkeypatch.setenv("XDG_STATE_HOME", str(run.state))
 
-    def ask(*words: str, typed: str = "") -> subprocess.CompletedProcess[str]:
-        command = [*LUPIN, *words, "--domain", str(run.domain)]
-        environment = {**os.environ, "XDG_STATE_HOME": str(run.state)}
-        return subprocess.run(
-            command, input=typed, capture_output=True, text=True, env=environment, check=False
-        )
+    def ask(*words: str, typed: str = "") -> Said:
+        monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
+        capfd.readouterr()
+        code = main([*words, "--domain", str(run.domain)])
+        return Said(code, *capfd.readouterr())
 
     (mission,) = json.loads(ask("missions", "--json").stdout)
     assert (mission["mission"], mission["end"]["state"], mission["restarts"]) == (
@@ -68,7 +80,7 @@ def test_a_run_that_is_over_is_listed_and_explained(lupin: Callable[..., Lupin],
     assert (
         ask("replay", mission["mission_id"], "--to-scenario", str(scenario)).stdout == f"wrote {scenario}\n"
     )
-    assert subprocess.run([*LUPIN, "test", str(scenario)], check=False).returncode == 0
+    assert main(["test", str(scenario)]) == 0
 
     shipped = Path(__file__).parents[3] / "missions"
     other = shutil.copytree(shipped, tmp_path / "missions") / "inspection.yaml"
