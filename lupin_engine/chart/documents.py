@@ -222,6 +222,9 @@ class InvokeNode(Node):
         description="what the release of a hold does that cancelled it: `again` begins it anew, `continue` "
         "counts it as done with what it gave so far, `fail` ends it with the code operation_cancelled",
     )
+    classes: list[Written] = _many(
+        "results that `lupin prove` tries as well: of each the fields that differ from the usual ones"
+    )
 
 
 _ENDS_HERE = "an element's end leads nowhere: the state goes on with the others"
@@ -477,6 +480,7 @@ class InputNode(Node):
     levels: Annotated[dict[str, LevelNode], Named(Meaning.LEVEL)] = _by_name(
         "yes or no drawn from the number, by name"
     )
+    classes: list[Written] = _many("values that `lupin prove` tries beside those that it finds by itself")
     summary: str = Field("", description="one sentence for people")
 
 

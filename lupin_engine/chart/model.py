@@ -134,6 +134,7 @@ class Invoke:
     timeout_code: str | None = field(default=None, metadata=said(Role.CODE, "timeout.code"))
     retry: Retry | None = field(default=None, metadata=said(Role.INSIDE, "retry"))
     on_hold: str = field(default="", metadata=said(Role.PLAIN, "on_hold"))
+    classes: tuple[Mapping[str, Any], ...] = field(default=(), metadata=said(Role.PLAIN, "classes"))
 
 
 @record(frozen=True)
@@ -369,6 +370,7 @@ class Input:
     minimum: float | None = field(default=None, metadata=said(Role.PLAIN, "min"))
     maximum: float | None = field(default=None, metadata=said(Role.PLAIN, "max"))
     of_mission: bool = field(default=False, metadata=said(Role.PLAIN, "since"))
+    classes: tuple[Any, ...] = field(default=(), metadata=said(Role.PLAIN, "classes"))
 
 
 @record(frozen=True)

@@ -265,6 +265,13 @@ def test_inputs_have_a_range_and_an_age(words: Chart) -> None:
     assert (pose.minimum, pose.maximum, pose.of_mission) == (None, None, True)
 
 
+def test_what_a_proof_tries_as_well_is_read(words: Chart) -> None:
+    """In base units."""
+    assert words.inputs["battery"].classes == (0.07,)
+    invokes = [state.invoke for state in words.states.values() if state.invoke is not None]
+    assert [one.classes for one in invokes if one.name == "nav.measure"] == [({"m": 0.2},)]
+
+
 def test_a_level_lies_below_or_above(words: Chart) -> None:
     """Exactly one of the two."""
 

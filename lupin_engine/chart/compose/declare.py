@@ -306,7 +306,15 @@ class Declarer:
         low = value.type.minimum if low is None else low
         high = value.type.maximum if high is None else high
         of_mission = node.since is not None
-        return Input(name, node.value, value.type, place, freshness, initial, kept, low, high, of_mission)
+        kind = within(value.type, low, high) if is_number(value.type) else value.type
+        read = [
+            read_constant(raw, node.at("classes", index), kind, self._findings, f"{path}.classes")
+            for index, raw in enumerate(node.classes)
+        ]
+        classes = tuple(one.value for one in read if one is not None)
+        return Input(
+            name, node.value, value.type, place, freshness, initial, kept, low, high, of_mission, classes
+        )
 
     def _constant(self, node: InputNode, key: str, kind: Type, otherwise: Any, path: str) -> Any:
         """Return what is written under `key`, else what the plugin says."""

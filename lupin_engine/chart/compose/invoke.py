@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 from lupin_engine.chart.compose.actions import ActionReader
 from lupin_engine.chart.compose.declare import Declarer, check_code
@@ -13,6 +14,7 @@ from lupin_engine.chart.expressions.values import (
     PerElement,
     Signature,
     read_arguments,
+    read_constant,
     read_guard,
     read_key,
     read_list,
@@ -20,6 +22,7 @@ from lupin_engine.chart.expressions.values import (
 )
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import ActionCall, ForEach, Invoke, Retry
+from lupin_engine.chart.source import Map
 from lupin_engine.plugin.contract import OPERATION_CODES, OnHold, Operation
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, COUNT, DURATION, TEXT, Type
@@ -68,7 +71,25 @@ class InvokeReader:
         retry = self._retry(node.retry, operation, code, scope, f"{path}.retry") if node.retry else None
         self._check_on_hold(node, operation, path)
         on_hold = "" if node.on_hold == "again" else node.on_hold
-        return Invoke(node.do, operation, arguments, node.place, timeout, code, retry, on_hold)
+        classes = tuple(self._classes(node, operation, f"{path}.classes"))
+        return Invoke(node.do, operation, arguments, node.place, timeout, code, retry, on_hold, classes)
+
+    def _classes(self, node: InvokeNode, operation: Operation, path: str) -> Iterator[Mapping[str, Any]]:
+        """Yield results that a proof tries as well; each says what differs from the usual one."""
+        for index, raw in enumerate(node.classes):
+            at, fields = node.at("classes", index), operation.result
+            strange = [name for name in raw if name not in fields] if isinstance(raw, Map) else []
+            for name in strange:
+                what = f"result of {node.do}"
+                self._findings.unknown(at, "wrong-type", path, what, str(name), fields)
+            if strange:
+                continue
+            if isinstance(raw, Map):
+                fields = {name: kind for name, kind in fields.items() if name in raw}
+            kind = Type("record", f"result of {node.do}", fields=fields)
+            read = read_constant(raw, at, kind, self._findings, path)
+            if read is not None:
+                yield read.value
 
     def _check_on_hold(self, node: InvokeNode, operation: Operation, path: str) -> None:
         """Refuse what no release of a hold could do with the operation."""

@@ -2,7 +2,8 @@
 
 They follow from what is there: both truth values, every word of a text that is one of a few, and of a
 number what lies below, at and above each bound that the chart compares it with. Of records, places and texts
-there is one; lists hold as many elements as there are targets. Nobody has to write anything.
+there is one; lists hold as many elements as there are targets. Nobody has to write anything; the author of
+a mission may add `classes` to an input or an operation.
 """
 
 from __future__ import annotations
@@ -60,6 +61,10 @@ class Classes:
         self._bounds = _bounds(world)
         self._env = EvaluationScope(world, Memory())
         self._operations = {invoke.name: invoke.operation for _, invoke in invokes(world.chart)}
+        #: What authors have added, by the operation.
+        self._more: dict[str, list[Mapping[str, Any]]] = {name: [] for name in self._operations}
+        for _, invoke in invokes(world.chart):
+            self._more[invoke.name] += [one for one in invoke.classes if one not in self._more[invoke.name]]
         self.names: list[str] = []
         starts = {m.name: self._starts(m) for m in self.chart.missions.values()}
         self.requests = tuple(self._requests(starts))
@@ -132,12 +137,12 @@ class Classes:
         bounds = [float(b) for level in spec.levels for b in self._level(spec, level)]
         bounds += self._bounds.get(f"input.{spec.name}", [])
         if kind.kind in ("number", "integer") and bounds:
-            return _around(bounds, kind)
+            return [*_around(bounds, kind), *spec.classes]
         found = self._of_type(kind, spec.name)
-        if kind.kind != "list" or spec.of_mission:
-            return found
-        most = elements_told_apart(self.chart, spec.name)  # more are too many alike
-        return [value for value in found if len(value) <= most]
+        if kind.kind == "list" and not spec.of_mission:
+            most = elements_told_apart(self.chart, spec.name)  # more are too many alike
+            found = [value for value in found if len(value) <= most]
+        return [*found, *spec.classes]
 
     def _level(self, spec: Input, level: Any) -> list[float]:
         margin = float(level.hysteresis.evaluate(self._env)) if level.hysteresis else 0.0
@@ -167,7 +172,8 @@ class Classes:
             told = self._of_field(name, kind)
             plain = kind.kind in ("bool", "text", "number", "integer") and len(told) > 1
             fields[name] = told if plain or not known else known
-        return self._combined(operation, fields)
+        found = self._combined(operation, fields)
+        return [*found, *({**found[0], **one} for one in self._more[operation])]
 
     def codes(self, operation: str) -> list[str]:
         """Return the codes that an operation may end in."""
