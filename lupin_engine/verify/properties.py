@@ -47,7 +47,8 @@ class Glance(NamedTuple):
     """What properties must know of a memory as it was before a step; hashable, a function of the memory.
 
     `speaking` are the attempts that somebody listens to, `over` the invocations whose operation has ended for
-    good, `closed` how many visits of the mission `mission_id` have their outcome, over all sweeps.
+    good, `closed` how many visits of the mission `mission_id` have their outcome, over all sweeps,
+    `begun` the itineraries under way.
     """
 
     held: tuple[str, ...] = ()
@@ -55,6 +56,7 @@ class Glance(NamedTuple):
     over: tuple[str, ...] = ()
     closed: int = 0
     mission_id: str = ""
+    begun: tuple[str, ...] = ()
     broken: tuple[str, ...] = ()
 
 
@@ -116,6 +118,7 @@ def glance(memory: Memory) -> Glance:
         over(memory),
         closed(memory),
         memory.mission_id,
+        begun(memory),
         tuple(memory.broken),
     )
 
@@ -130,6 +133,11 @@ def speaking(memory: Memory) -> frozenset[str]:
 def over(memory: Memory) -> tuple[str, ...]:
     """Return the invocations whose operation has ended for good."""
     return tuple(found.id for found in memory.invocations.values() if _is_over(found, memory))
+
+
+def begun(memory: Memory) -> tuple[str, ...]:
+    """Return the states whose itineraries are under way."""
+    return tuple(name for name, walk in memory.itineraries.items() if walk.begun)
 
 
 def closed(memory: Memory) -> int:
@@ -285,8 +293,9 @@ def _closed_once(passage: Passage) -> str | None:
     memory, told = passage.after, [c for c in passage.step.commands if isinstance(c, Publish)]
     if not told and not (memory.itineraries and passage.step.taken):
         return None
-    begun = [walk for walk in memory.itineraries.values() if walk.begun]
-    visited = {visit.target for walk in begun for visit in (*walk.visits, *walk.earlier.values())}
+    visits = [(name, v) for name in begun(memory) for v in memory.itineraries[name].visits]
+    visits += [(name, v) for name in begun(memory) for v in memory.itineraries[name].earlier.values()]
+    visited = {visit.target for name, visit in visits if visit.closed or name in passage.before.begun}
     same = passage.before.mission_id == memory.mission_id
     newly = max(0, closed(memory) - (passage.before.closed if same else 0))  # another mission has fewer
     # What is published outside of a visit is about a target that has none.

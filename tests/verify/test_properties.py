@@ -277,6 +277,15 @@ def test_defects_of_a_chart_are_found() -> None:
     }
 
 
+def test_what_is_read_before_a_walk_begins_is_no_result_of_it() -> None:
+    """The step that publishes the reading of tag 1 begins the visits, that of tag 1 among them."""
+    read = ("publish.reading", {"tag": "1", "reading": {"t": 20}})
+    found = bench({"A": {"on": {"seen": {"target": "W", "do": read}}}, **WALK})
+    found.send("seen")
+    assert found.machine.memory.itineraries["W"].begun
+    assert [name for name in found.breaches if name == "closed_once"] == []
+
+
 def test_the_shipped_mission_keeps_them_all() -> None:
     """Each is a pure function of the passage: asked twice it says the same; what was relevant is counted."""
     inspection: Chart = shipped.mission("inspection")

@@ -28,6 +28,7 @@ from lupin_engine.verify.properties import (
     Passage,
     Property,
     Remembered,
+    begun,
     closed,
     over,
     speaking,
@@ -285,7 +286,7 @@ class _LazyGlance:
 
     def __getattr__(self, name: str) -> Any:
         memory = self._memory
-        work_out = {"speaking": speaking, "over": over, "closed": closed}.get(name)
+        work_out = {"speaking": speaking, "over": over, "closed": closed, "begun": begun}.get(name)
         found = work_out(memory) if work_out is not None else getattr(memory, name)
         found = tuple(found) if isinstance(found, list) else found
         setattr(self, name, found)
