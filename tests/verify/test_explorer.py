@@ -5,17 +5,25 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import Event
+from lupin_engine.machine.event import RESUMED, Event
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Phase
+from lupin_engine.machine.memory import Memory, Phase
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore
+from lupin_engine.machine.step import Step
+from lupin_engine.missions.selection import load_missions
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.sim.simulation import Simulation
+from lupin_engine.verify.campaign import Campaign
+from lupin_engine.verify.rates import read_rates
 from lupin_engine.verify.situations import classes
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph
 from lupin_engine.verify.situations.levels import LevelWalk, explore
@@ -131,17 +139,30 @@ def test_an_independent_walk_counts_the_same() -> None:
     assert found.progress.situations == len(seen)
 
 
+def outlines(explorer: KeepingExplorer) -> set[tuple[Any, ...]]:
+    """Return of all situations where they are, what holds them, and what is under way."""
+    known, table = set(), explorer.table
+    for situation in explorer.situations:
+        names = table.get(situation, ("attempts", "")) or ()
+        attempts = [table.get(situation, ("attempts", name)) for name in names]
+        held = table.get(situation, ("held", "")) or ()
+        known.add((table.get(situation, ("configuration", "")), frozenset(held), _phases(attempts)))
+    return known
+
+
+def reached(memory: Memory) -> tuple[Any, ...]:
+    """Return the same of a memory; what is lost, or ends without anybody waiting, is not told apart."""
+    waits = [a for a in memory.attempts.values() if a.phase is not Phase.LOST]
+    waits = [a for a in waits if a.phase is not Phase.CANCELLING or a.uses]
+    return memory.configuration, frozenset(memory.held), _phases(waits)
+
+
 def test_random_runs_see_nothing_else() -> None:
     """Whatever a machine comes to by chance, with real times, is among the situations."""
     of = round_trip()
     explorer = KeepingExplorer(of, restarts=False)
     assert explore(explorer).complete
-    known = set()
-    for situation in explorer.situations:
-        names = explorer.table.get(situation, ("attempts", "")) or ()
-        attempts = [explorer.table.get(situation, ("attempts", name)) for name in names]
-        held = explorer.table.get(situation, ("held", "")) or ()
-        known.add((explorer.table.get(situation, ("configuration", "")), tuple(held), _phases(attempts)))
+    known = outlines(explorer)
     for seed in range(40):
         dice, machine, now = random.Random(seed), Machine(World(of, {})), 0.0
         machine.start(now)
@@ -154,10 +175,35 @@ def test_random_runs_see_nothing_else() -> None:
             else:
                 now += wait
                 machine.handle(dice.choice(said(machine)), now)
-            memory = machine.memory
-            waits = [a for a in memory.attempts.values() if a.phase is not Phase.LOST]
-            waits = [a for a in waits if a.phase is not Phase.CANCELLING or a.uses]
-            assert (memory.configuration, tuple(memory.held), _phases(waits)) in known, seed
+            assert reached(machine.memory) in known, seed
+
+
+@pytest.mark.proof
+@pytest.mark.timeout(300)
+def test_random_inspections_see_nothing_else() -> None:
+    """Whatever the shipped mission comes to in random worlds is, until its orchestrator is started again."""
+    loaded = load_missions(["inspection"], shipped.catalog())
+    explorer = KeepingExplorer(loaded.chart, targets=1)
+    assert explore(explorer, live=False).complete
+    known = outlines(explorer)
+    file = Path(__file__).parents[1] / "campaigns" / "inspection.yaml"
+    campaign = Campaign(loaded, read_rates(file, loaded.chart), {})
+    came: set[tuple[Any, ...]] = set()
+    for seed in range(80):
+        script = campaign.script(seed)
+        script = replace(script, request={**script.request, "tag_sequence": [str(1 + seed % 29)]})
+        simulation = Simulation(loaded.chart, script, {}, make_world(loaded.chart, {}))
+
+        def look(step: Step, run: Simulation = simulation) -> None:
+            if step.event.name == RESUMED:
+                run.listener = lambda _: None
+            else:
+                came.add(reached(run.machine.memory))
+
+        simulation.listener = look
+        simulation.run()
+    assert len(came) > 50
+    assert came - known == set()
 
 
 def _phases(attempts: list[Any]) -> tuple[Any, ...]:
