@@ -217,4 +217,4 @@ def test_what_waits_for_a_time_of_day_is_among_the_timers(tmp_path: Path) -> Non
     assert plain(one.do("timers"))[0].split("  ")[-1] == "the clock has come to it in ASLEEP"
     story = plain(one.do("run"))
     assert any("it is 06:30 in ASLEEP" in line for line in story)
-    assert Tick(6.5 * 3600, "06:30") in timeline(one.simulation._result(False)).ticks
+    assert Tick(6.5 * 3600, "06:30") in timeline(one.simulation.result(False)).ticks

@@ -42,7 +42,8 @@ def findings_of(case: Path, catalog: Catalog) -> str:
         made, found = check_chart(MINI / LIFECYCLE, [case], catalog)
         if made is not None and case.stem.startswith(RULE.replace("-", "_")):
             found = (*found, *findings(prove(make_world(made, {}), Bounds(targets=0)), case.name))
-    return "".join(f"{diagnostic}\n" for diagnostic in found).replace(f"{CHARTS}/", "")
+    text = "".join(f"{diagnostic}\n" for diagnostic in found)
+    return text.replace(f"{CHARTS}/", "").replace(f"{os.path.relpath(CHARTS)}/", "")
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)
