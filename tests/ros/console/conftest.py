@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed he
 pytest.importorskip("playwright", reason="playwright is not installed here")
 
 from playwright.sync_api import BrowserContext, Page
+from websockets.sync.client import connect
 
 from lupin_engine.harness.domains import claimed_domain
 from tests.browsing import DESK, FLAGS, PATIENCE_MS, PHONE, browser, context, opened
@@ -20,6 +22,9 @@ from tests.ros.gateway.conftest import free_port
 from tests.ros.launch.processes import Lupin
 
 __all__ = ["DESK", "FLAGS", "PATIENCE_MS", "PHONE", "browser", "context"]
+
+
+STOPS, RESET = "/lupin/hmi/stops", "/lupin/hmi/reset_stop"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -71,6 +76,30 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     """`lupin up --hmi` with the simulated greenhouse, fast; modules share it and leave it at rest."""
     with serving(tmp_path_factory) as start:
         yield start("up", "--speed", "4")
+
+
+@pytest.fixture(autouse=True)
+def released(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Release the stops that pages of the test left: where it fails, the next begins at rest all the same."""
+    served: Served | None = request.getfixturevalue("robot") if "robot" in request.fixturenames else None
+    yield
+    if served is not None and served.lupin.process.poll() is None:
+        release_left(served.url)
+
+
+def release_left(url: str) -> None:
+    """Reset each stop whose page is gone; a page that has just been closed may still be on its way out."""
+    with connect(url.replace("http", "ws") + "_ros") as socket:
+        socket.send(json.dumps({"op": "subscribe", "topic": STOPS, "type": "std_msgs/msg/String"}))
+        while frame := json.loads(socket.recv(10)):
+            if frame["op"] != "publish":
+                continue
+            stops = json.loads(frame["msg"]["data"])["stops"]
+            for name in (stop["name"] for stop in stops if stop["left"]):
+                request = {"op": "call_service", "id": name, "service": RESET, "args": {"name": name}}
+                socket.send(json.dumps(request))
+            if not stops:
+                return
 
 
 @pytest.fixture

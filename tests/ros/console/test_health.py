@@ -68,6 +68,7 @@ def test_a_page_that_comes_later_knows_it_too(console: Page) -> None:
     expect(row.locator(".pill")).to_have_text(SINCE)
     # On a phone a row is a card: nothing lies beside the screen, and it is a row of a table still.
     console.set_viewport_size(ViewportSize(**PHONE))
+    row.locator(".pill").scroll_into_view_if_needed()
     expect(row.locator(".pill")).to_be_in_viewport()
     assert console.locator(".health .scroll").evaluate("(it) => it.scrollWidth <= it.clientWidth")
     expect(console.get_by_role("row", name="/mission_orchestrator").get_by_role("cell")).to_have_count(6)

@@ -88,6 +88,8 @@ def test_notifications_outlive_the_gateway(context: BrowserContext, robot: Serve
     console.get_by_role("button", name="Release my stop").click()
     stop = console.locator(".notices li", has_text="stopped by").first
     expect(stop).to_have_class("open")
+    # A gateway that dies before it took the release comes back stopped.
+    expect(console.locator("#stop-box")).to_have_attribute("data-state", "free")
     known = console.locator(".notices li.known").count()
     os.kill(robot.lupin.pid_of("lupin_gateway"), signal.SIGKILL)
     expect(console.locator(".bar .pill").first).to_have_text("✖ connection lost")
