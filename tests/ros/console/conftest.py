@@ -81,7 +81,10 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 @pytest.fixture(autouse=True)
 def released(request: pytest.FixtureRequest) -> Iterator[None]:
     """Release the stops that pages of the test left: where it fails, the next begins at rest all the same."""
-    served: Served | None = request.getfixturevalue("robot") if "robot" in request.fixturenames else None
+    served: Served | None = None
+    if "robot" in request.fixturenames:
+        request.getfixturevalue("browser")  # without one, the test is skipped before the robot is started
+        served = request.getfixturevalue("robot")
     yield
     if served is not None and served.lupin.process.poll() is None:
         release_left(served.url)
