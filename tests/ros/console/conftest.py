@@ -37,10 +37,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @dataclass
 class Served:
-    """What serves the console, and the address of the page."""
+    """What serves the console, the address of the page, and an operator's token where one is asked for."""
 
     lupin: Lupin
     url: str
+    token: str = ""
 
 
 @contextmanager
@@ -87,12 +88,13 @@ def released(request: pytest.FixtureRequest) -> Iterator[None]:
         served = request.getfixturevalue("robot")
     yield
     if served is not None and served.lupin.process.poll() is None:
-        release_left(served.url)
+        release_left(served)
 
 
-def release_left(url: str) -> None:
+def release_left(served: Served) -> None:
     """Reset each stop whose page is gone; a page that has just been closed may still be on its way out."""
-    with connect(url.replace("http", "ws") + "_ros") as socket:
+    address = served.url.replace("http", "ws") + "_ros"
+    with connect(address, additional_headers={"Cookie": f"lupin_token={served.token}"}) as socket:
         socket.send(json.dumps({"op": "subscribe", "topic": STOPS, "type": "std_msgs/msg/String"}))
         while frame := json.loads(socket.recv(10)):
             if frame["op"] != "publish":

@@ -8,6 +8,7 @@ import re
 import shutil
 import signal
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,7 @@ def robot(serve: Callable[..., Served], tmp_path_factory: pytest.TempPathFactory
     (missions / "forms.yaml").write_text(FORMS)
     files = [str(missions / f"{name}.yaml") for name in ("inspection", "exploration", "ask", "forms")]
     settings = ("--set", f"lupin_gateway.tokens={tokens}", "--set", "monitoring_sweeps=1")
-    return serve("up", *files, "--speed", "6", *settings)
+    return replace(serve("up", *files, "--speed", "6", *settings), token=OPERATOR)
 
 
 @pytest.fixture
