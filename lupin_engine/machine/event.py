@@ -36,8 +36,10 @@ class Event:
 
 #: How far the robot's clock is ahead of the machine's, when that has changed.
 CLOCK = "clock"
-#: Told by whoever runs the machine: another process goes on with it, a code to report, a hold to engage.
-RESUMED, TOLD, HELD_BACK = RUNNERS = ("engine.resumed", "engine.told", "engine.held")
+#: Told by whoever runs the machine: another process goes on with it, a code to report, a hold to engage, that
+#: it goes in circles without time.
+RUNNERS = ("engine.resumed", "engine.told", "engine.held", "engine.standstill")
+RESUMED, TOLD, HELD_BACK, STILL = RUNNERS
 #: The fields of what servers and sensors say, and of which type they are.
 _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
     {
@@ -51,6 +53,7 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
         RESUMED: {"detail": str, "held": bool, "away": (int, float)},
         TOLD: {"code": str, "detail": str},
         HELD_BACK: {"hold": str, "detail": str},
+        STILL: {"detail": str},
     }
 )
 #: Those that are times. No clock shows more seconds; it keeps sums finite and exact enough, and dates ours.

@@ -26,6 +26,7 @@ from lupin_engine.machine.event import (
     NOTHING,
     RESUMED,
     RUNNERS,
+    STILL,
     TOLD,
     Event,
     InternalEvent,
@@ -298,6 +299,9 @@ class Machine:
         step, data = self._step, event.data
         if event.name == TOLD:
             self.scope.record_code(data["code"], data["detail"], step)
+            return
+        if event.name == STILL:
+            step.fail("", data["detail"])
             return
         name = data.get("hold", RESTARTED)
         if event.name == RESUMED:

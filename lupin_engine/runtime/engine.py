@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from lupin_engine.errors import shortened
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import NOTHING, Act, Cancel, Command, Event, Start
+from lupin_engine.machine.event import NOTHING, STILL, Act, Cancel, Command, Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.step import Step
@@ -22,6 +22,11 @@ from lupin_engine.runtime.declared import DRIVER_CODE, DRIVER_FAILED, as_declare
 
 #: How many letters of what a server says about an attempt are kept: it is logged, recorded and shown.
 MAX_DETAIL = 500
+
+#: How many steps may be made at one go; more are a mission that goes in circles in no time.
+MOST_AT_ONCE = 10_000
+#: So many of them are looked at to tell the circle.
+_CIRCLE = 100
 
 #: By so much the robot's clock may come to differ from what the machine was told, in seconds.
 CLOCK_TOLERANCE_S = 0.5
@@ -82,6 +87,10 @@ class Engine:
         self._withheld: set[str] = set()
         self._queue: deque[Event] = deque()
         self._stepping = False
+        self._at_once = 0
+        #: What is entered and begun over and over.
+        self._entered: dict[str, None] = {}
+        self._begun: dict[str, None] = {}
 
     def start(self) -> None:
         """Enter the chart's initial states."""
@@ -150,12 +159,40 @@ class Engine:
             self._log.handled(now, event, origin)
         return self.machine.handle(event, now)
 
-    def drain(self) -> None:
-        """Fire what is due and step every queued event; events queued meanwhile are stepped as well."""
+    def drain(self, more: bool = False) -> None:
+        """Fire what is due and step every queued event; events queued meanwhile are stepped as well.
+
+        A mission that goes in circles without time is told so, which leads to FAULT, and the rest waits for
+        the next call: see `next_deadline`.
+
+        Args:
+            more: the steps of the call before count as well, because no time has passed.
+        """
         if self._stepping:
             return
+        self._at_once = self._at_once if more else 0
         while self._set_clock() or self._fire_due() or self._take_next():
-            pass
+            if self._at_once > MOST_AT_ONCE:
+                self._carry_out(self._handle(Event(STILL, {"detail": self._circle()}), self.clock.now()))
+                self._at_once = 0
+                return
+
+    def _count(self, step: Step) -> None:
+        self._at_once += 1
+        if self._at_once > MOST_AT_ONCE - _CIRCLE:
+            self._entered |= dict.fromkeys(step.entered)
+            self._begun |= {c.operation: None for c in step.commands if isinstance(c, Start)}
+
+    def _circle(self) -> str:
+        """Say that the mission goes in circles, and through what."""
+        ways = ((self._begun, "begin and end"), (self._entered, "are entered"), ({"it": None}, "goes on"))
+        names, do = next((", ".join(names), do) for names, do in ways if names)
+        self._entered.clear()
+        self._begun.clear()
+        return (
+            f"time stands still: more than {MOST_AT_ONCE} things happen at one moment;"
+            f" {names} {do} over and over, so let one of them take time"
+        )
 
     def _ahead(self, now: float) -> float | None:
         wall = self._wall()
@@ -173,7 +210,7 @@ class Engine:
     @property
     def next_deadline(self) -> float | None:
         """When `drain` is needed although nothing is posted, in the clock's time; None: never."""
-        return self.machine.next_deadline
+        return self.clock.now() if self._queue else self.machine.next_deadline
 
     def _fire_due(self) -> bool:
         now, due = self.clock.now(), self.machine.next_deadline
@@ -201,6 +238,7 @@ class Engine:
         while a step is carried out waits in the queue.
         """
         self._stepping = True
+        self._count(step)
         try:
             commands = [command for command in step.commands if isinstance(command, (Start, Cancel, Act))]
             first = 0

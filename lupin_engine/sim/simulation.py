@@ -7,6 +7,7 @@ same steps.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.event import Event, Start
+from lupin_engine.machine.event import STILL, Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.scope import World
@@ -37,10 +38,6 @@ from lupin_engine.sim.scripted import MockOutcome, Rule, Stage
 LIMIT = 24 * 3600.0
 #: What the robot's clock shows at the beginning when nobody says otherwise: never the computer's own date.
 NEW_YEAR = "2026-01-01 00:00"
-#: How many things may happen at one moment; more are a mission that goes in circles in no time.
-MOST_AT_ONCE = 10_000
-#: Steps in which a circle is looked for.
-_CIRCLE = 100
 #: How many steps of such circles are told.
 _TOLD = 12
 
@@ -339,9 +336,8 @@ class Simulation:
         self._counted: dict[int, int] = {}
         self._planned = 0
         self._stopped = False
-        #: While it runs: how many steps were made at the moment that is now.
-        self._at_once: int | None = None
-        self._moment = 0.0
+        #: When the engine was last let on.
+        self._moment = -1.0
 
     def _make_engine(self) -> Engine:
         drivers: dict[str, Any] = {}
@@ -356,7 +352,6 @@ class Simulation:
         Raises:
             Standstill: time stands still for ever.
         """
-        self._at_once = 0
         self.begin()
         cut_off = False
         while not self.is_over:
@@ -369,16 +364,6 @@ class Simulation:
                 break
             self.go_on()
         return self.result(cut_off)
-
-    def _standstill(self) -> str:
-        """Say that the mission goes in circles, and through which operations."""
-        commands = [command for step in self.steps[-_CIRCLE:] for command in step.commands]
-        begun = dict.fromkeys(command.operation for command in commands if isinstance(command, Start))
-        circle = f"{', '.join(begun)} begin and end over and over" if begun else "it goes in circles"
-        return (
-            f"time stands still at {self.now:.1f} s: more than {MOST_AT_ONCE} things happen at that moment;"
-            f" {circle}, so let one of them take time"
-        )
 
     # -- the same in pieces, for those who look on ------------------------------------------------------
 
@@ -458,7 +443,8 @@ class Simulation:
 
     def _drain(self) -> None:
         if not self._is_away:
-            self._engine.drain()
+            same, self._moment = self._moment == self.now, self.now
+            self._engine.drain(more=same)
 
     def wait_until(self, time: float) -> None:
         """Let pass what time there is until `time`; what is due before it must have happened."""
@@ -563,11 +549,9 @@ class Simulation:
             self._planned += 1
             self._agenda.note(step.time, self._start_mission)
         self.listener(step)
-        if self._at_once is not None:
-            same = self._moment == step.time
-            self._at_once, self._moment = (self._at_once + 1 if same else 0), step.time
-            if self._at_once > MOST_AT_ONCE:
-                raise Standstill(self._standstill(), len(self.steps) - self._at_once + _TOLD)
+        if step.event.name == STILL:
+            before = bisect_left(self.steps, step.time, key=lambda one: one.time)
+            raise Standstill(step.event.data["detail"], before + _TOLD)
 
     def _notice_beginnings(self, step: Step) -> None:
         """Plan what waits for a state that was entered, or for an operation that was started."""

@@ -8,7 +8,7 @@ import pytest
 
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Start
-from lupin_engine.sim import simulation
+from lupin_engine.runtime import engine
 from lupin_engine.sim.narration import short_name, shorten, tell
 from lupin_engine.sim.scripted import MockOutcome, Rule, contains
 from lupin_engine.sim.simulation import Ask, Happening, Run, Script, Tell, simulate
@@ -40,14 +40,14 @@ def test_a_mission_in_which_nothing_takes_time_does_not_go_on_for_ever(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A search for frontiers that are found and reached at once never comes to the end of its time."""
-    monkeypatch.setattr(simulation, "MOST_AT_ONCE", 500)
+    monkeypatch.setattr(engine, "MOST_AT_ONCE", 500)
     rules = [Rule(name, (MockOutcome(after=0.0),)) for name in ("nav.choose_frontier", "nav.go_to")]
     script = Script("ExplorationMission", rules=tuple(rules))
     with pytest.raises(LupinError) as caught:
         simulate(shipped.mission("exploration"), script)
     assert str(caught.value) == (
-        "time stands still at 0.5 s: more than 500 things happen at that moment; nav.go_to,"
-        " nav.choose_frontier begin and end over and over, so let one of them take time"
+        "time stands still: more than 500 things happen at one moment;"
+        " nav.choose_frontier, nav.go_to begin and end over and over, so let one of them take time"
     )
 
 

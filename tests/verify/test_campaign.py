@@ -19,7 +19,7 @@ from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.contract import Operation
 from lupin_engine.plugin.types import BOOL, NUMBER, within
-from lupin_engine.sim import simulation
+from lupin_engine.runtime import engine
 from lupin_engine.sim.scenario import Missions, load_scenario
 from lupin_engine.sim.scripted import AnyOf, MockOutcome
 from lupin_engine.verify.campaign import Campaign, CampaignSum
@@ -196,7 +196,7 @@ def test_what_is_violated_becomes_a_small_scenario(tmp_path: Path, monkeypatch: 
 
 def test_a_circle_without_time_becomes_a_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of what the servers of the circle say each time; `lupin test` tells of it, and ends."""
-    monkeypatch.setattr(simulation, "MOST_AT_ONCE", 500)
+    monkeypatch.setattr(engine, "MOST_AT_ONCE", 500)
     rates, catalog = tmp_path / "rates.yaml", shipped.catalog()
     rates.write_text(STILL, encoding="utf-8")
     loaded = load_missions(["exploration"], catalog)
@@ -218,8 +218,8 @@ def test_a_circle_without_time_becomes_a_scenario(tmp_path: Path, monkeypatch: p
     (failed,) = scenario.failures(scenario.run())
     assert failed.what == "violated: time_goes_on"
     assert failed.actual == (
-        "time stands still at 0.5 s: more than 500 things happen at that moment; nav.go_to,"
-        " nav.choose_frontier begin and end over and over, so let one of them take time"
+        "time stands still: more than 500 things happen at one moment;"
+        " nav.choose_frontier, nav.go_to begin and end over and over, so let one of them take time"
     )
 
 

@@ -23,7 +23,7 @@ from lupin_engine.ros.chart_record import chart_picture, chart_record
 from lupin_engine.ros.virtual.orchestrated import VirtualOrchestrator
 from lupin_engine.ros.virtual.pace import Pace
 from lupin_engine.sim.by_hand import Hand, Read, Wrong, first
-from lupin_engine.sim.simulation import MOST_AT_ONCE, Effect, Restart, Script, Simulation, Tell, is_named
+from lupin_engine.sim.simulation import Effect, Restart, Script, Simulation, Standstill, Tell, is_named
 
 #: The topic that tells how the simulation stands, as JSON, and the service that does something to it.
 SIMULATION_TOPIC, SIMULATION_SERVICE = "/simulation/state", "/simulation/do"
@@ -75,7 +75,6 @@ class SimulatedPages:
         self._until = self._note = ""
         self._repeated_at = -math.inf
         self._shown: dict[str, Any] = {}
-        self._at_once = 0
         self._orchestrator = self._made()
         self._begin()
         if speed is not None:
@@ -251,18 +250,16 @@ class SimulatedPages:
                 return
 
     def _go_on(self, due: float) -> None:
-        self._at_once = self._at_once + 1 if due <= self._simulation.now else 0
-        if self._at_once > MOST_AT_ONCE:
-            self._stand(f"time stands still: more than {MOST_AT_ONCE} things happen at this moment")
-        else:
+        try:
             self._simulation.go_on()
+        except Standstill as problem:
+            self._stand(str(problem))
 
     def _begin_anew(self) -> None:
         """Begin from the beginning; what was told is forgotten."""
         self._stand("")
         self._kept.clear()
         self._forget()
-        self._at_once = 0
         self._orchestrator = self._made()
         self._begin()
 
