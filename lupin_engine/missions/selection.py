@@ -42,10 +42,10 @@ def load_missions(names: Sequence[str], catalog: Catalog, *, reaching: bool = Fa
     if bundles and len(names) > 1:
         raise UsageError(f"{bundles[0]}: a bundle is used alone, without other missions")
     files = _files(names) if names else mission_files(folders()[0])
-    lifecycles = {lifecycle_of(file).resolve(): None for file in files}
+    lifecycles = {(found := lifecycle_of(file)).resolve(): found for file in files}
     if len(lifecycles) > 1:
         raise UsageError(f"these missions have different lifecycles: {', '.join(map(str, lifecycles))}")
-    lifecycle = next(iter(lifecycles), lifecycle_in(folders()[0]))
+    lifecycle = next(iter(lifecycles.values()), lifecycle_in(folders()[0]))
     loaded = load_files(lifecycle, files, catalog, reaching=reaching)
     return replace(loaded, bundle=Path(bundles[0])) if bundles else loaded
 
