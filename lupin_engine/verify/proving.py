@@ -1,7 +1,7 @@
 """Proofs of several missions, or of one with several values of its parameters, in processes of their own.
 
-Each process makes one proof after the other. What the machine's steps do is remembered by the process that
-made them: so processes share missions, not the situations of one.
+Each process makes one proof after the other, this one too where there is no other. What the machine's steps
+do is remembered by the process that made them: so processes share missions, not the situations of one.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass, replace
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.queues import SimpleQueue
 from multiprocessing.synchronize import Event
@@ -33,6 +34,8 @@ from lupin_engine.verify.situations.situation import TooMany
 ProofNews = tuple[int, ExplorationProgress, float]
 #: So often a process tells how far it is, in seconds.
 _TOLD_EVERY = 1.0
+#: Why a proof was stopped that somebody has interrupted.
+_INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)
@@ -56,14 +59,9 @@ def proof_tasks(
     return found
 
 
-def prove_task(
+def _prove(
     task: ProofTask, loaded: LoadedMissions, bounds: Bounds, goes_on: Callable[[ExplorationProgress], str]
 ) -> Proof:
-    """Make one proof.
-
-    Raises:
-        LupinError: the mission has situations without end.
-    """
     try:
         proof = prove(make_world(loaded.chart, task.parameters), bounds, goes_on)
     except TooMany as problem:
@@ -80,30 +78,41 @@ def prove_tasks(
     seconds: float | None,
     told: Callable[[int, ExplorationProgress, float], None],
 ) -> list[Proof]:
-    """Make proofs in processes, all within some seconds; Ctrl-C stops all in order.
+    """Make proofs, all within some seconds; Ctrl-C stops all in order.
 
     Args:
+        jobs: in so many processes; one proof after the other is made in this one.
         told: called now and then for each proof under way: its number, how far it is, and after how long (s).
 
     Raises:
         LupinError: a mission has situations without end.
     """
+    workers, began = min(jobs, len(tasks)), time.monotonic()
+    if workers < 2:
+        made: list[Proof] = []
+        for number, task in enumerate(tasks):
+            look = _looks(partial(told, number), lambda: _was_interrupted(made), seconds, began)
+            made.append(_prove(task, loaded[task.mission], bounds, look))
+        return made
     context = get_context("spawn")
     stop = context.Event()
-    workers = min(jobs, len(tasks))
     news = context.SimpleQueue()
-    with ProcessPoolExecutor(workers, context, _begin, (stop, news, seconds, time.monotonic())) as pool:
+    with ProcessPoolExecutor(workers, context, _begin, (stop, news, seconds, began)) as pool:
         # Processes that begin leave a Ctrl-C to this one from their first moment on.
         usual = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
-            made = [pool.submit(_prove_here, number, task, bounds) for number, task in enumerate(tasks)]
+            asked = [pool.submit(_prove_here, number, task, bounds) for number, task in enumerate(tasks)]
         finally:
             signal.signal(signal.SIGINT, usual)
-        _gather(made, stop, news, told)
-        proofs = [future.result() for future in made]
+        _gather(asked, stop, news, told)
+        proofs = [future.result() for future in asked]
     return [
         replace(proof, chart=loaded[task.mission].chart) for proof, task in zip(proofs, tasks, strict=True)
     ]
+
+
+def _was_interrupted(made: Sequence[Proof]) -> bool:
+    return bool(made) and made[-1].stopped == _INTERRUPTED
 
 
 def _gather(
@@ -123,10 +132,26 @@ def _gather(
             stop.set()
 
 
-def out_of_time(seconds: float | None, began: float) -> str:
-    """Say that a budget ran out, by the monotonic clock; '' while it did not."""
-    over = seconds is not None and time.monotonic() - began > seconds
-    return f"the budget of {seconds:g} s ran out" if over else ""
+def _looks(
+    tell: Callable[[ExplorationProgress, float], None],
+    is_over: Callable[[], bool],
+    seconds: float | None,
+    began: float,
+) -> Callable[[ExplorationProgress], str]:
+    """Return what a proof asks now and then: it tells how far it is, and says why to stop, or nothing."""
+    since = last = time.monotonic()
+
+    def look(progress: ExplorationProgress) -> str:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= _TOLD_EVERY:
+            last = now
+            tell(progress, now - since)
+        if is_over():
+            return _INTERRUPTED
+        return f"the budget of {seconds:g} s ran out" if seconds is not None and now - began > seconds else ""
+
+    return look
 
 
 # -- in a process of its own -----------------------------------------------------------------------------
@@ -145,17 +170,9 @@ def _begin(stop: Event, news: SimpleQueue[ProofNews], seconds: float | None, beg
 
 
 def _prove_here(number: int, task: ProofTask, bounds: Bounds) -> Proof:
-    began = last = time.monotonic()
-
-    def goes_on(progress: ExplorationProgress) -> str:
-        nonlocal last
-        now = time.monotonic()
-        if _news is not None and now - last >= _TOLD_EVERY:
-            last = now
-            _news.put((number, progress, now - began))
-        if _stop is not None and _stop.is_set():
-            return "interrupted"
-        return out_of_time(_seconds, _began)
-
+    news, stop = _news, _stop
+    assert news is not None, "the process has begun"
+    assert stop is not None, "the process has begun"
+    look = _looks(lambda *how_far: news.put((number, *how_far)), stop.is_set, _seconds, _began)
     loaded = load_missions([task.mission], load_catalog())
-    return replace(prove_task(task, loaded, bounds, goes_on), chart=None)  # type: ignore[arg-type]
+    return replace(_prove(task, loaded, bounds, look), chart=None)  # type: ignore[arg-type]

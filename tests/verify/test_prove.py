@@ -157,10 +157,11 @@ def test_missions_are_loaded_anew_only_where_none_is_under_way() -> None:
         assert not any(getattr(after, name) for name in DROPPED)
 
 
-def test_an_interruption_tells_what_each_process_has_found() -> None:
-    """Each proof shows how far it is; after a Ctrl-C at the terminal all end in order."""
+@pytest.mark.parametrize(("jobs", "shown"), [("2", ["Inspection", "Exploration"]), ("1", ["Exploration"])])
+def test_an_interruption_tells_what_was_found(jobs: str, shown: list[str]) -> None:
+    """Each proof under way shows how far it is; after a Ctrl-C at the terminal all end in order."""
     ours, theirs = os.openpty()
-    asked = ["prove", "inspection", "exploration", "--targets", "4", "--jobs", "2", "--no-scenarios"]
+    asked = ["prove", "exploration", "inspection", "--targets", "4", "--jobs", jobs, "--no-scenarios"]
     process = subprocess.Popen(
         [sys.executable, "-m", "lupin_engine.cli.main", *asked],
         stdout=subprocess.PIPE,
@@ -170,7 +171,7 @@ def test_an_interruption_tells_what_each_process_has_found() -> None:
     )
     os.close(theirs)
     told = ""
-    while not all(f"{name}Mission: " in told for name in ("Inspection", "Exploration")):
+    while not all(f"{name}Mission: " in told for name in shown):
         told += os.read(ours, 65536).decode(errors="replace")
     os.killpg(process.pid, signal.SIGINT)
     with suppress(OSError):  # nobody has the terminal open any more
@@ -184,5 +185,5 @@ def test_an_interruption_tells_what_each_process_has_found() -> None:
     )
     assert "Traceback" not in told
     lines = [line for line in found.decode().splitlines() if "not proven, " in line]
-    assert [line.partition(": ")[0] for line in lines] == ["InspectionMission", "ExplorationMission"]
+    assert [line.partition(": ")[0] for line in lines] == ["ExplorationMission", "InspectionMission"]
     assert all(re.search(r"not proven, interrupted: [1-9]", line) for line in lines)

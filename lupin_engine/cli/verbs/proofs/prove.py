@@ -28,12 +28,8 @@ if TYPE_CHECKING:
     from lupin_engine.missions.load import LoadedMissions
     from lupin_engine.verify.proof import Proof, Proven
     from lupin_engine.verify.proving import ProofTask
-    from lupin_engine.verify.situations.explorer import Bounds
     from lupin_engine.verify.situations.found import ExplorationProgress
     from lupin_engine.verify.story import FailingScenario
-
-#: So often a line tells how far it is, in seconds.
-_EVERY = 1.0
 
 
 @click.command(short_help="Look at every way that missions can go, without ROS.")
@@ -115,13 +111,10 @@ def prove(
         task for name, one in loaded.items() for task in proof_tasks(one, name, given[name], every_class)
     ]
     bounds = Bounds(targets, late, not no_restarts)
-    jobs = min(jobs or os.cpu_count() or 1, len(tasks))
+    jobs = jobs or os.cpu_count() or 1
     shown = not (as_json or quiet) and sys.stderr.isatty()
-    if jobs > 1:
-        with _progress_of(tasks, loaded, shown) as told:
-            made = prove_tasks(tasks, loaded, bounds, jobs, seconds, told)
-    else:
-        made = _one_by_one(tasks, loaded, bounds, seconds, shown)
+    with _progress_of(tasks, loaded, shown) as told:
+        made = prove_tasks(tasks, loaded, bounds, jobs, seconds, told)
     proofs = []
     for task, proof in zip(tasks, made, strict=True):
         one = loaded[task.mission]
@@ -150,49 +143,6 @@ def read_budget(option: str, budget: str | None) -> float | None:
         return None if budget is None else float(convert(budget, DURATION))
     except ValueError as problem:
         raise UsageError(f"{option}: {problem}; write a duration such as '60 s'") from None
-
-
-def _one_by_one(
-    tasks: Sequence[ProofTask],
-    loaded: Mapping[str, LoadedMissions],
-    bounds: Bounds,
-    seconds: float | None,
-    shown: bool,
-) -> list[Proof]:
-    """Make proofs one after the other; after an interruption the rest is not begun."""
-    from lupin_engine.verify.proving import prove_task
-
-    began = time.monotonic()
-    made: list[Proof] = []
-    for task in tasks:
-        one = loaded[task.mission]
-        tell = _progress(one.names[0], seconds, began, shown)
-        over = bool(made) and made[-1].stopped == "interrupted"
-        made.append(prove_task(task, one, bounds, _interrupted if over else tell))
-    return made
-
-
-def _interrupted(_: ExplorationProgress) -> str:
-    return "interrupted"
-
-
-def _progress(
-    name: str, seconds: float | None, budget_began: float, shown: bool
-) -> Callable[[ExplorationProgress], str]:
-    """Return what is asked now and then: it shows how far it is, and says when the time is over."""
-    from lupin_engine.verify.proving import out_of_time
-
-    began = time.monotonic()
-    last = [began]
-
-    def look(progress: ExplorationProgress) -> str:
-        now = time.monotonic()
-        if shown and now - last[0] >= _EVERY:
-            last[0] = now
-            click.echo(f"\r{_so_far(name, progress, now - began)} ", err=True, nl=False)
-        return out_of_time(seconds, budget_began)
-
-    return look
 
 
 def _so_far(name: str, progress: ExplorationProgress, took: float) -> str:
@@ -239,14 +189,14 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
     """
     from lupin_engine.missions.selection import load_missions
     from lupin_engine.verify.breach import findings
-    from lupin_engine.verify.proving import ProofTask, prove_task
+    from lupin_engine.verify.proving import ProofTask, prove_tasks
     from lupin_engine.verify.situations.explorer import Bounds
 
     found: list[Diagnostic] = []
     for file in files:
         loaded = load_missions([str(file)], load_catalog())
-        tell = _progress(loaded.names[0], seconds / len(files), time.monotonic(), shown=False)
-        proof = prove_task(ProofTask(str(file), {}), loaded, Bounds(), tell)
+        task, of = ProofTask(str(file), {}), {str(file): loaded}
+        (proof,) = prove_tasks([task], of, Bounds(), 1, seconds / len(files), lambda *_: None)
         if told:
             _show(loaded, proof, {}, quiet=True, wanted=False)
         else:
