@@ -89,6 +89,7 @@ def attendant(robot: Served, monkeypatch: pytest.MonkeyPatch) -> Iterator[Attend
     found = Attendant()
     assert found.hear(PATIENCE)
     in_state(found, "READY", "DONE")
+    found.command("resume")  # an orchestrator that stood still in the test before has begun anew, held
     yield found
     found.command("resume")
     found.command("abort")

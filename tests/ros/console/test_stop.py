@@ -42,6 +42,7 @@ def listener(robot: Served, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     monkeypatch.setenv("ROS_DOMAIN_ID", str(robot.lupin.domain))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     found = Robot()
+    found.is_told(False, AFTER_RESTART)
     yield found
     found.ros.close()
 
