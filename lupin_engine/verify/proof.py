@@ -6,11 +6,14 @@ import enum
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 from lupin_engine.chart.model import Chart
+from lupin_engine.errors import Problems, UsageError
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
 from lupin_engine.verify.authored import properties_of
+from lupin_engine.verify.outcomes import OutcomePage, read_page
 from lupin_engine.verify.situations.explorer import (
     NO_EXCEPTION,
     Bounds,
@@ -19,6 +22,7 @@ from lupin_engine.verify.situations.explorer import (
 from lupin_engine.verify.situations.found import Breach, ExplorationProgress, Explored
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph, broken
 from lupin_engine.verify.situations.levels import explore
+from lupin_engine.verify.situations.relevance import reads
 from lupin_engine.verify.situations.timing import timed_run
 from lupin_engine.verify.situations.ways import ShortestWays
 from lupin_engine.verify.situations.worlds import OF_PROPERTY
@@ -82,7 +86,10 @@ class Proof:
 
 
 def prove(
-    world: World, bounds: Bounds, goes_on: Callable[[ExplorationProgress], str] = lambda _: ""
+    world: World,
+    bounds: Bounds,
+    goes_on: Callable[[ExplorationProgress], str] = lambda _: "",
+    outcomes: Path | None = None,
 ) -> Proof:
     """Look at every situation of a chart.
 
@@ -90,12 +97,17 @@ def prove(
         world: the chart with its parameters.
         bounds: how far is looked.
         goes_on: called now and then; returns why to stop, or nothing.
+        outcomes: a page of which every cell is looked at as well.
 
     Raises:
         TooMany: something grows without end; the text says what.
+        UsageError: the page cannot be read, or asks for what situations do not tell apart.
     """
-    watched = properties_of(world.chart)
+    page = None if outcomes is None else read_page(outcomes, world.chart)
+    watched = (*properties_of(world.chart), *((page.watched,) if page else ()))
     explorer = SituationExplorer(world, watched, bounds)
+    if page is not None:
+        _check_seen(page, explorer)
     explored = explore(explorer, goes_on)
     judge = _Judge(explorer, explored)
     found = [judge.of_steps(one.name, one.says) for one in watched]
@@ -106,7 +118,7 @@ def prove(
     return Proof(
         world.chart,
         tuple(found),
-        tuple(in_words(explorer, explored)),
+        (*in_words(explorer, explored), *(page.in_words(explored.relevant) if page else ())),
         explored.progress,
         explored.complete,
         explored.stopped,
@@ -114,6 +126,21 @@ def prove(
         frozenset(explored.taken),
         frozenset(explored.entered),
     )
+
+
+def _check_seen(page: OutcomePage, explorer: SituationExplorer) -> None:
+    """Refuse conditions about what no condition of the mission reads: situations do not tell that apart."""
+    problems, seen = Problems(UsageError), explorer.relevance
+    levelled = {name for name, spec in explorer.chart.inputs.items() if spec.levels}
+    for condition in page.conditions:
+        for root, name in reads(condition):
+            known = {"context": seen.variables, "input": seen.inputs | levelled}.get(root)
+            if known is not None and name not in known:
+                problems.add(
+                    f"{condition.place.shown}: no condition of the mission reads {name!r}, so situations with"
+                    " different values are one; leave it out"
+                )
+    problems.tell()
 
 
 class _Judge:

@@ -61,11 +61,15 @@ class Glance(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """One step as it is judged: what was before, the step, and the scope with the memory after it."""
+    """One step as it is judged: what was before, the step, and the scope with the memory after it.
+
+    `was` makes the scope with the memory before it, where whoever makes steps still has that.
+    """
 
     before: Glance
     step: Step
     scope: EvaluationScope
+    was: Callable[[], EvaluationScope] | None = None
 
     @property
     def after(self) -> Memory:
@@ -79,10 +83,14 @@ class Passage(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What a property says of a step: whether it was about it, and how it was broken, '' if it was not."""
+    """What a property says of a step: whether it was about it, and how it was broken, '' if it was not.
+
+    `about` are the parts of the property that it was about, where it has parts.
+    """
 
     relevant: bool
     breach: str = ""
+    about: tuple[str, ...] = ()
 
 
 NOT_ABOUT, HOLDS = Verdict(False), Verdict(True)

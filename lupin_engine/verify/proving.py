@@ -16,6 +16,7 @@ from functools import partial
 from multiprocessing import get_context
 from multiprocessing.queues import SimpleQueue
 from multiprocessing.synchronize import Event
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -40,22 +41,30 @@ _INTERRUPTED = "interrupted"
 
 @dataclass(frozen=True)
 class ProofTask:
-    """One proof: of the mission that is called so, with some parameters; `varied`: what is not as given."""
+    """One proof: of the mission that is called so, with some parameters; `varied`: what is not as given.
+
+    `outcomes` is the page whose cells are looked at, if any.
+    """
 
     mission: str
     parameters: Mapping[str, Any]
     varied: str = ""
+    outcomes: Path | None = None
 
 
 def proof_tasks(
-    loaded: LoadedMissions, mission: str, given: Mapping[str, Any], every: bool
+    loaded: LoadedMissions,
+    mission: str,
+    given: Mapping[str, Any],
+    every: bool,
+    outcomes: Path | None = None,
 ) -> list[ProofTask]:
     """Return the proofs of a mission: as given, and with `every` other class of one parameter at a time."""
-    found = [ProofTask(mission, given)]
+    found = [ProofTask(mission, given, "", outcomes)]
     world = make_world(loaded.chart, given)
     for name, value in parameter_classes(world) if every else ():
         if name not in given:
-            found.append(ProofTask(mission, {**given, name: value}, f"{name} is {value}"))
+            found.append(ProofTask(mission, {**given, name: value}, f"{name} is {value}", outcomes))
     return found
 
 
@@ -63,7 +72,7 @@ def _prove(
     task: ProofTask, loaded: LoadedMissions, bounds: Bounds, goes_on: Callable[[ExplorationProgress], str]
 ) -> Proof:
     try:
-        proof = prove(make_world(loaded.chart, task.parameters), bounds, goes_on)
+        proof = prove(make_world(loaded.chart, task.parameters), bounds, goes_on, task.outcomes)
     except TooMany as problem:
         raise LupinError(f"{loaded.names[0]} has situations without end: {problem}") from None
     varied = (f"In this proof {task.varied}.",) if task.varied else ()
@@ -166,7 +175,11 @@ def _begin(stop: Event, news: SimpleQueue[ProofNews], seconds: float | None, beg
     global _stop, _news, _seconds, _began
     _stop, _news, _seconds, _began = stop, news, seconds, began
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who dealt out says when to stop
-    copyreg.pickle(MappingProxyType, lambda found: (MappingProxyType, (dict(found),)))
+    copyreg.pickle(MappingProxyType, lambda found: (_unchanging, (dict(found),)))
+
+
+def _unchanging(found: dict[str, Any]) -> MappingProxyType[str, Any]:
+    return MappingProxyType(found)
 
 
 def _prove_here(number: int, task: ProofTask, bounds: Bounds) -> Proof:

@@ -14,6 +14,7 @@ from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.scenario import Missions, load_scenario_text
 from lupin_engine.sim.simulation import Run
+from lupin_engine.verify.outcomes import OUTCOMES
 from lupin_engine.verify.proof import Proven
 from lupin_engine.verify.properties import STANDSTILL
 from lupin_engine.verify.situations.graph import NO_ZENO, SILENCE
@@ -66,6 +67,8 @@ def why_none(broken: Proven) -> str:
     """Return why no scenario was written for a property that is broken."""
     if broken.steps is None:
         return "no times were found at which this happens in that order: it may not be possible"
+    if broken.name == OUTCOMES:
+        return "no scenario: they do not read the page; it comes to this so:"
     return "no scenario: a simulation of these moves does not break it"
 
 

@@ -18,7 +18,7 @@ _MOMENTARY = ("event", "error", "request", "target", "itinerary")
 WATCHED_ALWAYS = frozenset(
     {"hold_starts_nothing", "hold_stops_all", "no_false_start", "closed_once", "all_closed"}
     | {"former_attempts", "no_execution_error", "invariants", "ends_are_handled", "no_deaf_wait"}
-    | {"refusals_have_reasons", "time_goes_on", "no_exception", "resources_exclude"}
+    | {"refusals_have_reasons", "time_goes_on", "no_exception", "resources_exclude", "outcomes"}
     | {"home_again", "silence_is_told", "abort_stops", "no_zeno", "no_livelock"}
 )
 _KINDS = ("always", "never", "eventually")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 from lupin_engine.errors import reason
@@ -17,7 +18,7 @@ from lupin_engine.machine.event import Cancel, Report
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Attempt, Phase
 from lupin_engine.machine.reload import is_idle, successor
-from lupin_engine.machine.scope import World
+from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.profile import Publish
@@ -179,7 +180,7 @@ class SituationExplorer:
         return Effect(
             tuple(delta.items()),
             breaches,
-            relevant,
+            frozenset(relevant),
             step.taken,
             step.entered,
             progress,
@@ -195,12 +196,13 @@ class SituationExplorer:
 
     def _judge(
         self, memory: TrackedMemory, machine: Machine, step: Step, before: TrackedMemory | None
-    ) -> tuple[Watched, tuple[tuple[str, str], ...], frozenset[str]]:
+    ) -> tuple[Watched, tuple[tuple[str, str], ...], set[str]]:
         """Return what properties remember, those that a step breaks, each with how, and those it is about."""
         # What always holds of a situation still does where nothing but live values changes.
         quiet = not (step.changed or step.codes or step.event.is_attempt_event)
         seen = Glance() if before is None else cast(Glance, _LazyGlance(before))
-        passage = Passage(seen, step, machine.scope)
+        was = None if before is None else partial(EvaluationScope, self.world, before)
+        passage = Passage(seen, step, machine.scope, was)
         known: dict[str, Remembered] = {}
         if len(self.properties) > len(BUILT_IN):
             known = dict(memory.fetch(self.table.index[WATCHED]) or ())
@@ -218,7 +220,8 @@ class SituationExplorer:
                 judged.append((one.name, verdict))
         breaches = tuple((name, verdict.breach) for name, verdict in judged if verdict.breach)
         watched = tuple(sorted((name, state) for name, state in known.items() if state))
-        return watched, breaches, frozenset(name for name, verdict in judged if verdict.relevant)
+        relevant = {name for name, verdict in judged if verdict.relevant}
+        return watched, breaches, relevant.union(*(verdict.about for _, verdict in judged))
 
     def _late(self, memory: TrackedMemory, situation: Situation, name: str) -> Effect:
         """Let the time of a property pass."""

@@ -53,6 +53,12 @@ if TYPE_CHECKING:
     help="Prove as well with the other values of each parameter that conditions tell apart, one at a time.",
 )
 @click.option(
+    "--outcomes",
+    metavar="PAGE.md",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Look as well whether what follows is what this page says in each of its cells.",
+)
+@click.option(
     "--jobs", "-j", type=click.IntRange(min=1), help="Proofs side by side; default: one for each core."
 )
 @click.option("--budget", metavar="DURATION", help="Stop after so much time in all, such as '60 s'.")
@@ -73,6 +79,7 @@ def prove(
     late: int,
     no_restarts: bool,
     every_class: bool,
+    outcomes: Path | None,
     jobs: int | None,
     budget: str | None,
     no_scenarios: bool,
@@ -108,7 +115,9 @@ def prove(
         problems.add(*wrong)
     problems.tell()
     tasks = [
-        task for name, one in loaded.items() for task in proof_tasks(one, name, given[name], every_class)
+        task
+        for name, one in loaded.items()
+        for task in proof_tasks(one, name, given[name], every_class, outcomes)
     ]
     bounds = Bounds(targets, late, not no_restarts)
     jobs = jobs or os.cpu_count() or 1
