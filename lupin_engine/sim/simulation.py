@@ -605,7 +605,7 @@ def label_of(chart: Chart, configuration: Iterable[str]) -> str:
 
 def is_named(full: str, name: str) -> bool:
     """Say whether a state's full name is meant by `name`: all of it, or its last parts."""
-    return full == name or full.endswith(f".{name}")
+    return full.endswith(name) and (len(full) == len(name) or full[-len(name) - 1] == ".")
 
 
 def takes_start(chart: Chart, configuration: tuple[str, ...]) -> bool:

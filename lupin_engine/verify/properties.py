@@ -150,8 +150,12 @@ def begun(memory: Memory) -> tuple[str, ...]:
 
 def closed(memory: Memory) -> int:
     """Return how many visits have their outcome, over all sweeps."""
-    walks = memory.itineraries.values()
-    return sum([sum(walk.past.values()) + len([v for v in walk.visits if v.status]) for walk in walks])
+    count = 0
+    for walk in memory.itineraries.values():
+        count += sum(walk.past.values()) if walk.past else 0
+        for visit in walk.visits:
+            count += bool(visit.status)
+    return count
 
 
 def _is_over(invocation: Invocation, memory: Memory) -> bool:
