@@ -16,6 +16,7 @@ from lupin_engine.machine import event as events
 from lupin_engine.machine.event import RESUMED, Event
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Memory, Phase
+from lupin_engine.machine.operations import EVERYTHING
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step
@@ -55,6 +56,32 @@ def test_what_is_remembered_changes_nothing(of: Chart) -> None:
     assert fast.progress.steps <= slow.progress.steps
     assert fast.progress.situations == slow.progress.situations
     assert (fast.sources, fast.targets, fast.by) == (slow.sources, slow.targets, slow.by)
+
+
+def test_a_restart_after_a_lost_order_is_looked_at_with_late_answers() -> None:
+    """The order is cancelled once more, and everything waits for that; otherwise it is forgotten."""
+
+    def phases(owed: int) -> set[tuple[str, ...]]:
+        explorer = KeepingExplorer(round_trip(), owed=owed)
+        found, table = explore(explorer), explorer.table
+        assert found.breaches == {}
+
+        def orders(number: int) -> dict[str, Any]:
+            row = explorer.situations[number]
+            return {
+                name: table.get(row, ("attempts", name)) for name in table.get(row, ("attempts", "")) or ()
+            }
+
+        restart = next(
+            n for n, move in enumerate(found.moves.all) if move.event and move.event.name == RESUMED
+        )
+        moves = zip(found.sources, found.targets, found.by, strict=True)
+        pairs = [(orders(source), orders(target)) for source, target, by in moves if by == restart]
+        lost = [after[name] for before, after in pairs for name in before if before[name].phase is Phase.LOST]
+        return {(order.phase.value, *order.uses) for order in lost}
+
+    assert phases(0) == set()
+    assert phases(1) == {("cancelling", EVERYTHING)}
 
 
 @pytest.mark.parametrize("of", [round_trip(), shipped.mission("inspection")])
