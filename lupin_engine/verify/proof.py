@@ -215,10 +215,14 @@ def _dead(chart: Chart, explored: Explored) -> tuple[str, ...]:
 def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
     """Return how far was looked, as sentences."""
     bounds, classes = explorer.bounds, explorer.classes
-    owed = f"{bounds.owed} operations" if bounds.owed != 1 else "one operation"
+    late = "no operation answers when nobody waits for it any more (--late)"
+    if bounds.owed:
+        late = (
+            f"operations that nobody waits for any more: {bounds.owed} of them may still answer at any time"
+        )
     found = [
         f"Itineraries and lists have 0 to {bounds.targets} elements; which they are makes no difference.",
-        f"{owed} may still answer late, when nobody waits for that any more; what else is late is dropped.",
+        f"{late.capitalize()}.",
         "A deadline fires at any time, but not before one that was certainly due earlier.",
         f"{len(classes.requests)} requests, {len(classes.values)} values of inputs and {len(classes.events)}"
         " events of plugins come at any time; of equal events, and of times of day, one waits during a hold.",
@@ -231,9 +235,8 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
     else:
         found.append("The process does not end.")
     if explorer.relevance.passengers:
-        found.append(
-            f"Not told apart, because nothing hangs on them: {', '.join(explorer.relevance.passengers)}."
-        )
+        names = ", ".join(explorer.relevance.passengers)
+        found.append(f"Not told apart, because no condition depends on them: {names}.")
     if explored.cut:
         found.append(f"{explored.cut} moves that lead beyond these bounds were not followed.")
     found += [f"Not all values were tried: {text}." for text in classes.left_out]
