@@ -291,7 +291,9 @@ def test_the_verb_tells_what_was_looked_at(tmp_path: Path, capsys: pytest.Captur
     assert lines[-1].startswith("3 seeds, ")
 
 
-def test_wrong_use_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_use_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A file that is not there, a setting that does not exist, a cluster that does not answer."""
     given = ["campaign", "inspection", "--rates", str(tmp_path / "no.yaml"), "--set", "nav_timeout=3 s"]
     assert main(given) == 2
@@ -300,6 +302,7 @@ def test_wrong_use_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
         "--set: unknown parameter 'nav_timeout'; did you mean 'nav_timeout_s'?",
     ]
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+    monkeypatch.setattr("lupin_engine.cli.verbs.proofs.campaign.SCHEDULER_S", 0.5)
     assert main(["campaign", "inspection", "--cluster", "tcp://127.0.0.1:9"]) == 2
     assert "no Dask scheduler answers at 'tcp://127.0.0.1:9': " in capsys.readouterr().err
     assert default_rates(shipped.mission("inspection")).targets is None

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from lupin_engine.verify.campaign import Campaign, CampaignSum, Violation
     from lupin_engine.verify.dealing import Dealer
 
+#: How long the scheduler of a cluster has to answer, in seconds.
+SCHEDULER_S = 10.0
+
 
 @click.command(short_help="Run a mission in thousands of random worlds.")
 @click.argument("mission")
@@ -122,7 +125,7 @@ def _cluster(address: str, dealer: Dealer) -> Callable[[], Executor]:
     except ImportError:
         raise UsageError("--cluster needs Dask: pip install 'lupin-engine[cluster]'") from None
     try:
-        client = Client(address, timeout="10s", set_as_default=False)
+        client = Client(address, timeout=SCHEDULER_S, set_as_default=False)
     except (OSError, ValueError) as problem:
         raise UsageError(f"no Dask scheduler answers at {address!r}: {problem}") from None
     dealer.workers = max(1, len(client.scheduler_info()["workers"]))
