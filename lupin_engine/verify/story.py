@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError
 from lupin_engine.replay.reconstruction import RunRecord, script_of
 from lupin_engine.replay.yaml_text import yaml_text
+from lupin_engine.runtime.history import History
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.scenario import Missions, load_scenario_text
 from lupin_engine.sim.simulation import Run
@@ -22,17 +23,28 @@ from lupin_engine.verify.situations.relevance import invokes
 
 #: To how many digits times are written: the first with which the scenario fails will do.
 _DIGITS = (3, 6, 12)
+#: How many steps after the breach are told.
+_FOLLOW = 20
 #: How much longer a scenario goes on that waits for something that does not come.
 _WAIT = "1 h"
 
 
 @dataclass(frozen=True)
 class FailingScenario:
-    """A scenario that fails because a property is broken: its file, its text and its run."""
+    """A scenario that fails because a property is broken: its file, its text and its run.
+
+    Of a run that goes on and on there is what tells enough; `more` steps follow.
+    """
 
     file: Path
     text: str
     run: Run
+    more: int = 0
+
+    @property
+    def rest(self) -> str:
+        """What is not told, in a few words; '' where all is."""
+        return f"and so on: {self.more} more steps" if self.more else ""
 
 
 def failing_scenario(
@@ -59,7 +71,10 @@ def failing_scenario(
         text = yaml_text({**parts, **_after(broken, chart, parts)})
         run = _failing(broken, text, file, missions)
         if run is not None:
-            return FailingScenario(file, text, run)
+            told = run.history.steps[: len(broken.steps) + _FOLLOW]
+            more = len(run.history.steps) - len(told)
+            told_run = replace(run, history=History(told), seconds=told[-1].time) if more else run
+            return FailingScenario(file, text, told_run, more)
     return None
 
 

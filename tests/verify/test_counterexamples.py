@@ -148,3 +148,19 @@ def test_a_circle_without_time_is_a_scenario(tmp_path: Path, capsys: pytest.Capt
     told = capsys.readouterr().out
     assert "violated: time_goes_on" in told
     assert "more than 10000 things happen at one moment; MISSION.Still.B, MISSION.Still.A are entered" in told
+
+
+def test_of_a_circle_that_takes_time_as_much_is_told_as_tells_enough(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The scenario goes on for an hour; the story and the page say that it does."""
+    shutil.copy(LIFECYCLE, tmp_path)
+    mission, page = tmp_path / "still.yaml", tmp_path / "proof.html"
+    mission.write_text(STILL.replace("0 s", "10 s"), encoding="utf-8")
+    asked = ["prove", str(mission), "--targets", "0", "--no-restarts", "--quiet", "--report", str(page)]
+    assert main(asked) == 1
+    told = capsys.readouterr().out
+    assert "✗ silence_is_told: " in told
+    assert "      and so on: 340 more steps\n" in told
+    assert told.count("time is up in A") < 30
+    assert "and so on: 340 more steps" in page.read_text(encoding="utf-8")

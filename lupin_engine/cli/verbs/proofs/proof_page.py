@@ -98,10 +98,11 @@ def _counterexample(one: Proven, scenario: FailingScenario | None) -> Iterator[s
         yield f"<p>{escape(why_none(one))}</p>"
         yield "<ol>" + "".join(f"<li>{escape(text)}</li>" for text in one.moves) + "</ol>"
         return
-    lines = (
+    lines = [
         f"{line.time:9.1f} s  {line.moved:24}  {line.event}"
         for line in tell(scenario.run.chart, scenario.run.history)
-    )
+    ]
+    lines += [scenario.rest] if scenario.rest else []
     yield f"<pre>{escape(chr(10).join(lines))}</pre>{svg(timeline(scenario.run))}"
     yield f"<p>{escape(scenario.file.name)}</p><pre>{escape(scenario.text)}</pre>"
 

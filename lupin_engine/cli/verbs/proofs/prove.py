@@ -278,6 +278,8 @@ def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console
     if scenario is not None:
         tell_story(scenario.run, console, lambda _: None)
         show_timeline(timeline(scenario.run), console)
+        if scenario.rest:
+            click.echo(f"      {scenario.rest}")
         click.echo(f"      wrote {scenario.file}; lupin test {scenario.file} shows it again")
         return
     if wanted or one.steps is None:
