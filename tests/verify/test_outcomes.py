@@ -168,6 +168,17 @@ def test_the_shipped_page_holds_in_every_situation() -> None:
     assert "917 of 1027 cells of outcomes.md were met." in proof.bounds
 
 
+@pytest.mark.proof
+@pytest.mark.timeout(300)
+def test_the_shipped_page_holds_in_every_situation_of_an_exploration() -> None:
+    """With two tags, each watched once: the cells of discovery and of monitoring."""
+    given = {"monitoring_sweeps": 1, "seed_climate_on_discovery": False}
+    world = make_world(shipped.mission("exploration"), given)
+    proof = prove(world, Bounds(2, restarts=False), outcomes=PAGE)
+    assert proof.broken == []
+    assert "982 of 1092 cells of outcomes.md were met." in proof.bounds
+
+
 def _reset(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _replace(folder, "operator.reset: {target: BOOT,", "operator.reset: {target: READY,")
 

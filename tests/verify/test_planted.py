@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,8 +18,11 @@ from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.requests import Requests
 from lupin_engine.machine.step import Refusal
 from lupin_engine.machine.timers import Timers
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.verify.outcomes import OUTCOMES
+from lupin_engine.verify.proof import prove
 from lupin_engine.verify.properties import BUILT_IN
-from lupin_engine.verify.situations.explorer import NO_EXCEPTION
+from lupin_engine.verify.situations.explorer import NO_EXCEPTION, Bounds
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH
 from lupin_engine.verify.situations.situation import TooMany
 from tests.machine.charts import PAUSE, chart, fails
@@ -328,6 +332,67 @@ def test_a_new_process_that_begins_at_once_is_found(monkeypatch: pytest.MonkeyPa
     assert broken(trip(), restarts=True) == set()
     monkeypatch.setattr(operations, "is_held_back", _no)
     assert "hold_starts_nothing" in broken(trip(), restarts=True)
+
+
+#: What follows from an abort and a skip in `TRIP`.
+PAGE = """\
+| State | Where | About |
+|---|---|---|
+| GO | `in_state('GO')` | |
+| READ | `in_state('READ')` | |
+| DONE | `in_state('DONE')` | |
+
+| Column | Held | Where |
+|---|---|---|
+| free | | |
+| paused | pause | |
+
+| Event | What | But for |
+|---|---|---|
+| abort | `operator.abort` | |
+| skip | `operator.skip_current` | |
+
+# abort
+
+| State | free | paused |
+|---|---|---|
+| GO | → DONE; cancels nav.go; summary | → DONE; releases pause; summary |
+
+# skip
+
+| State | free | paused |
+|---|---|---|
+| READ | ✗ crashed | = |
+"""
+#: What is planted -> the chart, and the cell that must be found broken; '': none.
+CELLS: dict[str, tuple[Callable[[], Chart], str]] = {
+    "nothing": (trip, ""),
+    "an abort that leads elsewhere": (
+        lambda: trip(GO={"on": {"operator.abort": {"target": "READ", "releases": {"pause"}}}}),
+        "abort, GO, free: → DONE; cancels nav.go; summary; but it is in READ; it starts bridge.read; "
+        "it tells no summary",
+    ),
+    "an abort that keeps the hold": (
+        lambda: trip(GO={"on": {"operator.abort": {"target": "DONE", "during": {"pause"}}}}),
+        "abort, GO, paused: → DONE; releases pause; summary; but it releases nothing",
+    ),
+    "a skip that is taken": (
+        lambda: trip(READ={"on": {"operator.skip_current": "REST"}}),
+        "skip, READ, free: ✗ crashed; but it is not refused",
+    ),
+}
+
+
+@pytest.mark.parametrize("planted", CELLS)
+def test_cells_that_are_not_kept_are_found(planted: str, tmp_path: Path) -> None:
+    """What a page of outcomes says in each of its cells."""
+    of, cell = CELLS[planted]
+    page = tmp_path / "page.md"
+    page.write_text(PAGE, encoding="utf-8")
+    proof = prove(make_world(of(), {}), Bounds(restarts=False), outcomes=page)
+    told = [one.text.partition(": ")[2] for one in proof.broken if one.name == OUTCOMES]
+    assert told == ([cell] if cell else [])
+    assert cell or "4 of 4 cells of page.md were met." in proof.bounds
 
 
 def test_there_are_forty_of_them() -> None:
