@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,6 +14,25 @@ pytest.importorskip("starlette", reason="the extra hmi is not installed here")
 
 from lupin_engine.plugin.registry import load_catalog
 from tests.console.pages import LUPIN, STATE, STEPS, ServedPages, SimulationPage
+
+LIFECYCLE = """\
+lifecycle: small
+profile: greenhouse
+initial: READY
+states:
+  READY: {on: {mission.start: MISSION}}
+  MISSION: {slot: mission, on_done: READY}
+  FAULT: {on: {operator.reset: READY}}
+"""
+STILL = """\
+mission: Still
+initial: A
+states:
+  A: {after: {1 s: B}}
+  B: {after: {0 s: C}, on: {operator.skip_current: done}}
+  C: {after: {0 s: B}}
+  done: {type: final}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -220,4 +240,23 @@ def test_ctrl_c_ends_it_and_a_taken_port_is_told() -> None:
         )
         page = SimulationPage(first.port)
         assert first.interrupt() == (0, "")
+        page.close()
+
+
+def test_a_circle_without_time_is_told(tmp_path: Path) -> None:
+    """The page says what goes round, the mission is in FAULT, and the next one can be tried."""
+    (tmp_path / "lifecycle.yaml").write_text(LIFECYCLE, encoding="utf-8")
+    (tmp_path / "still.yaml").write_text(STILL, encoding="utf-8")
+    with ServedPages("simulate", str(tmp_path / "still.yaml")) as served:
+        page = SimulationPage(served.port)
+        assert page.command("start", "Still")["accepted"]
+        assert page.do("run") == (True, "")
+        now = page.reaches(lambda now: now["note"], "the circle")
+        assert now["note"] == (
+            "time stands still: more than 10000 things happen at one moment; MISSION.Still.B, MISSION.Still.C"
+            " are entered over and over, so let one of them take time"
+        )
+        page.work_off()
+        assert page.told(STATE)[-1]["lifecycle_state"] == "FAULT"
+        assert page.command("reset", "")["accepted"]
         page.close()
