@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.cli.main import main
+from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.verify.proof import prove
@@ -164,3 +165,33 @@ def test_of_a_circle_that_takes_time_as_much_is_told_as_tells_enough(
     assert "      and so on: 340 more steps\n" in told
     assert told.count("time is up in A") < 30
     assert "and so on: 340 more steps" in page.read_text(encoding="utf-8")
+
+
+#: Drives again and again until it arrives; where the robot is nobody has said before.
+UNTIL = """\
+mission: Until
+initial: GO
+states:
+  GO:
+    invoke:
+      do: nav.go_to
+      with: {pose: "${ approach(tags.named(['1'])[0]) }"}
+      timeout: {after: 60 s, code: nav_timeout}
+    on_done: done
+    on_error: WAIT
+  WAIT: {after: {5 s: GO}}
+  done: {type: final}
+"""
+
+
+def test_what_an_operation_leaves_behind_comes_with_its_answer(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It ends only where the pose is known; it tells that itself, so servers that answer lead to the end."""
+    shutil.copy(default_missions_folder() / LIFECYCLE.name, tmp_path)
+    mission = tmp_path / "until.yaml"
+    mission.write_text(UNTIL, encoding="utf-8")
+    assert main(["prove", str(mission), "--targets", "0", "--no-restarts", "--no-scenarios"]) == 1
+    told = capsys.readouterr().out
+    assert "✗ silence_is_told: " in told
+    assert "✓ no_livelock: " in told

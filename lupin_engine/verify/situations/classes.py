@@ -186,6 +186,11 @@ class Classes:
         names = known(arguments, self.world.parameters) if callable(known) else known
         return tuple(spec.name for spec in self.chart.inputs.values() if spec.value in names)
 
+    def told(self, operation: str, arguments: Mapping[str, Any]) -> list[Event]:
+        """Return what an operation may tell of these inputs before it ends well."""
+        values = {self.chart.inputs[name].value for name in self.tells(operation, arguments)}
+        return [event for event in self.values if event.data["name"] in values]
+
     def gives(self, operation: str) -> bool:
         """Say whether an operation that was cut short gives a result."""
         return self._operations[operation].cut_short

@@ -188,6 +188,9 @@ class WorldMoves:
         results = self._classes.results(attempt.operation, attempt.arguments)
         for number, result in enumerate(results if speaks else results[:1]):
             yield ("done", number), Mover.ANSWER, events.done(attempt.id, result)
+        told = self._classes.told(attempt.operation, attempt.arguments) if speaks else ()
+        for number, event in enumerate(told):
+            yield ("told", number), Mover.ANSWER, event
         codes = self._classes.codes(attempt.operation)
         for code in codes if speaks else codes[:1]:
             yield ("failed", code), Mover.FAILURE, events.failed(attempt.id, code)
