@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Collection, Mapping
+from functools import lru_cache
 from typing import Any
 
-from lupin_engine.chart.model import Input, Level, Timer
+from lupin_engine.chart.model import Chart, Input, Level, Timer
 from lupin_engine.errors import reason
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Reported
@@ -22,10 +23,7 @@ class Inputs:
 
     def __init__(self, scope: EvaluationScope) -> None:
         self._scope = scope
-        self._parts = {name: input_part(scope.chart, name) for name in scope.chart.inputs}
-        self._told: dict[str, list[Input]] = {}
-        for spec in scope.chart.inputs.values():
-            self._told.setdefault(spec.value, []).append(spec)
+        self._parts, self._told = _parts_and_told(scope.chart)
 
     def begin(self, step: Macrostep) -> None:
         """Set what the chart starts with."""
@@ -159,8 +157,7 @@ class WallClock:
 
     def __init__(self, scope: EvaluationScope) -> None:
         self._scope = scope
-        timed = ((s.name, [t for t in s.timers if t.word == "at"]) for s in scope.chart.states.values())
-        self._timers = {name: timers for name, timers in timed if timers}
+        self._timers = _times_of_day(scope.chart)
 
     def set(self, event: Event, step: Macrostep) -> None:
         """Take in how far the robot's clock is ahead of the machine's: at the start, or when it was set."""
@@ -284,3 +281,19 @@ def _flaw(spec: Input, value: Any) -> str:
     if spec.minimum is not None and value < spec.minimum:
         return "out of range"
     return "out of range" if spec.maximum is not None and value > spec.maximum else ""
+
+
+@lru_cache(maxsize=32)
+def _parts_and_told(chart: Chart) -> tuple[Mapping[str, int], Mapping[str, list[Input]]]:
+    """Return the bit of each input, and the inputs that each live value is told as."""
+    told: dict[str, list[Input]] = {}
+    for spec in chart.inputs.values():
+        told.setdefault(spec.value, []).append(spec)
+    return {name: input_part(chart, name) for name in chart.inputs}, told
+
+
+@lru_cache(maxsize=32)
+def _times_of_day(chart: Chart) -> Mapping[str, list[Timer]]:
+    """Return the times of day that states wait for."""
+    timed = ((s.name, [t for t in s.timers if t.word == "at"]) for s in chart.states.values())
+    return {name: timers for name, timers in timed if timers}

@@ -305,15 +305,17 @@ def _closed_once(passage: Passage) -> str | None:
     memory, told = passage.after, [c for c in passage.step.commands if isinstance(c, Publish)]
     if not told and not (memory.itineraries and passage.step.taken):
         return None
+    same = passage.before.mission_id == memory.mission_id
+    newly = max(0, closed(memory) - (passage.before.closed if same else 0))  # another mission has fewer
+    if not told:
+        return f"nothing told, but {newly} closed" if newly else None
     visits = [(name, v) for name in begun(memory) for v in memory.itineraries[name].visits]
     visits += [(name, v) for name in begun(memory) for v in memory.itineraries[name].earlier.values()]
     visited = {visit.target for name, visit in visits if visit.closed or name in passage.before.begun}
-    same = passage.before.mission_id == memory.mission_id
-    newly = max(0, closed(memory) - (passage.before.closed if same else 0))  # another mission has fewer
     # What is published outside of a visit is about a target that has none.
     if not sum(1 for command in told if command.target in visited) <= newly <= len(told):
-        return f"{', '.join(c.target for c in told) or 'nothing'} told, but {newly} closed"
-    return "" if told else None
+        return f"{', '.join(c.target for c in told)} told, but {newly} closed"
+    return ""
 
 
 @_built_in(

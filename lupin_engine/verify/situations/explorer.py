@@ -94,6 +94,9 @@ class SituationExplorer:
         self.world = world
         self.chart = world.chart
         self.properties = properties
+        asked = [one for one in properties if one not in BUILT_IN or one.name in _OF_REQUESTS]
+        #: What is watched in a step that changes nothing but live values, and if it answers a request.
+        self._quietly = {False: [one for one in asked if one not in BUILT_IN], True: asked}
         self.bounds = bounds
         self.relevance = Relevance(world.chart)
         self.classes = Classes(world, self.relevance, bounds.targets)
@@ -211,10 +214,8 @@ class SituationExplorer:
         left_out: tuple[str, ...] = ()
         if not memory.is_looked_at("itineraries") and not any(isinstance(c, Publish) for c in step.commands):
             left_out = _OF_VISITS
-        for one in self.properties:
-            if one.name in left_out:
-                continue
-            if not quiet or one not in BUILT_IN or (step.event.is_request and one.name in _OF_REQUESTS):
+        for one in self._quietly[step.event.is_request] if quiet else self.properties:
+            if one.name not in left_out:
                 state, verdict = one.watch(known.get(one.name, one.first), passage)
                 known[one.name] = state
                 judged.append((one.name, verdict))
