@@ -17,7 +17,7 @@ from lupin_engine.verify.situations.found import Effect
 from lupin_engine.verify.situations.situation import SlotTable
 
 #: Slots that may be dead: the others tell which moves there are, or what is known of a situation.
-_MAY_DIE = ("context", "request", "given", "itineraries", "history", "handled", "budgets", "heard", "before")
+_MAY_DIE = ("context", "request", "given", "itineraries", "history", "handled", "budgets")
 #: What a place may not be without.
 _CONFIGURATION = ("configuration", "")
 

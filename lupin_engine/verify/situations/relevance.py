@@ -106,9 +106,6 @@ class Relevance:
         old = spec.freshness is not None and value.stamp + spec.freshness <= 0.0
         return frozen(value.value) if name in self.inputs else (), old
 
-    def _told(self, name: str, value: Any) -> Hashable:
-        return frozen(value) if name in self.inputs else ()
-
     def _attempt(self, _: str, value: Attempt) -> Hashable:
         return value.invocation, value.operation, value.uses, value.phase.value, value.timeout is None
 
@@ -141,8 +138,6 @@ def _unordered(_: Relevance, __: str, value: Any) -> Hashable:
 _KEYS: Mapping[str, Any] = {
     "context": Relevance._variable,
     "inputs": Relevance._input,
-    "heard": Relevance._told,
-    "before": Relevance._told,
     "attempts": lambda self, name, value: Relevance._attempt(self, name, value) if name else value,
     "invocations": lambda self, name, value: Relevance._invocation(self, name, value) if name else value,
     "itineraries": lambda self, name, value: Relevance._walk(self, name, value) if name else value,

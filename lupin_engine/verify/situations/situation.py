@@ -29,16 +29,17 @@ FIRST_NEW = 1_000_000
 #: Mappings of which every entry is a slot; of the ordered ones the order of the entries is one, too.
 ORDERED = ("attempts", "invocations", "itineraries")
 UNORDERED: tuple[str, ...] = ("context", "request", "given", "inputs", "levels", "history", "handled")
-UNORDERED += ("budgets", "heard", "before")
+UNORDERED += ("budgets",)
 WHOLE: tuple[str, ...] = ("configuration", "mission", "mission_id", "started_at", "current_itinerary")
 WHOLE += ("timers", "frozen", "asked", "held", "deferred", "waiting_actions", "broken", "wall")
 #: What a reload of the same missions leaves as it is, whatever it is, and what it empties.
-THROUGH = ("context", "request", "heard", "before", "itineraries")
+THROUGH = ("context", "request", "itineraries")
 DROPPED = ("history", "budgets", "given", "handled")
 #: What is no part of a memory: which deadlines certainly come before others, what is known to be false, and
 #: what the properties of authors remember.
 RANKS, CALM, WATCHED = ("ranks", ""), ("calm", ""), ("watched", "")
-#: What nothing but displays reads begins anew in every step.
+#: What nothing but displays reads begins anew in every step; so does what was told before the mission, of
+#: which a registry may leave out whatever it likes: what counts of a report can be any list all the same.
 _IDLE: Mapping[str, Callable[[], Any]] = {
     "code": str,
     "detail": str,
@@ -47,6 +48,8 @@ _IDLE: Mapping[str, Callable[[], Any]] = {
     "dropped": int,
     "next_id": lambda: FIRST_NEW,
     "reached": dict,
+    "heard": dict,
+    "before": dict,
 }
 
 
@@ -90,8 +93,6 @@ class SlotTable:
             "history": [s.name for s in states if s.kind.value == "history"],
             "handled": [s.name for s in states if s.for_each],
             "budgets": [s.name for s in states if s.budget],
-            "heard": chart.inputs,
-            "before": chart.inputs,
         }
         self.keys = {field: tuple(sorted(names)) for field, names in keys.items()}
         for field, names in self.keys.items():
