@@ -207,19 +207,27 @@ def test_random_runs_see_nothing_else() -> None:
 
 @pytest.mark.proof
 @pytest.mark.timeout(300)
-def test_random_inspections_see_nothing_else() -> None:
-    """Whatever the shipped mission comes to in random worlds is, until its orchestrator is started again."""
-    loaded = load_missions(["inspection"], shipped.catalog())
-    explorer = KeepingExplorer(loaded.chart, targets=1)
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [("inspection", {}), ("exploration", {"monitoring_sweeps": 1, "seed_climate_on_discovery": False})],
+)
+def test_random_missions_see_nothing_else(name: str, given: dict[str, Any]) -> None:
+    """Whatever the shipped missions come to in random worlds is, until their orchestrator is started again.
+
+    The registry of an exploration tells each mission the tags of those before as well.
+    """
+    loaded = load_missions([name], shipped.catalog())
+    explorer = KeepingExplorer(loaded.chart, given, targets=1)
     assert explore(explorer, live=False).complete
     known = outlines(explorer)
-    file = Path(__file__).parents[1] / "campaigns" / "inspection.yaml"
-    campaign = Campaign(loaded, read_rates(file, loaded.chart), {})
+    file = Path(__file__).parents[1] / "campaigns" / f"{name}.yaml"
+    campaign = Campaign(loaded, read_rates(file, loaded.chart), given)
     came: set[tuple[Any, ...]] = set()
     for seed in range(80):
         script = campaign.script(seed)
-        script = replace(script, request={**script.request, "tag_sequence": [str(1 + seed % 29)]})
-        simulation = Simulation(loaded.chart, script, {}, make_world(loaded.chart, {}))
+        if name == "inspection":
+            script = replace(script, request={**script.request, "tag_sequence": [str(1 + seed % 29)]})
+        simulation = Simulation(loaded.chart, script, given, make_world(loaded.chart, given))
 
         def look(step: Step, run: Simulation = simulation) -> None:
             if step.event.name == RESUMED:

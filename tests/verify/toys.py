@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.chart.model import Chart
+from lupin_engine.machine.event import NOTHING
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
@@ -47,9 +49,9 @@ def wheels(regions: int, spokes: int) -> Chart:
 class KeepingExplorer(SituationExplorer):
     """An explorer that keeps every situation."""
 
-    def __init__(self, of: Chart, **bounds: Any) -> None:
+    def __init__(self, of: Chart, parameters: Mapping[str, Any] = NOTHING, **bounds: Any) -> None:
         self.situations: list[Situation] = []
-        super().__init__(make_world(of, {}), BUILT_IN, Bounds(**bounds))
+        super().__init__(make_world(of, parameters), BUILT_IN, Bounds(**bounds))
 
     def initial(self) -> tuple[Situation, Effect]:
         """Begin with none."""
