@@ -15,6 +15,7 @@ from lupin_engine.errors import ChartError
 from lupin_engine.plugin.types import DURATION
 from lupin_engine.sim.scenario import load_scenario
 from lupin_engine.verify.authored import properties_of, told, watched
+from lupin_engine.verify.outcomes import OUTCOMES
 from lupin_engine.verify.properties import BUILT_IN, STANDSTILL, Glance, Passage, Verdict, due
 from lupin_engine.verify.situations.explorer import NO_EXCEPTION
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH
@@ -95,7 +96,7 @@ def test_they_are_told_in_a_sentence() -> None:
 
 def test_the_names_of_the_others_are_taken() -> None:
     """The checker knows them, though it stands below what watches them."""
-    every = {one.name for one in (*BUILT_IN, *OF_THE_GRAPH)} | {NO_EXCEPTION, STANDSTILL}
+    every = {one.name for one in (*BUILT_IN, *OF_THE_GRAPH)} | {NO_EXCEPTION, STANDSTILL, OUTCOMES}
     assert every == WATCHED_ALWAYS
 
 
