@@ -54,8 +54,8 @@ class EntryPoint:
     @property
     def distribution(self) -> Distribution | None:
         """The package that brought it; reading that takes longer than finding all entry points."""
-        found = self.brought_by
-        return Distribution(found.name, found.version) if isinstance(found, metadata.Distribution) else found
+        found = self.brought_by  # of a class of their own, where `importlib_metadata` has been imported
+        return None if found is None else Distribution(found.name, found.version)
 
     @property
     def module(self) -> str:
