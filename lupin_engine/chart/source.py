@@ -392,6 +392,8 @@ class _Builder:
             return self._document()
         except yaml.MarkedYAMLError as error:
             mark: Mark = error.problem_mark or error.context_mark or _BEGINNING
+            if "nesting depth" in str(error.problem):  # libyaml's own bound; its scanner reads far ahead
+                self._refuse_depth(mark)
             context = f" {error.context}" if error.context else ""
             hint = _yaml_hint(error)
             if "flow" in context:
@@ -450,8 +452,11 @@ class _Builder:
     def _refuse_node(self, event: Any, start: Mark, depth: int) -> NoReturn:
         self._check_count(start)
         if depth > MAX_DEPTH:
-            self._refuse(start, "too-large", f"more than {MAX_DEPTH} levels of nesting")
+            self._refuse_depth(start)
         self._refuse(start, "wrong-yaml", f"the tag {event.tag!r} is not allowed", _NO_TAG)
+
+    def _refuse_depth(self, mark: Mark) -> NoReturn:
+        self._refuse(mark, "too-large", f"more than {MAX_DEPTH} levels of nesting")
 
     def _anchored(self, event: Any, start: Mark, depth: int) -> Any:
         self._anchors[event.anchor] = None
