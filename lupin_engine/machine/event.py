@@ -34,6 +34,8 @@ class Event:
         return self.name.startswith("attempt.")
 
 
+#: What waits for a release in place of the answer that an attempt keeps.
+ANSWERED = "attempt.answered"
 #: How far the robot's clock is ahead of the machine's, when that has changed.
 CLOCK = "clock"
 #: Told by whoever runs the machine: another process goes on with it, a code to report, a hold to engage, that

@@ -177,8 +177,9 @@ class Holds:
         return found
 
     def _ask(self, hold: Hold, request: str, found: HoldChanges, step: Macrostep) -> str:
-        engaged = hold.name in self._scope.memory.held
-        if engaged and request in hold.release:
+        releases = request in hold.release
+        engaged = (releases or request == hold.engage) and hold.name in self._scope.memory.held
+        if releases and engaged:
             if not self._allows(hold.release_guard, step):
                 return hold.code
             found.releases.append(hold.name)

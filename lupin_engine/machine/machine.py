@@ -21,6 +21,7 @@ from lupin_engine.chart.semantics import ENGINE_EVENTS, EXECUTION_ERROR, FAULT, 
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
 from lupin_engine.machine.event import (
+    ANSWERED,
     CLOCK,
     NO_TRIGGER,
     NOTHING,
@@ -385,7 +386,7 @@ class Machine:
         if step.queue:
             self._offer(step.queue.pop(0))
             return True
-        if memory.deferred and not memory.held:
+        if not memory.held and memory.deferred:
             self._come_back_to(memory.deferred.pop(0))
             return True
         if self._active.working and self._operations.begin_missing(self._active, step):
@@ -411,8 +412,8 @@ class Machine:
 
     def _come_back_to(self, event: Event) -> None:
         """Deal with what waited for the release."""
-        if event.is_attempt_event:
-            self._operations.report(event, self._step)
+        if event.name == ANSWERED:
+            self._operations.hear_answer(event.data["attempt"], self._step)
         elif event.name == WAITS:
             self._step.queue.append(InternalEvent(event.data["event"], event.data["owner"]))
         else:

@@ -97,7 +97,10 @@ class Phase(str, enum.Enum):
 
 @dataclass(slots=True)
 class Attempt:
-    """One request to a server. Only the current attempt of an invocation can speak."""
+    """One request to a server. Only the current attempt of an invocation can speak.
+
+    `answer` is its end, while that waits for the release of a hold.
+    """
 
     id: str
     invocation: str
@@ -107,6 +110,7 @@ class Attempt:
     phase: Phase
     detail: str = ""
     timeout: float | None = None
+    answer: Event | None = None
 
 
 @dataclass(slots=True)

@@ -20,7 +20,7 @@ time. The rules, all kept here:
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -28,7 +28,16 @@ from lupin_engine.chart.expressions.evaluation import UnknownValue
 from lupin_engine.chart.model import ForEach, Invoke, Retry, State
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
-from lupin_engine.machine.event import NOTHING, Cancel, Event, Failure, InternalEvent, Start, Trigger
+from lupin_engine.machine.event import (
+    ANSWERED,
+    NOTHING,
+    Cancel,
+    Event,
+    Failure,
+    InternalEvent,
+    Start,
+    Trigger,
+)
 from lupin_engine.machine.holds import is_held_back, passes
 from lupin_engine.machine.memory import Attempt, CutShort, Invocation, Phase
 from lupin_engine.machine.scope import OPERATIONS, Arguments, EvaluationScope, Watch
@@ -113,20 +122,17 @@ class Operations:
             return False
         scope.doubtful = False
         begun = self._start_waiting(step)
-        begun = self._settle(step) or begun
+        begun = self._settle(active, step) or begun
         for state in active.working:
             if state.for_each is not None:
                 begun = self._take_up(state.name, state.for_each, step) or begun
         waiting = [
             found
-            for found in scope.memory.invocations.values()
+            for found in self._of(active.working)
             if not found.begun and not is_held_back(scope.memory, self._invoke(found))
         ]
         # Before anything is begun: what an attempt that cannot be made changes is looked at again.
         self.watch.settle(active.work, scope, step.now)
-        if len(waiting) > 1:
-            order = {state.name: index for index, state in enumerate(active.working)}
-            waiting.sort(key=lambda found: order[found.state])
         for invocation in waiting:
             invocation.begun = True
             self._issue(invocation, step)
@@ -137,13 +143,23 @@ class Operations:
 
     def end(self, state: State, step: Macrostep) -> None:
         """End the invocations of a state that is being left."""
-        invocations = self._scope.memory.invocations
-        for name in [name for name, found in invocations.items() if found.state == state.name]:
-            invocation = invocations.pop(name)
+        for invocation in self._of((state,)):
+            del self._scope.memory.invocations[invocation.name]
             if invocation.attempt:
                 self._count(invocation, -1)
             self._scope.timers.disarm("retry", invocation.id)
             self._cancel_current(invocation, step)
+
+    def _of(self, states: Iterable[State]) -> list[Invocation]:
+        """Return the invocations of some states; those of the elements of one in their order."""
+        invocations, found = self._scope.memory.invocations, []
+        for state in states:
+            if state.invoke is not None and state.name in invocations:
+                found.append(invocations[state.name])
+            if state.for_each is not None:
+                keyed = [one for one in invocations.values() if one.key is not None]
+                found += [one for one in keyed if one.state == state.name]
+        return found
 
     def suspend(self, step: Macrostep) -> None:
         """A hold was engaged: cancel what moves the robot, and refund the try."""
@@ -203,20 +219,20 @@ class Operations:
 
     def _gave(self, attempt: Attempt, result: Mapping[str, Any] | None, step: Macrostep) -> bool:
         """Take in what an attempt that was cut short gave; say whether anybody waits for that."""
-        for invocation in self._scope.memory.invocations.values():
-            cut = invocation.cut
-            if cut is not None and cut.attempt == attempt.id and not cut.over:
-                cut.over, cut.result = True, result
-                if result:
-                    step.note(f"{attempt.operation} gave {fields_told(result)}")
-                self._scope.touch(OPERATIONS)
-                return True
-        return False
+        invocation = self._scope.memory.invocations.get(attempt.invocation)
+        cut = None if invocation is None else invocation.cut
+        if cut is None or cut.attempt != attempt.id or cut.over:
+            return False
+        cut.over, cut.result = True, result
+        if result:
+            step.note(f"{attempt.operation} gave {fields_told(result)}")
+        self._scope.touch(OPERATIONS)
+        return True
 
-    def _settle(self, step: Macrostep) -> bool:
+    def _settle(self, active: Configuration, step: Macrostep) -> bool:
         """Tell what came of operations that were cut short; say whether there were any."""
         memory = self._scope.memory
-        over = [found for found in memory.invocations.values() if found.cut is not None and found.cut.over]
+        over = [found for found in self._of(active.working) if found.cut is not None and found.cut.over]
         for invocation in () if memory.held else over:
             cut, invocation.cut = invocation.cut, None
             assert cut is not None
@@ -395,14 +411,13 @@ class Operations:
 
     def _forget_answer(self, attempt: Attempt, step: Macrostep) -> bool:
         """Drop the answer that waits for a release, if the attempt has one."""
-        deferred = self._scope.memory.deferred
-        waiting = [event for event in deferred if _is_about(event, attempt)]
-        for event in waiting:
-            deferred.remove(event)
-            kind = event.name.removeprefix("attempt.")
-            self._drop(kind, attempt.id, step)
-            self._move(attempt, kind, step)
-        return bool(waiting)
+        if attempt.answer is None:
+            return False
+        self._scope.memory.deferred.remove(_answered(attempt))
+        kind = attempt.answer.name.removeprefix("attempt.")
+        self._drop(kind, attempt.id, step)
+        self._move(attempt, kind, step)
+        return True
 
     # -- what servers and clocks say --------------------------------------------------------------------
 
@@ -416,20 +431,25 @@ class Operations:
             self._report_unwanted(kind, attempt, event.data, step)
         elif kind == "progress":
             attempt.detail = event.data["detail"]
-        elif (attempt.phase, kind) not in LIFE or self._has_answered(attempt):
-            step.note(f"dropped: {kind} of attempt {attempt.id}, which is {attempt.phase.value}")
+        elif (attempt.phase, kind) not in LIFE or attempt.answer is not None:
+            now = attempt.phase.value if attempt.answer is None else "over: its answer waits for the release"
+            step.note(f"dropped: {kind} of attempt {attempt.id}, which is {now}")
         elif kind == "accepted":
             self._move(attempt, kind, step)
         elif self._scope.memory.held and not self._may_pass(attempt, kind):
             self._scope.timers.disarm("timeout", attempt.id)
-            self._scope.memory.deferred.append(event)
+            attempt.phase, attempt.answer = Phase.ACCEPTED, event  # who answers has accepted
+            self._scope.memory.deferred.append(_answered(attempt))
             step.note(f"the answer of {attempt.operation} waits for the release")
         else:
             self._end_current(kind, attempt, event.data, step)
 
-    def _has_answered(self, attempt: Attempt) -> bool:
-        deferred = self._scope.memory.deferred
-        return bool(deferred) and any(_is_about(event, attempt) for event in deferred)
+    def hear_answer(self, attempt_id: str, step: Macrostep) -> None:
+        """Take in the answer of an attempt that has waited for the release."""
+        attempt = self._scope.memory.attempts[attempt_id]
+        event, attempt.answer = attempt.answer, None
+        assert event is not None, f"{attempt_id} has not answered"
+        self.report(event, step)
 
     def _may_pass(self, attempt: Attempt, kind: str) -> bool:
         """Say whether the engaged holds let through whatever may follow the end of an operation.
@@ -547,8 +567,9 @@ class Operations:
             self._end_element(invocation, word, with_item, step)
 
 
-def _is_about(event: Event, attempt: Attempt) -> bool:
-    return event.is_attempt_event and bool(event.data["attempt"] == attempt.id)
+def _answered(attempt: Attempt) -> Event:
+    """Return what stands for the answer of an attempt among the events that wait for a release."""
+    return Event(ANSWERED, {"attempt": attempt.id})
 
 
 def _cause(invocation: Invocation) -> Trigger:

@@ -18,7 +18,7 @@ from lupin_engine.machine.holds import all_holds
 from lupin_engine.machine.memory import Memory, Timer
 
 #: Raised when the form of snapshots changes.
-VERSION = 3
+VERSION = 4
 
 
 class SnapshotError(LupinError):

@@ -19,10 +19,10 @@ memory after the step `held`, `attempts`, `invocations`, `timers`, `frozen`, `it
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Container, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.machine.event import Act, Cancel, Report, Start
@@ -41,6 +41,7 @@ INVARIANTS = "invariants"
 STANDSTILL = "time_goes_on"
 #: What a watcher remembers: times at which something is due.
 Remembered = tuple[float, ...]
+_T = TypeVar("_T")
 
 
 class Glance(NamedTuple):
@@ -51,9 +52,9 @@ class Glance(NamedTuple):
     `begun` the itineraries under way.
     """
 
-    held: tuple[str, ...] = ()
-    speaking: frozenset[str] = frozenset()
-    over: tuple[str, ...] = ()
+    held: Collection[str] = ()
+    speaking: Container[str] = frozenset()
+    over: Container[str] = frozenset()
     closed: int = 0
     mission_id: str = ""
     begun: tuple[str, ...] = ()
@@ -122,8 +123,8 @@ def glance(memory: Memory) -> Glance:
     """Return what properties must know of a memory before a step is made with it."""
     return Glance(
         tuple(memory.held),
-        speaking(memory),
-        over(memory),
+        frozenset(name for name in memory.attempts if is_speaking(memory, name)),
+        frozenset(found.id for found in memory.invocations.values() if is_over(found, memory)),
         closed(memory),
         memory.mission_id,
         begun(memory),
@@ -131,16 +132,22 @@ def glance(memory: Memory) -> Glance:
     )
 
 
-def speaking(memory: Memory) -> frozenset[str]:
-    """Return the attempts that somebody listens to."""
-    sent = [a.id for a in memory.attempts.values() if a.phase in (Phase.REQUESTED, Phase.ACCEPTED)]
-    cut = [found.cut.attempt for found in memory.invocations.values() if found.cut is not None]
-    return frozenset(sent + cut)
+def touched(entries: Mapping[str, _T]) -> Collection[_T]:
+    """Return the entries of a field that a step may have changed: all, or those that it has looked at.
+
+    A memory that looks its entries up when they are asked for (see `situations.situation`) holds only those.
+    """
+    assert isinstance(entries, dict)
+    return dict.values(entries)
 
 
-def over(memory: Memory) -> tuple[str, ...]:
-    """Return the invocations whose operation has ended for good."""
-    return tuple(found.id for found in memory.invocations.values() if _is_over(found, memory))
+def is_speaking(memory: Memory, name: str) -> bool:
+    """Say whether somebody listens to an attempt."""
+    attempt = memory.attempts.get(name)
+    if attempt is None or attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED):
+        return attempt is not None
+    serves = memory.invocations.get(attempt.invocation)
+    return serves is not None and serves.cut is not None and serves.cut.attempt == name
 
 
 def begun(memory: Memory) -> tuple[str, ...]:
@@ -158,7 +165,7 @@ def closed(memory: Memory) -> int:
     return count
 
 
-def _is_over(invocation: Invocation, memory: Memory) -> bool:
+def is_over(invocation: Invocation, memory: Memory) -> bool:
     """Say whether an operation has ended and none of its tries will follow."""
     if not invocation.begun or invocation.attempt is not None or invocation.cut is not None:
         return False
@@ -230,11 +237,11 @@ def _built_in(name: str, says: str) -> Callable[[_Rule], _Rule]:
 
 @_built_in("hold_starts_nothing", "While a hold is engaged nothing that moves is started.")
 def _hold_starts_nothing(passage: Passage) -> str | None:
-    held = passage.after.held
+    held, commands = passage.after.held, passage.step.commands
     if not held:
         return None
-    own = next((hold for hold in held if hold in OWN_HOLDS), None)
-    for command in passage.step.commands:
+    own = next((hold for hold in OWN_HOLDS if hold in held), None) if commands else None
+    for command in commands:
         if isinstance(command, Start):
             name = command.operation
             if _moves(passage.chart, name) or (own and name.partition(".")[0] != BUILTIN):
@@ -258,7 +265,9 @@ def _hold_stops_all(passage: Passage) -> str | None:
     memory = passage.after
     if not memory.held:
         return None
-    moving = [found for found in memory.attempts.values() if _moves(passage.chart, found.operation)]
+    # Those that were all right under a hold still are where the step has not looked at them.
+    found = touched(memory.attempts) if passage.before.held else memory.attempts.values()
+    moving = [attempt for attempt in found if _moves(passage.chart, attempt.operation)]
     for attempt in moving:
         if attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED):
             name, phase = f"{attempt.operation} ({attempt.id})", attempt.phase.value
@@ -271,7 +280,8 @@ def _hold_stops_all(passage: Passage) -> str | None:
 
 @_built_in("resources_exclude", "Nothing is under way beside what has yet to let go of the same resource.")
 def _resources_exclude(passage: Passage) -> str | None:
-    users = [found for found in passage.after.attempts.values() if found.uses]
+    attempts = passage.after.attempts
+    users = [found for found in attempts.values() if found.uses] if touched(attempts) else []
     using = [found for found in users if found.phase not in (Phase.WAITING, Phase.LOST)]
     for one in using:
         for other in using if one.phase is not Phase.CANCELLING else ():
@@ -373,9 +383,7 @@ def _ends_are_handled(passage: Passage) -> str | None:
     if unheard:
         return unheard[0]
     memory = passage.after
-    ended = [
-        i for i in memory.invocations.values() if _is_over(i, memory) and i.id not in passage.before.over
-    ]
+    ended = [i for i in touched(memory.invocations) if is_over(i, memory) and i.id not in passage.before.over]
     for invocation in ended:
         rules = [rule for rule in _taken(passage) if rule.event in ("done", "error")]
         if not any(rule.source == invocation.state for rule in rules):

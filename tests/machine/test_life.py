@@ -115,7 +115,8 @@ def test_a_report_that_comes_twice_counts_once() -> None:
     bench.send("operator.pause")
     for _ in range(2):
         step = bench.send(events.done(bench.attempt, {}))
-    assert step.notes == (f"dropped: done of attempt {bench.attempt}, which is requested",)
+    note = f"dropped: done of attempt {bench.attempt}, which is over: its answer waits for the release"
+    assert step.notes == (note,)
     assert len(bench.machine.memory.deferred) == 1
     bench.send("operator.resume")
     assert bench.leaves == ["B"]

@@ -207,17 +207,17 @@ def changed(**fields: Any) -> str:
             "this is no snapshot: Expecting value: line 1 column 1 (char 0)",
         ),
         ("[]", "this is no snapshot: expected version, chart and memory"),
-        ('{"version": 3}', "this is no snapshot: expected version, chart and memory"),
+        ('{"version": 4}', "this is no snapshot: expected version, chart and memory"),
         (
             '{"version": 1, "chart": "test", "memory": {}}',
-            "this snapshot is of version 1, expected 3",
+            "this snapshot is of version 1, expected 4",
         ),
         (
-            '{"version": 3, "chart": "other", "memory": {}}',
+            '{"version": 4, "chart": "other", "memory": {}}',
             "this snapshot is of the chart 'other', not of 'test'",
         ),
         (
-            '{"version": 3, "chart": "test", "memory": {"held": 3, "sequence": "x"}}',
+            '{"version": 4, "chart": "test", "memory": {"held": 3, "sequence": "x"}}',
             "this snapshot is damaged: held: Input should be a valid list; "
             "sequence: Input should be a valid integer, unable to parse string as an integer",
         ),

@@ -8,8 +8,8 @@ up, those of many situations at once (see `levels`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Container, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, cast
 
@@ -31,8 +31,8 @@ from lupin_engine.verify.properties import (
     Remembered,
     begun,
     closed,
-    over,
-    speaking,
+    is_over,
+    is_speaking,
 )
 from lupin_engine.verify.situations.classes import Classes
 from lupin_engine.verify.situations.found import Effect, Is
@@ -120,8 +120,8 @@ class SituationExplorer:
         effect = self._effect_of(memory, machine, step, nothing, None)
         return _changed(nothing, effect.delta), effect
 
-    def step(self, situation: Situation, number: int) -> tuple[Effect, set[int]]:
-        """Make the machine's own step, and return what it read."""
+    def step(self, situation: Situation, number: int) -> tuple[Effect, frozenset[int]]:
+        """Make the machine's own step, and return what it read: see `TrackedMemory.reads`."""
         memory = TrackedMemory(self.table, situation)
         effect = self._step(memory, situation, number)
         needs, sets = frozenset(memory.values), frozenset(memory.written - memory.values)
@@ -129,7 +129,7 @@ class SituationExplorer:
 
     def _step(self, memory: TrackedMemory, situation: Situation, number: int) -> Effect:
         before = TrackedMemory(self.table, situation)
-        before.reads, before.values = memory.reads, memory.values
+        before.values, before.presence = memory.values, memory.presence
         move = self.moves.all[number]
         if move.timer[0] == OF_PROPERTY:
             return self._late(memory, situation, move.timer[1])
@@ -170,7 +170,8 @@ class SituationExplorer:
         in_order(memory)
         delta = dict(memory.changes())
         fresh = {(kind, named.get(owner, owner), event) for kind, owner, event in set_now if kind != "at"}
-        self._set(delta, memory, WATCHED, watched or None)
+        if len(self.properties) > len(BUILT_IN):
+            self._set(delta, memory, WATCHED, watched or None)
         fresh |= self._due_now(situation, watched)
         slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]
         if fresh or any(slot in delta for slot in slots):
@@ -288,13 +289,35 @@ class _LazyGlance:
     def __init__(self, memory: TrackedMemory) -> None:
         self._memory = memory
 
+    @property
+    def speaking(self) -> Container[str]:
+        return _Those(lambda name: is_speaking(self._memory, name))
+
+    @property
+    def over(self) -> Container[str]:
+        return _Those(lambda name: self._is_over(name))
+
+    def _is_over(self, name: str) -> bool:
+        found = self._memory.invocations.get(name.removeprefix("i:"))
+        return found is not None and found.id == name and is_over(found, self._memory)
+
     def __getattr__(self, name: str) -> Any:
         memory = self._memory
-        work_out = {"speaking": speaking, "over": over, "closed": closed, "begun": begun}.get(name)
+        work_out = {"closed": closed, "begun": begun}.get(name)
         found = work_out(memory) if work_out is not None else getattr(memory, name)
         found = tuple(found) if isinstance(found, list) else found
         setattr(self, name, found)
         return found
+
+
+@dataclass(frozen=True)
+class _Those:
+    """Those about which something can be said, which is worked out of each that is asked for."""
+
+    is_one: Callable[[str], bool]
+
+    def __contains__(self, name: object) -> bool:
+        return self.is_one(str(name))
 
 
 _OF_VISITS = ("closed_once",)

@@ -67,18 +67,22 @@ class _Effects:
     def __init__(self, marks: NDArray[np.uint64]) -> None:
         self.all: list[Effect] = []
         self._marks = marks
-        self._changes, self._progress, self._cut, self._breaks = (bytearray() for _ in range(4))
+        self._progress, self._cut, self._breaks = (bytearray() for _ in range(3))
         self._low, self._high = array("Q"), array("Q")
         self._starts, self._slots, self._values = array("I", [0]), array("H"), array("H")
         self._before = array("H")
         self._without: dict[tuple[int, frozenset[int]], int] = {}
 
     def add(self, effect: Effect, situation: Mapping[int, int]) -> int:
-        """Keep an effect. The step has read what it changes, so marks change alike wherever it is taken."""
+        """Keep an effect.
+
+        Of the slots that the step has read, marks change alike wherever it is taken; of those that it `sets`
+        whatever they were the marks before are left to who takes it.
+        """
         self.all.append(effect)
         low, high = np.uint64(0), np.uint64(0)
         for slot, value in effect.delta:
-            for number in (situation[slot], value):
+            for number in (value,) if slot in effect.sets else (situation[slot], value):
                 low ^= self._marks[0, slot, number]
                 high ^= self._marks[1, slot, number]
             self._slots.append(slot)
@@ -87,7 +91,6 @@ class _Effects:
         self._low.append(int(low))
         self._high.append(int(high))
         self._starts.append(len(self._slots))
-        self._changes.append(bool(effect.delta))
         self._progress.append(effect.progress)
         self._cut.append(effect.cut)
         self._breaks.append(bool(effect.breaches))
@@ -104,12 +107,11 @@ class _Effects:
             begin, end = self._starts[number], self._starts[number + 1]
             before = dict(zip(self._slots[begin:end], self._before[begin:end], strict=True))
             delta = [(slot, min(value, 1) if slot in gone else value) for slot, value in effect.delta]
-            kept = tuple((slot, value) for slot, value in delta if value != before[slot])
+            kept = tuple(
+                (slot, value) for slot, value in delta if value != before[slot] or slot in effect.sets
+            )
             found = self._without[number, gone] = self.add(replace(effect, delta=kept), before)
         return found
-
-    def changing(self, effects: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        return np.frombuffer(self._changes, np.bool_)[effects]
 
     def progressing(self, effects: NDArray[np.uint32]) -> NDArray[np.bool_]:
         return np.frombuffer(self._progress, np.bool_)[effects]
@@ -146,8 +148,8 @@ class Leads:
         self._places: dict[tuple[int, ...], int] = {}
         self._dead: dict[tuple[int, ...], frozenset[int]] = {}
         self._known: dict[int, tuple[int, int]] = {}
-        #: Slots that end together; the first are none.
-        self._ends: list[tuple[int, ...]] = [()]
+        #: Slots that are set or end together, each with whether it ends; the first are none.
+        self._ends: dict[tuple[tuple[int, bool], ...], int] = {(): 0}
 
     def first(self, rows: Rows) -> Rows:
         """Return the first situation without what is not live in it."""
@@ -182,10 +184,9 @@ class Leads:
         to = tuple(delta.get(s, value) for s, value in zip(self._live.of_place, place, strict=True))
         self.certain = self._live.takes(place, effect, to) and self.certain
         dead = self._dead_at(to)
-        ends = tuple(sorted(dead - self._dead_at(place) - delta.keys()))
-        if ends not in self._ends:
-            self._ends.append(ends)
-        return self._effects.without(number, dead), self._ends.index(ends)
+        ends = tuple((slot, True) for slot in sorted(dead - self._dead_at(place) - delta.keys()))
+        ends = (*((slot, False) for slot in sorted(effect.sets & delta.keys())), *ends)
+        return self._effects.without(number, dead), self._ends.setdefault(ends, len(self._ends))
 
     def _dead_at(self, place: tuple[int, ...]) -> frozenset[int]:
         found = self._dead.get(place)
@@ -193,15 +194,18 @@ class Leads:
             found = self._dead[place] = self._live.dead(place)
         return found
 
-    def ending(
+    def open(
         self, rows: Rows, columns: Indices, ends: NDArray[np.uint32]
-    ) -> Iterator[tuple[int, Indices, NDArray[np.uint16]]]:
-        """Yield slots that end, with the transitions in which something ends there, and its values."""
-        for number in np.unique(ends):
-            at = np.flatnonzero(ends == number) if number else np.zeros(0, np.intp)
-            for slot in self._ends[number]:
+    ) -> Iterator[tuple[int, bool, Indices, NDArray[np.uint16]]]:
+        """Yield slots that are set or end: whether it ends, in which transitions, and its values before."""
+        order = np.argsort(ends, kind="stable")
+        edges = np.searchsorted(ends[order], np.arange(len(self._ends) + 1))
+        for slots, begin, end in zip(self._ends, edges, edges[1:], strict=False):
+            at = order[begin:end]
+            for slot, is_end in slots if len(at) else ():
                 values = rows[slot, columns[at]]
-                yield slot, at[values > 1], values[values > 1]
+                there = values > (1 if is_end else 0)
+                yield slot, is_end, at[there], values[there]
 
 
 class LevelWalk:
@@ -301,13 +305,14 @@ class LevelWalk:
             raise _Anew
         found.cut += known.cut(effects)
         self._note_breaches(block.depth, block.first + columns, moves, effects)
-        changing = known.changing(effects)
-        columns, moves, effects, ends = columns[changing], moves[changing], effects[changing], ends[changing]
         low, high = known.marks(effects)
-        low, high = low ^ block.low[columns], high ^ block.high[columns]
-        for slot, at, values in self._leads.ending(block.rows, columns, ends):
-            low[at] ^= self._marks[0, slot][values] ^ self._marks[0, slot, 1]
-            high[at] ^= self._marks[1, slot][values] ^ self._marks[1, slot, 1]
+        for slot, is_end, at, values in self._leads.open(block.rows, columns, ends):
+            for side, marks in enumerate((low, high)):
+                of = self._marks[side, slot]
+                marks[at] ^= of[values] ^ of[1] if is_end else of[values]
+        changing = (low | high) != 0
+        columns, moves, effects, ends = columns[changing], moves[changing], effects[changing], ends[changing]
+        low, high = low[changing] ^ block.low[columns], high[changing] ^ block.high[columns]
         targets, new = self._seen.numbers(low, high)
         found.sources.frombytes((block.first + columns).astype(np.uint32).tobytes())
         found.targets.frombytes(targets.tobytes())
@@ -321,8 +326,9 @@ class LevelWalk:
         if len(new):
             rows = block.rows[:, columns[new]]
             known.apply(rows, effects[new])
-            for slot, at, _ in self._leads.ending(block.rows, columns[new], ends[new]):
-                rows[slot, at] = 1
+            for slot, is_end, at, _ in self._leads.open(block.rows, columns[new], ends[new]):
+                if is_end:
+                    rows[slot, at] = 1
             self._add(
                 block.depth + 1,
                 rows,

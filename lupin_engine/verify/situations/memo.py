@@ -16,14 +16,20 @@ Indices = NDArray[np.intp]
 
 
 def marks_of(room: int, most: int) -> NDArray[np.uint64]:
-    """Return 128 bits by chance for each value of each slot: (2, slots, values). Nothing has 0."""
-    marks = np.random.default_rng(18).integers(0, 2**64, (2, room, most + 2), np.uint64)
+    """Return 128 bits by chance for each value of each slot and its presence. Nothing has 0.
+
+    Shape: (2, 2 * slots, values).
+    """
+    marks = np.random.default_rng(18).integers(0, 2**64, (2, 2 * room, most + 2), np.uint64)
     marks[:, :, 0] = 0
     return marks
 
 
 class LevelPart:
-    """Some situations, slots by situations, with the marks of parts of them as far as somebody asks."""
+    """Some situations, slots by situations, with the marks of parts of them as far as somebody asks.
+
+    Beyond the slots there is the presence of each, as `TrackedMemory.reads` numbers them.
+    """
 
     def __init__(self, rows: Rows, marks: NDArray[np.uint64]) -> None:
         self.rows = rows
@@ -47,7 +53,8 @@ class LevelPart:
     def _slot(self, slot: int) -> tuple[Marks, Marks]:
         found = self._of_slot.get(slot)
         if found is None:
-            values = self.rows[slot]
+            room = len(self.rows)
+            values = self.rows[slot] if slot < room else np.minimum(self.rows[slot - room], 1)
             found = self._of_slot[slot] = self._marks[0, slot][values], self._marks[1, slot][values]
         return found
 

@@ -59,6 +59,8 @@ class Relevance:
         self.inputs = frozenset(name for name in inputs if unclear or self._is_read(name))
         #: So far sweeps without end are counted; no condition tells more of them apart.
         self.most_sweeps = max((_sweeps_told_apart(value.source) for value in _all(chart)), default=0)
+        #: The codes that something tells apart from all others; None where that is not seen.
+        self.codes = codes_told_apart(chart)
         self._cause = {name: _reads_event(invoke) for name, invoke in invokes(chart)}
 
     @property
@@ -107,7 +109,8 @@ class Relevance:
         return frozen(value.value) if name in self.inputs else (), old
 
     def _attempt(self, _: str, value: Attempt) -> Hashable:
-        return value.invocation, value.operation, value.uses, value.phase.value, value.timeout is None
+        answer = None if value.answer is None else self._told(value.answer)
+        return value.invocation, value.operation, value.uses, value.phase.value, value.timeout is None, answer
 
     def _invocation(self, _: str, value: Invocation) -> Hashable:
         cause = frozen(value.event) if self._cause.get(value.state) else ()
@@ -125,7 +128,12 @@ class Relevance:
         return tuple((kind, *about, due) for due, _, kind, about in value)
 
     def _deferred(self, _: str, value: list[Event]) -> Hashable:
-        return tuple((event.name, frozen({**event.data, "detail": ""})) for event in value)
+        return tuple(map(self._told, value))
+
+    def _told(self, event: Event) -> Hashable:
+        code = event.data.get("code")
+        same = {"code": ""} if code and self.codes is not None and code not in self.codes else {}
+        return event.name, frozen({**event.data, "detail": "", **same})
 
     def _present(self, _: str, value: Any) -> Hashable:
         return value > 0.0 if isinstance(value, float) else value is not None
@@ -150,7 +158,6 @@ _KEYS: Mapping[str, Any] = {
     "asked": lambda _, __, value: tuple(value),
     "broken": _unordered,
     "handled": _unordered,
-    "held": _unordered,
 }
 
 
@@ -219,6 +226,48 @@ def _told_apart(source: str, what: str, is_count: Callable[[ast.expr], bool]) ->
     return found if seen == source.count(what) else math.inf
 
 
+def codes_told_apart(chart: Chart) -> frozenset[str] | None:
+    """Return the codes that a condition or a retry names: all others are alike. None where that is not seen.
+
+    It is seen where the code of an error is compared with texts that are written out, and kept nowhere.
+    """
+    found = {code for _, invoke in invokes(chart) if invoke.retry for code in invoke.retry.unless}
+    keeping = [call for call in _actions(chart) if call.name in (*_KEEPING, "raise")]
+    kept = [value for call in keeping for value in (*call.arguments.values(), *(call.data or {}).values())]
+    for value in (*deciding(chart), *kept):
+        if isinstance(value, Expression) and any(word in value.source for word in ("error", "event")):
+            named = _codes_named(value.source)
+            if named is None:
+                return None
+            found |= named
+    return frozenset(found)
+
+
+def _codes_named(source: str) -> set[str] | None:
+    """Return the texts with which an expression compares the code of an error; None where it does more."""
+    try:
+        nodes = list(ast.walk(ast.parse(source, mode="eval")))
+    except SyntaxError:  # the language has words that Python has not
+        return None
+    fields = [node for node in nodes if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)]
+    named = [(node.value.id, node.attr) for node in fields if isinstance(node.value, ast.Name)]
+    whole = [node for node in nodes if isinstance(node, ast.Name) and node.id in ("error", "event")]
+    if len(whole) != sum(root in ("error", "event") for root, _ in named):
+        return None
+    found: set[str] = set()
+    seen = 0
+    for node in nodes:
+        if isinstance(node, ast.Compare) and ast.unparse(node.left) in _CODES:
+            try:
+                texts = [ast.literal_eval(one) for one in node.comparators]
+            except ValueError:
+                return None
+            found.update(t for text in texts for t in ([text] if isinstance(text, str) else text))
+            seen += 1
+    return found if seen == sum(f"{root}.{name}" in _CODES for root, name in named) else None
+
+
+_CODES = ("error.code", "event.code")
 _ORDERS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 _COUNTS = tuple(f"itinerary.{name}" for name in ("sweep", "closed", "remaining", "total"))
 

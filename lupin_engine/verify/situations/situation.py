@@ -16,6 +16,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from typing import Any
 
 from lupin_engine.errors import shortened
+from lupin_engine.machine.holds import all_holds
 from lupin_engine.machine.memory import Memory, Phase, Timer
 from lupin_engine.verify.situations.relevance import Relevance
 
@@ -31,7 +32,9 @@ ORDERED = ("attempts", "invocations", "itineraries")
 UNORDERED: tuple[str, ...] = ("context", "request", "given", "inputs", "levels", "history", "handled")
 UNORDERED += ("budgets",)
 WHOLE: tuple[str, ...] = ("configuration", "mission", "mission_id", "started_at", "current_itinerary")
-WHOLE += ("timers", "frozen", "asked", "held", "deferred", "waiting_actions", "broken", "wall")
+WHOLE += ("timers", "frozen", "asked", "deferred", "waiting_actions", "broken", "wall")
+#: Those of them that are lists.
+LISTS = ("timers", "frozen", "deferred", "waiting_actions", "broken")
 #: What a reload of the same missions leaves as it is, whatever it is, and what it empties.
 THROUGH = ("context", "request", "itineraries")
 DROPPED = ("history", "budgets", "given", "handled")
@@ -80,7 +83,7 @@ class SlotTable:
         self._numbers: list[dict[Hashable, int]] = []
         self._values: list[list[Any]] = []
         chart = relevance.chart
-        for name in (*WHOLE, *ORDERED):
+        for name in (*WHOLE, *ORDERED, "held"):
             self.slot((name, ""))
         self.slot(RANKS), self.slot(CALM), self.slot(WATCHED)
         states = chart.states.values()
@@ -93,6 +96,7 @@ class SlotTable:
             "history": [s.name for s in states if s.kind.value == "history"],
             "handled": [s.name for s in states if s.for_each],
             "budgets": [s.name for s in states if s.budget],
+            "held": all_holds(chart),
         }
         self.keys = {field: tuple(sorted(names)) for field, names in keys.items()}
         for field, names in self.keys.items():
@@ -156,18 +160,18 @@ def _is_plain(value: Any) -> bool:
 class TrackedMemory(Memory):
     """The memory of a situation; what is read is looked up when it is first asked for, and remembered.
 
-    `reads` are the slots that a step depends on. Of those in `values` it has taken the value; of others it
-    has only looked whether there is anything, or has compared that with what it has `written`.
+    A step depends on the slots in `values`, of which it has taken the value, and in `presence`, of which it
+    has only looked whether there is anything. What it has `written` it has written whatever was there.
     """
 
-    __slots__ = ("reads", "situation", "table", "values", "written")
+    __slots__ = ("presence", "situation", "table", "values", "written")
 
     def __init__(self, table: SlotTable, situation: Situation) -> None:
         # Nothing of the fields is set here: what is not set is looked up.
         self.table = table
         self.situation = situation
-        self.reads: set[int] = set()
         self.values: set[int] = set()
+        self.presence: set[int] = set()
         self.written: set[int] = set()
 
     def __getattr__(self, name: str) -> Any:
@@ -175,6 +179,10 @@ class TrackedMemory(Memory):
             found = _IDLE[name]()
         elif name in ORDERED or name in UNORDERED:
             found = TrackedDict(self, name)
+        elif name == "held":
+            found = TrackedHolds(self)
+        elif name in LISTS:
+            found = TrackedList(self, self.table.index[name, ""])
         elif name in WHOLE:
             found = self.fetch(self.table.index[name, ""])
             if found is None:
@@ -186,15 +194,20 @@ class TrackedMemory(Memory):
 
     def fetch(self, slot: int) -> Any:
         """Return what a slot is, and remember that it was read."""
-        self.reads.add(slot)
         self.values.add(slot)
         number = self.situation[slot]
         return self.table.value(slot, number) if number else None
 
     def has(self, slot: int) -> bool:
         """Say whether a slot is anything, and remember that somebody wants to know that."""
-        self.reads.add(slot)
+        self.presence.add(slot)
         return self.situation[slot] != 0
+
+    @property
+    def reads(self) -> frozenset[int]:
+        """What the step depends on: slots, and after them the presence of slots."""
+        room = self.table.room
+        return frozenset(self.values).union(slot + room for slot in self.presence - self.values)
 
     @property
     def target(self) -> str:
@@ -208,6 +221,7 @@ class TrackedMemory(Memory):
         """
         unread = TrackedMemory(self.table, self.situation)
         found = {name: getattr(self, name) for name in (*WHOLE, *_IDLE)}
+        found |= {name: list(getattr(self, name)) for name in (*LISTS, "held")}
         for name in (*ORDERED, *UNORDERED):
             of = unread if name in (*THROUGH, *DROPPED) else self
             found[name] = dict(getattr(of, name).items())
@@ -215,7 +229,7 @@ class TrackedMemory(Memory):
 
     def take_over(self, other: Memory) -> None:
         """Become what another memory is that goes on from this one."""
-        for name in WHOLE:
+        for name in (*WHOLE, "held"):
             setattr(self, name, getattr(other, name))
         for name in (*ORDERED, *UNORDERED):
             if name not in THROUGH:
@@ -223,7 +237,8 @@ class TrackedMemory(Memory):
 
     def looked_at_timers(self) -> list[list[Timer]]:
         """Return the deadlines that run, and those that are stopped, as far as the step looked at them."""
-        return [getattr(self, name) for name in ("timers", "frozen") if self.is_set(name)]
+        found = [object.__getattribute__(self, name) for name in ("timers", "frozen") if self.is_set(name)]
+        return [one for one in found if not (isinstance(one, TrackedList) and one.is_unread)]
 
     def is_looked_at(self, name: str) -> bool:
         """Say whether entries of a field were looked at, put in or taken out."""
@@ -249,8 +264,14 @@ class TrackedMemory(Memory):
             if not self.is_set(name):
                 continue
             value = object.__getattribute__(self, name)
+            if isinstance(value, TrackedList):
+                if value.is_unread:
+                    continue
+                value = list(value)
             # Of a whole field nothing and an empty one are the same.
             yield from self.change(index[name, ""], value if value or value == 0.0 else None)
+        if self.is_set("held"):
+            yield from self._changed_holds(object.__getattribute__(self, "held"))
         for name in (*ORDERED, *UNORDERED):
             if self.is_set(name):
                 yield from self._entry_changes(name, object.__getattribute__(self, name))
@@ -265,15 +286,23 @@ class TrackedMemory(Memory):
         if entries.order is not None:
             yield from self.change(self.table.index[name, ""], tuple(entries.order) or None)
 
+    def _changed_holds(self, held: TrackedHolds | list[str]) -> Iterator[tuple[int, int]]:
+        known = (
+            held.known if isinstance(held, TrackedHolds) else {n: n in held for n in self.table.keys["held"]}
+        )
+        for name, is_engaged in known.items():
+            yield from self.change(self.table.index["held", name], is_engaged or None)
+        if known:
+            yield from self.change(self.table.index["held", ""], any(True for _ in held) or None)
+
     def change(self, slot: int, value: Any) -> Iterator[tuple[int, int]]:
-        """Yield a slot with what it is now if it is not as it was; whether it is, depends on what it was."""
-        self.reads.add(slot)
+        """Yield a slot with what it is now, unless it is known to be as it was."""
         self.written.add(slot)
         old = self.situation[slot]
-        if old and self.table.is_kept(slot, old, value):
-            return
-        number = 0 if value is None else self.table.number(slot, value)
-        if number != old:
+        is_same = bool(old) and self.table.is_kept(slot, old, value)
+        number = old if is_same else 0 if value is None else self.table.number(slot, value)
+        known = slot in self.values or (slot in self.presence and old == 0)
+        if number != old or not known:
             yield slot, number
 
 
@@ -282,14 +311,97 @@ _EMPTY: Mapping[str, Callable[[], Any]] = {
     "mission": str,
     "mission_id": str,
     "current_itinerary": str,
-    "timers": list,
-    "frozen": list,
     "asked": dict,
-    "held": list,
-    "deferred": list,
-    "waiting_actions": list,
-    "broken": list,
 }
+
+
+class TrackedHolds:
+    """The holds that are engaged, each a slot, with one more that says whether any is."""
+
+    def __init__(self, memory: TrackedMemory) -> None:
+        self._memory = memory
+        #: Those that were engaged or released.
+        self.known: dict[str, bool] = {}
+
+    def __contains__(self, name: str) -> bool:
+        known = self.known.get(name)
+        return self._memory.has(self._memory.table.index["held", name]) if known is None else known
+
+    def __iter__(self) -> Iterator[str]:
+        if self.known or self._memory.has(self._memory.table.index["held", ""]):
+            yield from (name for name in self._memory.table.keys["held"] if name in self)
+
+    def __bool__(self) -> bool:
+        if self.known:
+            return any(True for _ in self)
+        return self._memory.has(self._memory.table.index["held", ""])
+
+    def __getitem__(self, index: int) -> str:
+        return list(self)[index]
+
+    def append(self, name: str) -> None:
+        """Engage one."""
+        self.known[name] = True
+
+    def remove(self, name: str) -> None:
+        """Release one."""
+        self.known[name] = False
+
+
+class TrackedList(list[Any]):
+    """A field that is a list, which is looked up when more is asked than whether there is anything."""
+
+    __slots__ = ("_memory", "_slot", "is_unread")
+
+    def __init__(self, memory: TrackedMemory, slot: int) -> None:
+        super().__init__()
+        self._memory = memory
+        self._slot = slot
+        self.is_unread = True
+
+    def _load(self) -> None:
+        if self.is_unread:
+            self.is_unread = False
+            super().extend(self._memory.fetch(self._slot) or ())
+
+    def __bool__(self) -> bool:
+        return self._memory.has(self._slot) if self.is_unread else super().__len__() > 0
+
+    def clear(self) -> None:
+        """Take everything out, whatever there was."""
+        self.is_unread = False
+        super().clear()
+
+
+def _loading(name: str) -> Any:
+    usual = getattr(list, name)
+
+    def method(self: TrackedList, *arguments: Any) -> Any:
+        self._load()
+        return usual(self, *arguments)
+
+    return method
+
+
+for _name in (
+    "__len__",
+    "__iter__",
+    "__contains__",
+    "__getitem__",
+    "__setitem__",
+    "__delitem__",
+    "__eq__",
+    "__reversed__",
+    "__add__",
+    "append",
+    "remove",
+    "pop",
+    "insert",
+    "extend",
+    "index",
+    "sort",
+):
+    setattr(TrackedList, _name, _loading(_name))
 
 
 class TrackedDict(dict[str, Any]):
@@ -419,6 +531,8 @@ class TrackedDict(dict[str, Any]):
         return super().__len__()
 
     def __bool__(self) -> bool:
+        if self._field in ORDERED and self.order is None:
+            return self._memory.has(self._memory.table.index[self._field, ""])
         return bool(self.in_order())
 
     def keys(self) -> Any:
@@ -463,8 +577,9 @@ def settle_names(memory: TrackedMemory) -> dict[str, str]:
         for name, attempt in dict.items(entries):
             attempt.id = name
     for field in ("timers", "frozen"):
-        if renamed or memory.is_set(field):
-            setattr(memory, field, _lasting(getattr(memory, field), named))
+        timers = getattr(memory, field)
+        if renamed or not (isinstance(timers, TrackedList) and timers.is_unread):
+            timers[:] = _lasting(timers, named)
     return named
 
 

@@ -254,18 +254,24 @@ def forget_unwanted(memory: TrackedMemory, owed: int) -> None:
 
     All that can come of one is a late answer, and that is about no other. The engine itself gives none.
     """
-    waited = {found.cut.attempt for found in memory.invocations.values() if found.cut is not None}
+    # Of those that the step has not looked at nothing has changed.
+    looked_at = memory.attempts.values() if owed else dict.values(memory.attempts)
     inert = [
         attempt.id
-        for attempt in memory.attempts.values()
-        if attempt.id not in waited
-        and (attempt.phase is Phase.LOST or (attempt.phase is Phase.CANCELLING and not attempt.uses))
+        for attempt in looked_at
+        if (attempt.phase is Phase.LOST or (attempt.phase is Phase.CANCELLING and not attempt.uses))
+        and not _is_waited_for(memory, attempt)
     ]
     own = [name for name in inert if memory.attempts[name].operation.startswith(f"{BUILTIN}.")]
     others = [name for name in inert if name not in own]
     for name in (*own, *others[: len(others) - owed]):
         del memory.attempts[name]
         Timers(memory).disarm("cancel", name)
+
+
+def _is_waited_for(memory: TrackedMemory, attempt: Attempt) -> bool:
+    invocation = memory.invocations.get(attempt.invocation)
+    return invocation is not None and invocation.cut is not None and invocation.cut.attempt == attempt.id
 
 
 def in_order(memory: TrackedMemory) -> None:
