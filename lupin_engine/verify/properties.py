@@ -315,7 +315,7 @@ def _closed_once(passage: Passage) -> str | None:
     memory, told = passage.after, [c for c in passage.step.commands if isinstance(c, Publish)]
     if not told and not (memory.itineraries and passage.step.taken):
         return None
-    same = passage.before.mission_id == memory.mission_id
+    same = passage.step.event.name != START and passage.before.mission_id == memory.mission_id
     newly = max(0, closed(memory) - (passage.before.closed if same else 0))  # another mission has fewer
     if not told:
         return f"nothing told, but {newly} closed" if newly else None

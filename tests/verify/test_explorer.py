@@ -26,6 +26,7 @@ from lupin_engine.sim.simulation import Simulation
 from lupin_engine.verify.campaign import Campaign
 from lupin_engine.verify.rates import read_rates
 from lupin_engine.verify.situations import classes
+from lupin_engine.verify.situations.found import ExplorationProgress
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph
 from lupin_engine.verify.situations.levels import LevelWalk, explore
 from lupin_engine.verify.situations.relevance import _sweeps_told_apart, elements_told_apart
@@ -97,7 +98,7 @@ def test_what_is_dead_changes_nothing(of: Chart) -> None:
     numbers = {situation: number for number, situation in enumerate(explorer.situations)}
     of_plain = []
     for situation in every:
-        dead = walk.live.dead(tuple(situation[slot] for slot in walk.live.of_place))
+        dead = walk.live.dead(walk.live.place(situation[slot] for slot in walk.live.of_place))
         kept = tuple(min(value, 1) if slot in dead else value for slot, value in enumerate(situation))
         of_plain.append(numbers[kept])
     assert set(of_plain) == set(range(reduced.progress.situations))
@@ -108,6 +109,22 @@ def test_what_is_dead_changes_nothing(of: Chart) -> None:
     assert (plain.taken, plain.entered) == (reduced.taken, reduced.entered)
     broken = [[one.name for one in OF_THE_GRAPH if one.broken(Graph(g)).any()] for g in (plain, reduced)]
     assert broken[0] == broken[1]
+
+
+def test_a_stop_after_a_new_beginning_loses_nothing() -> None:
+    """What was certain before is what was found, until the next walk has come farther."""
+    most = 0
+
+    def look(progress: ExplorationProgress) -> str:
+        nonlocal most
+        begins = progress.situations < most
+        most = max(most, progress.situations)
+        return "stopped" if begins and most > 100 else ""
+
+    found = explore(KeepingExplorer(shipped.mission("inspection"), targets=1), look)
+    assert (found.complete, found.stopped) == (False, "stopped")
+    assert found.progress.situations == len(found.parents) > 10
+    assert found.taken
 
 
 def said(machine: Machine) -> list[Event]:

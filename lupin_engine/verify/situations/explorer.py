@@ -40,6 +40,7 @@ from lupin_engine.verify.situations.memo import Rows
 from lupin_engine.verify.situations.relevance import Relevance, invokes
 from lupin_engine.verify.situations.situation import (
     CALM,
+    COMPARED,
     FIRST_NEW,
     RANKS,
     WATCHED,
@@ -142,7 +143,9 @@ class SituationExplorer:
                     return _NOTHING
                 memory.take_over(successor(Machine(self.world, memory.plain()), self.world).memory)
                 machine = Machine(self.world, memory)
-                step: Step | None = machine.go_on(0.0)
+                inputs, levels = (self.table.keys[field] for field in COMPARED)
+                with memory.unread("inputs", inputs), memory.unread("levels", levels):
+                    step: Step | None = machine.go_on(0.0)
             else:
                 step = self.moves.carry_out(machine, memory, move)
             return _CUT if step is None else self._effect_of(memory, machine, step, situation, before)

@@ -60,13 +60,20 @@ class ExplorationProgress:
     def estimate(self) -> int | None:
         """About how many situations there are: None while levels still grow, which tells nothing.
 
-        Levels grow and then shrink. Once one has shrunk, those that follow are taken to shrink alike.
+        Levels grow and then shrink, faster and faster: each ratio to the level before is taken to be the one
+        before times the last change of the ratio.
         """
         whole = self.levels[: self.depth + 1]
         if len(whole) < 3 or not whole[-3] > whole[-2] > whole[-1]:
             return None
         shrinks = whole[-1] / whole[-2]
-        return round(sum(whole) + whole[-1] * shrinks / (1.0 - shrinks))
+        faster = min(1.0, shrinks / (whole[-2] / whole[-3]))
+        follows, found = float(whole[-1]), float(sum(whole))
+        while follows >= 1.0:
+            shrinks *= faster
+            follows *= shrinks
+            found += follows
+        return round(found)
 
 
 @dataclass

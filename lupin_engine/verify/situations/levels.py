@@ -25,6 +25,8 @@ from lupin_engine.verify.situations.situation import Overflow
 _TOGETHER = 1 << 15
 #: Of so many breaches of one property, all after as many moves, the one with the fewest faults is told.
 _MOST_BREACHES = 1000
+#: So many times as many situations as are certain are looked at before the walk begins anew.
+_AHEAD = 8
 #: Between two looks at the clock and the budget: so many steps of the machine.
 _PACE = 512
 
@@ -55,10 +57,6 @@ def explore(
 
 class _Stopped(Exception):
     """It was said that the exploration stops; the text says why."""
-
-
-class _Anew(Exception):
-    """More is live than was thought: the walk begins again, with all that was worked out."""
 
 
 class _Effects:
@@ -146,14 +144,16 @@ class Leads:
         self.certain = True
         self.used: set[int] = set()
         self._places: dict[tuple[int, ...], int] = {}
+        #: By place and effect: the number of what is found there and 1, where it is known.
+        self._number: NDArray[np.uint32] = np.zeros((64, 1024), np.uint32)
+        self._found, self._found_ends = array("I"), array("I")
         self._dead: dict[tuple[int, ...], frozenset[int]] = {}
-        self._known: dict[int, tuple[int, int]] = {}
         #: Slots that are set or end together, each with whether it ends; the first are none.
         self._ends: dict[tuple[tuple[int, bool], ...], int] = {(): 0}
 
     def first(self, rows: Rows) -> Rows:
         """Return the first situation without what is not live in it."""
-        place = tuple(rows[list(self._live.of_place), 0].tolist())
+        place = self._live.place(rows[list(self._live.of_place), 0].tolist())
         for slot in self._dead_at(place):
             rows[slot] = np.minimum(rows[slot], 1)
         return rows
@@ -164,24 +164,35 @@ class Leads:
         """Return for transitions what they do, and the number of the slots that end with them."""
         every, of = np.unique(rows[list(self._live.of_place)], axis=1, return_inverse=True)
         places = [tuple(place) for place in every.T.tolist()]
-        numbers = np.array([self._places.setdefault(p, len(self._places)) for p in places], np.uint64)[of]
-        pairs, inverse = np.unique((numbers.ravel()[columns] << np.uint64(32)) | effects, return_inverse=True)
-        names = dict(zip((self._places[place] for place in places), places, strict=True))
-        found = np.array([self._lead(pair, names) for pair in pairs.tolist()], np.uint32)
-        return found[inverse, 0], found[inverse, 1]
+        numbers = np.array([self._places.setdefault(p, len(self._places)) for p in places], np.intp)
+        self._make_room(len(effects) and int(effects.max()) + 1)
+        of = numbers[of.ravel()[columns]]
+        new = self._number[of, effects] == 0
+        if new.any():
+            names = dict(zip(numbers.tolist(), places, strict=True))
+            for place, effect in set(zip(of[new].tolist(), effects[new].tolist(), strict=True)):
+                self.used.add(effect)
+                settled, ends = self._work_out(names[place], effect)
+                self._found.append(settled)
+                self._found_ends.append(ends)
+                self._number[place, effect] = len(self._found)
+        at = self._number[of, effects] - np.uint32(1)
+        return np.frombuffer(self._found, np.uint32)[at], np.frombuffer(self._found_ends, np.uint32)[at]
 
-    def _lead(self, pair: int, names: Mapping[int, tuple[int, ...]]) -> tuple[int, int]:
-        known = self._known.get(pair)
-        if known is None:
-            number = pair & 0xFFFFFFFF
-            self.used.add(number)
-            known = self._known[pair] = self._work_out(names[pair >> 32], number)
-        return known
+    def _make_room(self, effects: int) -> None:
+        """Make the table of places and effects large enough."""
+        rows, columns = self._number.shape
+        if len(self._places) > rows or effects > columns:
+            rows, columns = max(rows, 2 * len(self._places)), max(columns, 2 * effects)
+            larger = np.zeros((rows, columns), np.uint32)
+            larger[: self._number.shape[0], : self._number.shape[1]] = self._number
+            self._number = larger
 
     def _work_out(self, place: tuple[int, ...], number: int) -> tuple[int, int]:
         effect = self._effects.all[number]
         delta = dict(effect.delta)
-        to = tuple(delta.get(s, value) for s, value in zip(self._live.of_place, place, strict=True))
+        kept = zip(self._live.of_place, place, strict=True)
+        to = self._live.place(delta.get(slot, value) for slot, value in kept)
         self.certain = self._live.takes(place, effect, to) and self.certain
         dead = self._dead_at(to)
         ends = tuple((slot, True) for slot in sorted(dead - self._dead_at(place) - delta.keys()))
@@ -230,39 +241,61 @@ class LevelWalk:
         self._seen = SeenTable()
         self._waiting = WaitingLine()
         self._found = Explored(self._explorer.moves)
+        #: What was found until something was needed that was not live.
+        self._certain: Explored | None = None
         self._found.progress.steps = self._steps
         self._looked_at = 0
         self._leads = Leads(self.live, self._effects)
 
     def run(self, goes_on: Callable[[ExplorationProgress], str]) -> Explored:
-        """Look at everything."""
+        """Look at everything; what is returned of a walk that is stopped is certain."""
         self._goes_on = goes_on
-        while True:
-            try:
-                return self._run()
-            except _Anew:
-                self._begin()
+        farthest = self._run()
+        while not (farthest.complete or farthest.stopped):
+            self._begin()
+            found = self._run()
+            if found.complete or farthest.progress.situations < found.progress.situations:
+                farthest = found
+            farthest.stopped = found.stopped
+        return farthest
 
     def _run(self) -> Explored:
-        situation, effect = self._explorer.initial()
-        self._count()
-        self._found.breaches = {name: [Breach(name, 0, -1, text)] for name, text in effect.breaches}
+        """Look at everything, or until something is needed that is not live, and a little ahead."""
+        situation, self._first = self._explorer.initial()
+        self._found.breaches = {name: [Breach(name, 0, -1, text)] for name, text in self._first.breaches}
         rows = self._leads.first(np.array([situation], np.uint16).T)
         low, high = LevelPart(rows, self._marks).key(frozenset(range(len(situation))))
         self._seen.numbers(low, high)
         self._add(0, rows, low, high, [0], [-1])
+        stopped = ""
         try:
-            while self._waiting.count:
+            self._count()
+            while self._waiting.count and not self._has_looked_ahead():
                 self._look()
                 self._expand(self._together())
         except _Stopped as why:
-            self._found.stopped = str(why)
+            stopped = str(why)
         except KeyboardInterrupt:
-            self._found.stopped = "interrupted"
-        self._found.complete = not self._found.stopped
-        for one in (effect, *(self._effects.all[number] for number in self._leads.used)):
+            stopped = "interrupted"
+        found = self._certain or self._take_stock()
+        found.stopped, found.complete = stopped, not stopped and self._certain is None
+        return found
+
+    def _take_stock(self) -> Explored:
+        """Return what was found, with what the effects tell of the chart."""
+        for one in (self._first, *(self._effects.all[number] for number in self._leads.used)):
             self._found.take_in(one)
         return self._found
+
+    def _look_ahead(self) -> None:
+        """Keep what is certain. What follows is looked at only to learn what else is live."""
+        self._certain = self._take_stock()
+        progress = self._found.progress
+        self._found = Explored(self._explorer.moves, replace(progress, levels=list(progress.levels)))
+
+    def _has_looked_ahead(self) -> bool:
+        certain = self._certain
+        return certain is not None and self._found.progress.situations > _AHEAD * certain.progress.situations
 
     def _look(self) -> None:
         why = self._goes_on(self._found.progress)
@@ -299,10 +332,11 @@ class LevelWalk:
         self, block: Block, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
     ) -> None:
         """Take in where some moves lead; `columns` are those of the situations in the block."""
-        found, known = self._found, self._effects
+        known = self._effects
         effects, ends = self._leads.settle(block.rows, columns, effects)
-        if not self._leads.certain:
-            raise _Anew
+        if self._certain is None and not self._leads.certain:
+            self._look_ahead()
+        found = self._found
         found.cut += known.cut(effects)
         self._note_breaches(block.depth, block.first + columns, moves, effects)
         low, high = known.marks(effects)

@@ -1,25 +1,24 @@
 """Which slots are live at which place: what nothing will read before it is written again is not told apart.
 
-A place is a configuration with the values of the variables that are texts. Which slots are live there is not
-read off the chart, but learnt from what the machine's steps read: at first nothing is. A slot that is not
-live has, where there is anything in it, its first value. Once a step turns out to need one that is not live
-at its place, that one is made live there, and at all places from which it comes unwritten; then the walk
-begins anew. So in the walk that gets to its end every step needs live slots alone, and what is live after it
-was live before, or is set by it: situations that agree in all live slots are bisimilar.
+A place is a configuration with the values of its keys: the variables that are texts, and what history
+remembers. Which slots are live there is not read off the chart, but learnt from what the machine's steps
+read: at first nothing is. A slot that is not live has, where there is anything in it, its first value. Once a
+step turns out to need one that is not live at its place, that one is made live there, and at all places from
+which it comes unwritten; then the walk begins anew. Whether a key is live follows from the configuration.
+So in the walk that gets to its end every step needs live slots alone, and what is live after it was live
+before, or is set by it: situations that agree in all live slots are bisimilar.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.verify.situations.found import Effect
 from lupin_engine.verify.situations.situation import SlotTable
 
-#: Slots that may be dead: the others tell which moves there are, or what is known of a situation.
-_MAY_DIE = ("context", "request", "given", "itineraries", "history", "handled", "budgets")
-#: What a place may not be without.
-_CONFIGURATION = ("configuration", "")
+#: Values of the configuration and of the keys.
+Place = tuple[int, ...]
 
 
 class Liveness:
@@ -29,38 +28,68 @@ class Liveness:
         """Begin with nothing that is live; where it is not `on`, everything is."""
         self._on = on
         self._table = table
-        texts = [("context", name) for name, of in chart.context.items() if of.type.kind == "text"]
-        #: The slots whose values make a place.
-        self.of_place = tuple(table.index[name] for name in (_CONFIGURATION, *texts))
-        self._live: dict[tuple[int, ...], set[int]] = {}
-        self._edges: dict[tuple[int, ...], dict[tuple[tuple[int, ...], frozenset[int]], None]] = {}
+        keys = [("context", name) for name, of in chart.context.items() if of.type.kind == "text"]
+        keys += [("history", name) for name in table.keys["history"]]
+        self._keys = tuple(table.index[key] for key in keys)
+        self._key_set = frozenset(self._keys)
+        #: The slots whose values make a place: the configuration, and the keys.
+        self.of_place = (table.index["configuration", ""], *self._keys)
+        self._of_keys = _Flow()
+        self._of_slots = _Flow()
 
-    def dead(self, place: tuple[int, ...], slots: Iterable[int] | None = None) -> frozenset[int]:
+    def dead(self, place: Place, slots: Iterable[int] | None = None) -> frozenset[int]:
         """Return the slots that are not live at a place, or those of some."""
         if not self._on:
             return frozenset()
-        names, live = self._table.names, self._live.get(place, set()).union(self.of_place)
-        every = range(len(names)) if slots is None else slots
-        return frozenset(s for s in every if s not in live and names[s][1] and names[s][0] in _MAY_DIE)
+        mortal = self._table.mortal if slots is None else self._table.mortal.intersection(slots)
+        return frozenset(mortal.difference(self._of_keys.live(place[:1]), self._of_slots.live(place)))
 
-    def takes(self, place: tuple[int, ...], effect: Effect, to: tuple[int, ...]) -> bool:
+    def place(self, values: Iterable[int]) -> Place:
+        """Return the place with these values of `of_place`: of keys that are not live, the first."""
+        configuration, *keys = values
+        live = self._of_keys.live((configuration,)) if self._on else self._keys
+        named = zip(self._keys, keys, strict=True)
+        return (configuration, *(value if slot in live else min(value, 1) for slot, value in named))
+
+    def takes(self, place: Place, effect: Effect, to: Place) -> bool:
         """Take notice of a step between places; say whether everything that it needs is live."""
         if not self._on:
             return True
-        if effect.delta:
-            self._edges.setdefault(to, {})[place, effect.sets] = None
-        grown = self._grow(place, self.dead(place, effect.needs))
-        through = frozenset(self._live.get(to, ())) - effect.sets
-        return not (self._grow(place, self.dead(place, through)) or grown)
+        keys, mortal = self._key_set, self._table.mortal
+        needs, sets = effect.needs & mortal, effect.sets
+        calm = self._of_keys.takes(place[:1], to[:1], needs & keys, sets)
+        return self._of_slots.takes(place, to, needs - keys, sets) and calm
 
-    def _grow(self, place: tuple[int, ...], more: Iterable[int]) -> bool:
-        """Make slots live at a place and wherever they come from; say whether there were any."""
-        waiting = [(place, frozenset(more))]
-        grown = bool(waiting[0][1])
+
+_NOTHING: Set[int] = frozenset()
+
+
+class _Flow:
+    """What is live where: it is needed there, or it goes on from there to where it is live."""
+
+    def __init__(self) -> None:
+        self._live: dict[Place, set[int]] = {}
+        self._edges: dict[Place, dict[tuple[Place, frozenset[int]], None]] = {}
+
+    def live(self, place: Place) -> Set[int]:
+        return self._live.get(place, _NOTHING)
+
+    def takes(self, place: Place, to: Place, needs: frozenset[int], sets: frozenset[int]) -> bool:
+        """Take notice of a step; say whether everything was live that is needed."""
+        if place != to:
+            self._edges.setdefault(to, {})[place, sets] = None
+        needed = needs.union(self.live(to) - sets) - self.live(place)
+        return not needed or not self._grow(place, needed)
+
+    def _grow(self, place: Place, more: frozenset[int]) -> bool:
+        """Make slots live at a place and wherever they come from; say whether one was not."""
+        waiting = [(place, more)]
+        grown = False
         while waiting:
             at, slots = waiting.pop()
             new = slots - self._live.setdefault(at, set())
             if new:
+                grown = True
                 self._live[at] |= new
                 waiting += [(source, new - sets) for source, sets in self._edges.get(at, ())]
         return grown

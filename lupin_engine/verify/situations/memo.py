@@ -34,29 +34,26 @@ class LevelPart:
     def __init__(self, rows: Rows, marks: NDArray[np.uint64]) -> None:
         self.rows = rows
         self._marks = marks
-        self._of_slot: dict[int, tuple[Marks, Marks]] = {}
+        #: The marks of each slot of each situation, of those slots that are in `_filled`.
+        self._of_slot = np.empty((2, 2 * len(rows), rows.shape[1]), np.uint64)
+        self._filled: set[int] = set()
         self._of_slots: dict[frozenset[int], tuple[Marks, Marks]] = {}
 
     def key(self, slots: frozenset[int]) -> tuple[Marks, Marks]:
         """Return the marks of some slots of each situation."""
         found = self._of_slots.get(slots)
         if found is None:
-            size = self.rows.shape[1]
-            low, high = np.zeros(size, np.uint64), np.zeros(size, np.uint64)
-            for slot in slots:
-                one, other = self._slot(slot)
-                low ^= one
-                high ^= other
+            for slot in slots - self._filled:
+                self._fill(slot)
+            low, high = np.bitwise_xor.reduce(self._of_slot[:, list(slots)], axis=1)
             found = self._of_slots[slots] = low, high
         return found
 
-    def _slot(self, slot: int) -> tuple[Marks, Marks]:
-        found = self._of_slot.get(slot)
-        if found is None:
-            room = len(self.rows)
-            values = self.rows[slot] if slot < room else np.minimum(self.rows[slot - room], 1)
-            found = self._of_slot[slot] = self._marks[0, slot][values], self._marks[1, slot][values]
-        return found
+    def _fill(self, slot: int) -> None:
+        room = len(self.rows)
+        values = self.rows[slot] if slot < room else np.minimum(self.rows[slot - room], 1)
+        self._of_slot[:, slot] = self._marks[:, slot, values]
+        self._filled.add(slot)
 
 
 class _Getter:

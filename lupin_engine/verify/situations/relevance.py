@@ -17,6 +17,7 @@ from lupin_engine.chart.expressions.evaluation import Compiled, Expression, Valu
 from lupin_engine.chart.model import ActionCall, Chart, Invoke, State, Transition, every_call
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Attempt, Invocation, Reported, Timer, Traversal
+from lupin_engine.machine.operations import CANCELLED_CODE
 from lupin_engine.machine.scope import reads_of
 
 #: Actions whose arguments stay in the memory, or go on as an event.
@@ -131,9 +132,12 @@ class Relevance:
         return tuple(map(self._told, value))
 
     def _told(self, event: Event) -> Hashable:
-        code = event.data.get("code")
-        same = {"code": ""} if code and self.codes is not None and code not in self.codes else {}
-        return event.name, frozen({**event.data, "detail": "", **same})
+        name, data = event.name, {**event.data, "detail": ""}
+        if name == "attempt.cancelled":  # who waits for the end takes it for a failure with this code
+            name, data["code"] = "attempt.failed", CANCELLED_CODE
+        if self.codes is not None and data.get("code", "") not in self.codes:
+            data["code"] = ""
+        return name, frozen(data)
 
     def _present(self, _: str, value: Any) -> Hashable:
         return value > 0.0 if isinstance(value, float) else value is not None

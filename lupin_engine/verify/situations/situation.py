@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 from lupin_engine.errors import shortened
@@ -38,6 +39,9 @@ LISTS = ("timers", "frozen", "deferred", "waiting_actions", "broken")
 #: What a reload of the same missions leaves as it is, whatever it is, and what it empties.
 THROUGH = ("context", "request", "itineraries")
 DROPPED = ("history", "budgets", "given", "handled")
+COMPARED = ("inputs", "levels")
+#: Fields whose entries may be dead: others tell which moves there are, or what is known of a situation.
+MORTAL = ("context", "request", "given", "itineraries", "history", "handled", "budgets", "inputs")
 #: What is no part of a memory: which deadlines certainly come before others, what is known to be false, and
 #: what the properties of authors remember.
 RANKS, CALM, WATCHED = ("ranks", ""), ("calm", ""), ("watched", "")
@@ -80,6 +84,8 @@ class SlotTable:
         self._most = most
         self.index: dict[SlotName, int] = {}
         self.names: list[SlotName] = []
+        #: The slots whose values may be dead (see `liveness`).
+        self.mortal: set[int] = set()
         self._numbers: list[dict[Hashable, int]] = []
         self._values: list[list[Any]] = []
         chart = relevance.chart
@@ -109,6 +115,8 @@ class SlotTable:
         if found is None:
             found = self.index[name] = len(self.names)
             self.names.append(name)
+            if name[1] and name[0] in MORTAL:
+                self.mortal.add(found)
             self._numbers.append({})
             self._values.append([None])
         if found >= self.room:
@@ -217,22 +225,42 @@ class TrackedMemory(Memory):
     def plain(self) -> Memory:
         """Return a memory of the machine's own kind, of which nothing is tracked.
 
-        What goes `THROUGH` a reload entry by entry, or is `DROPPED` by it, is not read by that.
+        What goes `THROUGH` a reload entry by entry, or is `DROPPED` by it, is not read by that; nor what is
+        `COMPARED` anew, since with the same missions the result is the same.
         """
         unread = TrackedMemory(self.table, self.situation)
         found = {name: getattr(self, name) for name in (*WHOLE, *_IDLE)}
         found |= {name: list(getattr(self, name)) for name in (*LISTS, "held")}
         for name in (*ORDERED, *UNORDERED):
-            of = unread if name in (*THROUGH, *DROPPED) else self
+            of = unread if name in (*THROUGH, *DROPPED, *COMPARED) else self
             found[name] = dict(getattr(of, name).items())
         return Memory(**found)
+
+    @contextmanager
+    def unread(self, field: str, keys: Iterable[str], whatever: Any = None) -> Iterator[None]:
+        """Let a step have entries whose values make no difference to it, so that they do not count as read.
+
+        Afterwards they are as they were; where `whatever` stood for them, those are that the step has left.
+        """
+        entries = getattr(self, field)
+        lent: dict[str, Any] = {}
+        for key in keys:
+            slot = self.table.index[field, key]
+            if not dict.__contains__(entries, key) and key in entries:
+                value = self.table.value(slot, self.situation[slot]) if whatever is None else whatever
+                lent[key] = value
+                dict.__setitem__(entries, key, value)
+        yield
+        for key, value in lent.items():
+            if whatever is None or dict.get(entries, key) is value:
+                dict.pop(entries, key, None)
 
     def take_over(self, other: Memory) -> None:
         """Become what another memory is that goes on from this one."""
         for name in (*WHOLE, "held"):
             setattr(self, name, getattr(other, name))
         for name in (*ORDERED, *UNORDERED):
-            if name not in THROUGH:
+            if name not in (*THROUGH, *COMPARED):
                 getattr(self, name).replaced(getattr(other, name))
 
     def looked_at_timers(self) -> list[list[Timer]]:

@@ -19,7 +19,7 @@ from lupin_engine.machine import event as events
 from lupin_engine.machine.event import RESUMED, Event
 from lupin_engine.machine.inputs import WAITS
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Attempt, Phase, Timer
+from lupin_engine.machine.memory import Attempt, Phase, Reported, Timer
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.timers import Timers
 from lupin_engine.plugin.builtin import BUILTIN
@@ -210,6 +210,10 @@ class WorldMoves:
             return None  # of equal events one waits for the release
         if name == "attempt.done" and not self._is_told(memory, move.event.data["attempt"]):
             return None
+        if name == "value":
+            told = [i.name for i in machine.chart.inputs.values() if i.value == move.event.data["name"]]
+            with memory.unread("inputs", told, _BEFORE):
+                return machine.handle(move.event, 0.0)
         return machine.handle(move.event, 0.0)
 
     def _is_told(self, memory: TrackedMemory, attempt: str) -> bool:
@@ -235,6 +239,10 @@ class WorldMoves:
         """Say whether no more attempts of one operation wait for their end than the bounds say."""
         _, number, count = name.rpartition("#")
         return not number or int(count) <= self.owed + 1
+
+
+#: What a live value was before another one is told: something else, told at the same time.
+_BEFORE = Reported(object(), 0.0)
 
 
 def running(table: SlotTable, situation: Situation) -> list[Timer]:
