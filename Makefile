@@ -19,7 +19,7 @@ help:
 	@echo "make mutants how many small changes to the code the tests notice (ARGS=\"machine sim\" for some rooms only)"
 	@echo "make soak    real nodes for HOURS=2, mission after mission: what they hold, into the folder soak"
 	@echo "make faults  real nodes, a run with faults for each of SEEDS=1-20: the table, and runs.csv in the folder faults"
-	@echo "make docs    build the documentation as a site: open site/index.html"
+	@echo "make docs    prove the shipped missions, and build the documentation as a site: open site/index.html"
 	@echo "make clean   remove .venv and all caches of this checkout"
 	@echo "The first run prepares .venv, the first test adds to it; that takes a few minutes, later ones start at once."
 

@@ -1,7 +1,9 @@
 """What MkDocs does for our site beside its own work: a hook, named in mkdocs.yml.
 
 A page that shows `NAME.svg` where only `NAME.yaml` stands, shows that mission: it is drawn while the site is
-built, so no picture is older than its mission. And the one script that the theme would fetch is ours.
+built, so no picture is older than its mission. So are the pages of the proofs that mkdocs.yml names under
+`extra`: `proofs/PAGE.html` is the report of `lupin prove` with those arguments. What is not proven fails the
+build. And the one script that the theme would fetch is ours.
 """
 
 from __future__ import annotations
@@ -9,16 +11,22 @@ from __future__ import annotations
 import contextlib
 import posixpath
 import re
+import shlex
+import subprocess
 import sys
+import tempfile
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from pages import installed
+from pages import ROOT, installed
 
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.svg import svg
@@ -35,7 +43,7 @@ _LINK_OUT = re.compile(r"\[([^]]+)\]\(((?:\.\./)+[^)#]+)\)")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pictures that pages show and nobody has drawn (called by MkDocs)."""
+    """Add the pictures that pages show and nobody has drawn, and the proofs (called by MkDocs)."""
     docs = Path(config.docs_dir)
     wanted: dict[str, Path] = {}
     for page in files.documentation_pages():
@@ -51,7 +59,38 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
             stack.enter_context(installed(plugin))
         for uri, mission in wanted.items():
             files.append(File.generated(config, uri, content=draw(mission, uri.removesuffix(".svg"))))
+    for name, report in proofs(tuple(config.extra.get("proofs", {}).items())).items():
+        files.append(File.generated(config, f"proofs/{name}.html", content=report))
     return files
+
+
+@cache
+def proofs(wanted: tuple[tuple[str, str], ...]) -> Mapping[str, str]:
+    """Prove side by side, once for all builds of `mkdocs serve`, and return each page by its name.
+
+    Args:
+        wanted: the name of each page, and the arguments of `lupin prove`.
+
+    Raises:
+        PluginError: something is broken, or was not proven.
+    """
+    with tempfile.TemporaryDirectory(prefix="lupin-proofs-") as folder:
+        files = {name: Path(folder, f"{name}.html") for name, _ in wanted}
+        begun = [_prove([*shlex.split(asked), "--report", str(files[name])]) for name, asked in wanted]
+        told = [process.communicate()[0] for process in begun]
+        failed = [text for process, text in zip(begun, told, strict=True) if process.returncode]
+        if failed:
+            raise PluginError("\n".join(("a page is no proof:", *failed)))
+        return {name: file.read_text(encoding="utf-8") for name, file in files.items()}
+
+
+def _prove(arguments: list[str]) -> subprocess.Popen[str]:
+    """Begin a proof in a process of its own, in the checkout: the page names files by their paths in it."""
+    lupin = [sys.executable, "-m", "lupin_engine.cli.main", "prove"]
+    options = ["--quiet", "--no-scenarios", "--jobs", "1"]
+    return subprocess.Popen(
+        [*lupin, *options, *arguments], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
 
 
 def draw(mission: Path, name: str) -> str:

@@ -18,12 +18,26 @@ ROOT = Path(__file__).parents[2]
 FETCHES = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src", "audio": "src"}
 
 
+#: The site with the smallest proofs that there are; how far those of `make docs` look, mkdocs.yml says.
+CONFIG = f"""\
+INHERIT: {ROOT / "mkdocs.yml"}
+docs_dir: {ROOT / "docs"}
+hooks: [{ROOT / "tools" / "site_hooks.py"}]
+extra:
+  proofs:
+    inspection: inspection --targets 0 --no-restarts
+    exploration: inspection --targets 0 --no-restarts
+"""
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the site as `make docs` does, with warnings as errors."""
     pytest.importorskip("material")
-    folder = tmp_path_factory.mktemp("site")
+    folder, config = tmp_path_factory.mktemp("site"), tmp_path_factory.mktemp("config") / "mkdocs.yml"
+    config.write_text(CONFIG, encoding="utf-8")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
+    command += ["--config-file", str(config)]
     environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1", "NO_COLOR": "1"}
     built = subprocess.run(
         command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
@@ -76,6 +90,17 @@ def test_what_a_page_fetches_is_there(site: Path) -> None:
             assert (file.parent / source.partition("?")[0]).is_file(), f"{file.name}: {source}"
             pictures += source.endswith(".svg")
     assert pictures >= 13
+
+
+def test_the_proofs_of_the_shipped_missions_are_there(site: Path) -> None:
+    """Made with the site, and found from every page; what they say is tested with the report."""
+    for name in ("inspection", "exploration"):
+        page = (site / "proofs" / f"{name}.html").read_text(encoding="utf-8")
+        assert "<title>Proof" in page
+        assert str(ROOT) not in page
+        assert f'href="../proofs/{name}.html"' in (site / "guide" / "index.html").read_text(encoding="utf-8")
+    named = re.findall(r"^    (\w+): (\w+) ", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
+    assert named == [("inspection", "inspection"), ("exploration", "exploration")]
 
 
 def test_the_search_knows_the_pages(site: Path) -> None:
