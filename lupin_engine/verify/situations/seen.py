@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import weakref
 from collections import deque
 from typing import IO, NamedTuple
 
@@ -107,6 +108,7 @@ class WaitingLine:
             return
         if self._file is None:
             self._file = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as this
+            weakref.finalize(self, self._file.close)
         offset = self._file.seek(0, 2)
         for array in (np.array([block.depth, block.first]), block.rows, block.low, block.high):
             np.save(self._file, array, allow_pickle=False)
