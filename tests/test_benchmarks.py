@@ -1,9 +1,10 @@
-"""The benchmark of dispatch measures what it says: our machine is moved, and where it gets to is checked."""
+"""Benchmarks measure what they say: a machine is moved and gets where it should; workers take their time."""
 
 from __future__ import annotations
 
 import importlib
 import json
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,9 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+
+from lupin_engine.verify.campaign import CampaignSum
+from lupin_engine.verify.dealing import BATCH, CampaignTask
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 CHARTS = ["cycle", "guarded", "parallel", "timed", "load-10", "bytes"]
@@ -80,3 +84,18 @@ def test_writes_its_section_and_nothing_else(bench: ModuleType, tmp_path: Path) 
     assert text.startswith("# Performance\n\nBefore.\n\n<!-- dispatch:begin -->\n")
     assert text.count("| lupin | 3 (1) |") == 1
     assert "2 (1)" not in text
+
+
+@pytest.mark.parametrize(("workers", "seconds"), [(1, 17.0), (4, 5.0), (16, 2.0)])
+def test_a_campaign_is_dealt_out_on_a_virtual_clock(
+    workers: int, seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sixteen batches of a second each, by workers that are ready after one; dealing takes almost none."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    campaign: Any = importlib.import_module("campaign")
+    batch = campaign.Batch(pickle.dumps(CampaignSum(seeds=BATCH)), 1.0)
+    task = CampaignTask("hash", "folder", "lifecycle.yaml", "mission.yaml", ())
+    clock = campaign.Workers(workers, 1.0, [batch])
+    found = campaign.simulated(None, task, 16 * BATCH, clock, workers)
+    assert found.seconds == pytest.approx(seconds, abs=0.2)
+    assert 0.0 < found.a_batch < 0.02
