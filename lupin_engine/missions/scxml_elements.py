@@ -26,14 +26,18 @@ class Element:
     children: list[Element] = field(default_factory=list)
     parent: Element | None = None
     text: str = ""
+    _of_kinds: dict[tuple[str, ...], list[Element]] = field(default_factory=dict, repr=False)
 
     def get(self, name: str) -> str:
         """Return an attribute, empty if absent."""
         return self.attributes.get(name, "")
 
     def all(self, *kinds: str) -> list[Element]:
-        """Return the children of these kinds."""
-        return [child for child in self.children if child.kind in kinds]
+        """Return the children of these kinds; asked of a read document, in which they stay as they are."""
+        found = self._of_kinds.get(kinds)
+        if found is None:
+            found = self._of_kinds[kinds] = [child for child in self.children if child.kind in kinds]
+        return found
 
     def every(self, *kinds: str) -> Iterator[Element]:
         """Yield this element and its descendants in document order; with `kinds`, only those."""
