@@ -91,6 +91,9 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         },
         "What a proof looks for": {
             "broken-property": "a property holds in everything that can happen, as far as lupin prove looks",
+            "never-applies": "a property concerns something that can happen",
+            "never-reached": "in what can happen every state is entered and every transition is taken",
+            "grows-without-end": "what a mission remembers has a bound, so that a proof comes to its end",
         },
         "What nobody uses": {
             "unheard-event": "an event that is raised is listened to",

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from lupin_engine.chart.expressions.evaluation import Environment, Expression
+from lupin_engine.chart.expressions.evaluation import Constant, Environment, Expression
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.errors import reason
 from lupin_engine.machine.timers import seconds
@@ -61,8 +61,9 @@ def told(rule: TemporalProperty) -> str:
         if isinstance(that := getattr(rule, kind), Expression)
     )
     after = f"after {rule.after.source}: " if rule.after else ""
+    within = f" within {_within(rule)}" if rule.within is not None else ""
     until = f", until {rule.until.source}" if rule.until else ""
-    return f"{after}{kind} {that.source}{until}"
+    return f"{after}{kind} {that.source}{within}{until}"
 
 
 def _stays(rule: TemporalProperty, state: Remembered, env: Environment) -> tuple[Remembered, Verdict]:
@@ -74,13 +75,13 @@ def _stays(rule: TemporalProperty, state: Remembered, env: Environment) -> tuple
         state = _FOR_EVER
     if rule.never is not None:
         if _holds(rule.never, env):
-            return state, Verdict(True, f"{_named(rule)} {rule.never.source} holds")
+            return state, Verdict(True, f"{_named(rule)} {rule.never.source} became true; it must never be")
         return state, HOLDS
     assert rule.always is not None, "a property says something"
     try:
-        problem = "" if rule.always.evaluate(env) else " does not hold"
+        problem = "" if rule.always.evaluate(env) else " became false; it must always be true"
     except Exception as raised:
-        problem = f": {reason(raised)}"
+        problem = f" could not be evaluated: {reason(raised)}"
     return state, Verdict(True, f"{_named(rule)} {rule.always.source}{problem}") if problem else HOLDS
 
 
@@ -107,12 +108,21 @@ def _comes(
 
 def _late(rule: TemporalProperty) -> str:
     assert rule.eventually is not None, "only what comes eventually is late"
-    within = getattr(rule.within, "source", None) or f"{getattr(rule.within, 'value', 0.0):g} s"
-    return f"{_named(rule)} {rule.eventually.source} did not come true within {within}"
+    return f"{_named(rule)} {rule.eventually.source} did not become true within {_within(rule)}"
+
+
+def _within(rule: TemporalProperty) -> str:
+    """Return the time that something has to come true, as it is written."""
+    return rule.within.source if isinstance(rule.within, Expression) else f"{_constant(rule.within):g} s"
+
+
+def _constant(within: Constant | None) -> float:
+    assert within is not None, "what comes eventually has a time"
+    return seconds(within.value)
 
 
 def _named(rule: TemporalProperty) -> str:
-    return f"{rule.place.shown}: property {rule.name}:"
+    return f"property {rule.name} (line {rule.place.line}):"
 
 
 def _holds(condition: Expression | None, env: Environment) -> bool:

@@ -1,26 +1,48 @@
-"""Where a property is broken: the finding that checks, continuous integration and editors show."""
+"""What a proof found, each with its place: the findings that checks, pull requests and editors show."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.errors import Diagnostic, Place
+from lupin_engine.errors import Diagnostic, Place, Severity
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.scenario import Scenario
 from lupin_engine.verify.proof import Proof, Proven
 from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH
 
-#: The rule of the checker that such a finding belongs to.
+#: The rules of the checker that such findings belong to.
 RULE = "broken-property"
+GROWS, UNREACHED, UNUSED = "grows-without-end", "never-reached", "never-applies"
+RULES = (RULE, GROWS, UNREACHED, UNUSED)
 
 
 def findings(proof: Proof, mission: str) -> list[Diagnostic]:
-    """Return a finding for each property that is broken; `mission` is what `lupin prove` is told."""
+    """Return what a proof found: an error for each property that is broken, and warnings.
+
+    Args:
+        proof: the proof.
+        mission: what `lupin prove` is told.
+    """
     hint = f"lupin prove {mission} tells how it comes to that, and writes a scenario"
-    return [_finding(proof.chart, one, hint) for one in proof.broken]
+    return [*(_finding(proof.chart, one, hint) for one in proof.broken), *_warnings(proof)]
+
+
+def _warnings(proof: Proof) -> Iterator[Diagnostic]:
+    """Yield what keeps a proof from its end, and what nothing that was explored concerns."""
+    chart, warn, grows = proof.chart, Severity.WARN, proof.growth
+    if grows is not None:
+        yield Diagnostic(grows.place, GROWS, grows.path, grows.text, grows.hint, warn)
+    for one in proof.never_applied:
+        place, why = chart.properties[one.name].place, "it never applied: no explored step concerns it"
+        hint = "see whether its conditions can ever be true"
+        yield Diagnostic(place, UNUSED, f"properties.{one.name}", why, hint, warn)
+    for part in proof.dead:
+        hint = "leave it out, or see what should lead there"
+        told = f"{part.text} is {part.says}, with these parameters and bounds"
+        yield Diagnostic(part.place, UNREACHED, part.path, told, hint, warn)
 
 
 def _finding(chart: Chart, one: Proven, hint: str) -> Diagnostic:
@@ -68,4 +90,5 @@ def _at(
         place = chart.states[where].place
     for rule in (rules[one] for one in taken if one in rules):
         place, where = rule.place, rule.id
-    return Diagnostic(place, RULE, where, f"{name}: {text}", hint)
+    told = text if name in chart.properties else f"{name}: {text}"  # an author's own names itself
+    return Diagnostic(place, RULE, where, told, hint)

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
 from lupin_engine.verify.authored import properties_of
+from lupin_engine.verify.growth import BoundedExplorer, Growth
 from lupin_engine.verify.outcomes import OutcomePage, read_page
+from lupin_engine.verify.reached import Reached, Unreached, reached, unreached
 from lupin_engine.verify.situations.explorer import (
     NO_EXCEPTION,
     Bounds,
@@ -36,8 +39,8 @@ class ProofVerdict(enum.Enum):
 
     HOLDS = "holds"
     BROKEN = "broken"
-    NOT_RELEVANT = "not relevant"  #: nothing that was looked at is about it
-    NOT_PROVEN = "not proven"  #: no breach was found, but not everything was looked at
+    NOT_RELEVANT = "not relevant"  #: no explored step concerns it
+    NOT_PROVEN = "not proven"  #: no breach was found, but not everything was explored
 
 
 @dataclass(frozen=True)
@@ -64,9 +67,11 @@ class Proven:
 
 @dataclass(frozen=True)
 class Proof:
-    """What was proven of a chart; `bounds` says in words how far was looked.
+    """What was proven of a chart; `bounds` says in words what was explored, and what it was bounded by.
 
-    `dead` are states and transitions that nothing leads to; they are told only when all was looked at.
+    `dead` are states and transitions that were never reached; they are told only when all was explored.
+    One that is not `complete` was `stopped` for a reason; `growth` is the reason where something grows
+    without end. `parameters` are the values of all of them; `varied` says which one is not as given.
     """
 
     chart: Chart
@@ -75,14 +80,28 @@ class Proof:
     progress: ExplorationProgress
     complete: bool
     stopped: str = ""
-    dead: tuple[str, ...] = ()
+    dead: tuple[Unreached, ...] = ()
     taken: frozenset[str] = frozenset()
     entered: frozenset[str] = field(default_factory=frozenset)
+    growth: Growth | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    varied: str = ""
 
     @property
     def broken(self) -> list[Proven]:
         """The properties that are broken."""
         return [one for one in self.properties if one.verdict is ProofVerdict.BROKEN]
+
+    @property
+    def never_applied(self) -> list[Proven]:
+        """The author's own properties that no explored step concerns."""
+        own = [one for one in self.properties if one.name in self.chart.properties]
+        return [one for one in own if one.verdict is ProofVerdict.NOT_RELEVANT]
+
+    @property
+    def reached(self) -> Reached:
+        """How much of the chart was reached."""
+        return reached(self.chart, self.taken, self.entered)
 
 
 def prove(
@@ -91,30 +110,31 @@ def prove(
     goes_on: Callable[[ExplorationProgress], str] = lambda _: "",
     outcomes: Path | None = None,
 ) -> Proof:
-    """Look at every situation of a chart.
+    """Explore every situation of a chart.
 
     Args:
         world: the chart with its parameters.
-        bounds: how far is looked.
+        bounds: how far is explored.
         goes_on: called now and then; returns why to stop, or nothing.
         outcomes: a page of which every cell is looked at as well.
 
     Raises:
-        TooMany: something grows without end; the text says what.
         UsageError: the page cannot be read, or asks for what situations do not tell apart.
     """
     page = None if outcomes is None else read_page(outcomes, world.chart)
     watched = (*properties_of(world.chart), *((page.watched,) if page else ()))
-    explorer = SituationExplorer(world, watched, bounds)
+    explorer = BoundedExplorer(world, watched, bounds)
     if page is not None:
         _check_seen(page, explorer)
-    explored = explore(explorer, goes_on)
+    explored = explore(explorer, lambda progress: str(explorer.growth or "") or goes_on(progress))
+    if explorer.growth is not None:
+        explored.complete, explored.stopped = False, str(explorer.growth)
     judge = _Judge(explorer, explored)
     found = [judge.of_steps(one.name, one.says) for one in watched]
     if NO_EXCEPTION in explored.breaches:
-        found.append(judge.of_steps(NO_EXCEPTION, "The engine makes every step."))
+        found.append(judge.of_steps(NO_EXCEPTION, "The engine completes every step."))
     found += judge.of_graph()
-    dead = _dead(world.chart, explored) if explored.complete else ()
+    dead = unreached(world.chart, explored.taken, explored.entered) if explored.complete else ()
     return Proof(
         world.chart,
         tuple(found),
@@ -125,6 +145,8 @@ def prove(
         dead,
         frozenset(explored.taken),
         frozenset(explored.entered),
+        explorer.growth,
+        dict(world.parameters),
     )
 
 
@@ -201,43 +223,37 @@ class _Judge:
         return Proven(name, says, ProofVerdict.BROKEN, text, moves, told, False, waits, effect.taken, there)
 
 
-def _dead(chart: Chart, explored: Explored) -> tuple[str, ...]:
-    """Return the states that are never entered, and the transitions that are never taken."""
-    states = [name for name, state in chart.states.items() if name and state.kind.value != "history"]
-    found = [f"state {name}" for name in states if name not in explored.entered]
-    for state in chart.states.values():
-        if state.name in explored.entered or not state.name:
-            rules = [rule for rule in state.transitions if rule.refuse is None]
-            found += [f"{rule.place}: {rule.id}" for rule in rules if rule.id not in explored.taken]
-    return tuple(found)
-
-
 def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
-    """Return how far was looked, as sentences."""
+    """Return what was explored, and what it was bounded by, as sentences."""
     bounds, classes = explorer.bounds, explorer.classes
-    late = "no operation answers when nobody waits for it any more (--late)"
+    late = "Answers to orders already given up are not explored; --late 1 adds them."
     if bounds.owed:
-        late = (
-            f"operations that nobody waits for any more: {bounds.owed} of them may still answer at any time"
-        )
+        late = f"Of the orders already given up, up to {bounds.owed} may still be answered at any time."
     found = [
         f"Itineraries and lists have 0 to {bounds.targets} elements; which they are makes no difference.",
-        f"{late.capitalize()}.",
+        late,
         "A deadline fires at any time, but not before one that was certainly due earlier.",
         f"{len(classes.requests)} requests, {len(classes.values)} values of inputs and {len(classes.events)}"
-        " events of plugins come at any time; of equal events, and of times of day, one waits during a hold.",
-        "The parameters are as given; the robot's clock stands still for whoever reads it.",
+        " events of plugins come at any time.",
+        "During a hold at most one event of each kind, and one time of day, waits for the release.",
+        "Conditions that read the robot's clock always see 06:00.",
+        "If an operation sets a live value (such as the pose), that value is known before the operation"
+        " succeeds.",
     ]
-    found.append("What an operation's mock leaves behind as a live value was told before it ends well.")
     if bounds.restarts:
-        found.append("The process may end at any time, and another one goes on from its journal.")
-        found.append("Missions may be loaded anew at any time, as they are: at once where none is under way.")
+        found.append("The process may end at any time; a new one continues from the journal.")
+        found.append(
+            "The same missions may be reloaded at any time; during a mission the reload waits for its end."
+        )
     else:
-        found.append("The process does not end.")
+        found.append("The process does not end, and missions are not reloaded.")
     if explorer.relevance.passengers:
         names = ", ".join(explorer.relevance.passengers)
-        found.append(f"Not told apart, because no condition depends on them: {names}.")
+        found.append(f"Values on which no condition depends are not distinguished: {names}.")
     if explored.cut:
-        found.append(f"{explored.cut} moves that lead beyond these bounds were not followed.")
+        found.append(
+            "Not followed, because they lead beyond these bounds (a second event of one kind in a hold, one"
+            f" more order given up, success before a live value is known): {explored.cut:,} moves."
+        )
     found += [f"Not all values were tried: {text}." for text in classes.left_out]
     return found

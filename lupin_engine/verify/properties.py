@@ -235,7 +235,7 @@ def _built_in(name: str, says: str) -> Callable[[_Rule], _Rule]:
     return add
 
 
-@_built_in("hold_starts_nothing", "While a hold is engaged nothing that moves is started.")
+@_built_in("hold_starts_nothing", "While a hold is engaged, nothing that moves the robot is started.")
 def _hold_starts_nothing(passage: Passage) -> str | None:
     held, commands = passage.after.held, passage.step.commands
     if not held:
@@ -259,7 +259,7 @@ def _was_held(passage: Passage) -> bool:
 
 @_built_in(
     "hold_stops_all",
-    "While a hold is engaged everything that moves is cancelled, and waited for no longer than its deadline.",
+    "While a hold is engaged, everything that moves the robot is cancelled, and every cancel has a deadline.",
 )
 def _hold_stops_all(passage: Passage) -> str | None:
     memory = passage.after
@@ -278,7 +278,7 @@ def _hold_stops_all(passage: Passage) -> str | None:
     return "" if moving else None
 
 
-@_built_in("resources_exclude", "Nothing is under way beside what has yet to let go of the same resource.")
+@_built_in("resources_exclude", "An operation begins only when the resource it needs is free.")
 def _resources_exclude(passage: Passage) -> str | None:
     attempts = passage.after.attempts
     users = [found for found in attempts.values() if found.uses] if touched(attempts) else []
@@ -298,7 +298,7 @@ def _moves(chart: Chart, operation: str) -> bool:
     return operation in _moving(chart)
 
 
-@_built_in("no_false_start", "No operation is started and cancelled in one step.")
+@_built_in("no_false_start", "No operation is started and cancelled in the same step.")
 def _no_false_start(passage: Passage) -> str | None:
     commands = passage.step.commands
     started = {c.attempt: c.operation for c in commands if isinstance(c, Start)}
@@ -308,9 +308,7 @@ def _no_false_start(passage: Passage) -> str | None:
     return "" if started else None
 
 
-@_built_in(
-    "closed_once", "A target gets its result once: each is told when its visit is closed, and no second time."
-)
+@_built_in("closed_once", "Each visit of a target is reported exactly once, when it is closed.")
 def _closed_once(passage: Passage) -> str | None:
     memory, told = passage.after, [c for c in passage.step.commands if isinstance(c, Publish)]
     if not told and not (memory.itineraries and passage.step.taken):
@@ -318,19 +316,17 @@ def _closed_once(passage: Passage) -> str | None:
     same = passage.step.event.name != START and passage.before.mission_id == memory.mission_id
     newly = max(0, closed(memory) - (passage.before.closed if same else 0))  # another mission has fewer
     if not told:
-        return f"nothing told, but {newly} closed" if newly else None
+        return f"{newly} closed, but none reported" if newly else None
     visits = [(name, v) for name in begun(memory) for v in memory.itineraries[name].visits]
     visits += [(name, v) for name in begun(memory) for v in memory.itineraries[name].earlier.values()]
     visited = {visit.target for name, visit in visits if visit.closed or name in passage.before.begun}
     # What is published outside of a visit is about a target that has none.
     if not sum(1 for command in told if command.target in visited) <= newly <= len(told):
-        return f"{', '.join(c.target for c in told)} told, but {newly} closed"
+        return f"{', '.join(c.target for c in told)} reported, but {newly} closed"
     return ""
 
 
-@_built_in(
-    "all_closed", "When a mission ends every target has its result, but those that are left open on purpose."
-)
+@_built_in("all_closed", "When a mission ends, every target has a result, except those left open on purpose.")
 def _all_closed(passage: Passage) -> str | None:
     step, memory, states = passage.step, passage.after, passage.chart.states
     over = passage.chart.profile.stages.over
@@ -344,11 +340,11 @@ def _all_closed(passage: Passage) -> str | None:
     visits += [visit for visit in memory.ahead if id(visit) in ahead]
     still = [visit.target for visit in visits if not visit.closed]
     if still:
-        return f"the mission is over, and nothing was told of {', '.join(still)}"
+        return f"the mission ended without a result for {', '.join(still)}"
     return "" if visits else None
 
 
-@_built_in("former_attempts", "What a server says of an attempt that nobody waits for changes nothing.")
+@_built_in("former_attempts", "A server's message about an attempt that was given up changes nothing.")
 def _former_attempts(passage: Passage) -> str | None:
     event = passage.step.event
     if event.name not in ("attempt.done", "attempt.failed", "attempt.cancelled"):
@@ -362,7 +358,7 @@ def _former_attempts(passage: Passage) -> str | None:
     return f"{event.name} that nobody waits for reports {codes[0]}" if codes else ""
 
 
-@_built_in("no_execution_error", "No expression and no action fails, and the chart comes to rest.")
+@_built_in("no_execution_error", "No expression or action fails, and every step comes to an end.")
 def _no_execution_error(passage: Passage) -> str | None:
     found = [code.detail for code in passage.step.codes if code.code == EXECUTION_CODE]
     return found[0] if found else "" if passage.step.changed else None
@@ -377,7 +373,7 @@ def _invariants(passage: Passage) -> str | None:
     return found[0] if found else f"invariant {new[0]} does not hold" if new else ""
 
 
-@_built_in("ends_are_handled", "Every end of an operation and every error leads to something.")
+@_built_in("ends_are_handled", "Every end of an operation, and every error, is handled by a transition.")
 def _ends_are_handled(passage: Passage) -> str | None:
     unheard = [note for note in passage.step.notes if note.startswith("nobody handles the error")]
     if unheard:
@@ -387,7 +383,7 @@ def _ends_are_handled(passage: Passage) -> str | None:
     for invocation in ended:
         rules = [rule for rule in _taken(passage) if rule.event in ("done", "error")]
         if not any(rule.source == invocation.state for rule in rules):
-            return f"the end of the operation of {invocation.state} leads to nothing"
+            return f"no transition handles the end of the operation of {invocation.state}"
     return "" if ended or _ends_something(passage.step) else None
 
 
@@ -395,7 +391,7 @@ def _ends_something(step: Step) -> bool:
     return step.event.name in ("attempt.done", "attempt.failed", "attempt.cancelled", "timer.timeout")
 
 
-@_built_in("no_deaf_wait", "A mission under way never waits for what cannot come.")
+@_built_in("no_deaf_wait", "A running mission never waits for something that cannot come.")
 def _no_deaf_wait(passage: Passage) -> str | None:
     memory, chart = passage.after, passage.chart
     if memory.held or memory.asked or not _is_on_its_way(chart, memory.configuration):

@@ -20,16 +20,15 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.errors import LupinError
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.runtime.setup import make_world
+from lupin_engine.sim.narration import shorten
 from lupin_engine.verify.proof import Proof, prove
 from lupin_engine.verify.situations.classes import parameter_classes
 from lupin_engine.verify.situations.explorer import Bounds
 from lupin_engine.verify.situations.found import ExplorationProgress
-from lupin_engine.verify.situations.situation import TooMany
 
 #: How far a proof is: its number, and how long it has been under way (s).
 ProofNews = tuple[int, ExplorationProgress, float]
@@ -64,19 +63,16 @@ def proof_tasks(
     world = make_world(loaded.chart, given)
     for name, value in parameter_classes(world) if every else ():
         if name not in given:
-            found.append(ProofTask(mission, {**given, name: value}, f"{name} is {value}", outcomes))
+            found.append(ProofTask(mission, {**given, name: value}, f"{name} = {shorten(value)}", outcomes))
     return found
 
 
 def _prove(
     task: ProofTask, loaded: LoadedMissions, bounds: Bounds, goes_on: Callable[[ExplorationProgress], str]
 ) -> Proof:
-    try:
-        proof = prove(make_world(loaded.chart, task.parameters), bounds, goes_on, task.outcomes)
-    except TooMany as problem:
-        raise LupinError(f"{loaded.names[0]} has situations without end: {problem}") from None
+    proof = prove(make_world(loaded.chart, task.parameters), bounds, goes_on, task.outcomes)
     varied = (f"In this proof {task.varied}.",) if task.varied else ()
-    return replace(proof, bounds=(*varied, *proof.bounds))
+    return replace(proof, bounds=(*varied, *proof.bounds), varied=task.varied)
 
 
 def prove_tasks(
@@ -92,9 +88,6 @@ def prove_tasks(
     Args:
         jobs: in so many processes; one proof after the other is made in this one.
         told: called now and then for each proof under way: its number, how far it is, and after how long (s).
-
-    Raises:
-        LupinError: a mission has situations without end.
     """
     workers, began = min(jobs, len(tasks)), time.monotonic()
     if workers < 2:

@@ -53,7 +53,7 @@ RIGHT = BROKEN.replace("{1:", "{1 s:")
 NEVER = RIGHT.replace("states:", "initial: WAITING\nproperties:\n  stays: {never: in_state('NEXT')}\nstates:")
 NEVER = NEVER.replace("{1 s: done}", "{1 s: NEXT}\n  NEXT:\n    after: {1 s: done}")
 AFTER_A_SECOND = (
-    "MISSION.M.WAITING.after.0: stays: m.yaml:4:3: property stays: in_state('NEXT') holds;"
+    "MISSION.M.WAITING.after.0: property stays (line 4): in_state('NEXT') became true; it must never be;"
     " lupin prove m.yaml tells how it comes to that, and writes a scenario [broken-property]\n"
 )
 #: It is loaded, with a warning.

@@ -116,5 +116,5 @@ def test_the_hooks_stop_a_bad_commit_and_a_bad_push(tmp_path: Path) -> None:
     assert code == 0, said
     code, said = author.push()
     assert code == 1
-    assert f"\n{place}: looks: missions/watch.yaml:3:3: property looks: in_state('WAITING') holds; " in said
+    assert f"\n{place}: property looks (line 3): in_state('WAITING') became true; it must never be; " in said
     assert author.run("git", "log", "--oneline", "origin/main")[1].count("\n") == 1

@@ -241,7 +241,7 @@ def test_shows_a_counterexample_at_its_transition(opened: Client, missions: Path
     assert shown["code"] == "broken-property"
     where = text.splitlines().index("  stands: {never: in_state('INSPECTING')}") + 1
     assert shown["message"] == (
-        f"stands: {path}:{where}:3: property stands: in_state('INSPECTING') holds;"
+        f"property stands (line {where}): in_state('INSPECTING') became true; it must never be;"
         " lupin test inspection.stands.scenario.yaml shows it"
     )
     opened.change(path, text.replace("in_state('INSPECTING')", "in_state('FAULT')"))

@@ -50,13 +50,14 @@ def shown(verdict: Verdict) -> str:
 
 def test_always_and_never() -> None:
     """From the first step on, or between two moments; what cannot be worked out does not hold."""
-    broken = "test.yaml:1:1: property p: n in (0, 1) does not hold"
+    broken = "property p (line 1): n in (0, 1) became false; it must always be true"
     assert judged(TemporalProperty("p", PLACE, always=n(0, 1)), (1.0, 1), (2.0, 2)) == ["+", "+", broken]
     asked = TemporalProperty("p", PLACE, never=n(5), after=n(1), until=n(2))
     seen = judged(asked, (1.0, 5), (2.0, 1), (3.0, 3), (4.0, 2), (5.0, 5), (6.0, 1), (7.0, 5))
-    assert seen == ["-", "-", "+", "+", "-", "-", "+", "test.yaml:1:1: property p: n in (5,) holds"]
+    never = "property p (line 1): n in (5,) became true; it must never be"
+    assert seen == ["-", "-", "+", "+", "-", "-", "+", never]
     assert judged(TemporalProperty("p", PLACE, always=expression(fails, "n"))) == [
-        "test.yaml:1:1: property p: n: division by zero"
+        "property p (line 1): n could not be evaluated: division by zero"
     ]
     assert judged(TemporalProperty("p", PLACE, never=expression(fails, "n"))) == ["+"]
 
@@ -64,7 +65,7 @@ def test_always_and_never() -> None:
 def test_eventually() -> None:
     """In time, too late, ended by `until`, or open at the end: only what was due by then is too late."""
     ten = Constant(10.0, PLACE, DURATION)
-    late = "test.yaml:1:1: property p: n in (2,) did not come true within 10 s"
+    late = "property p (line 1): n in (2,) did not become true within 10 s"
     comes = TemporalProperty("p", PLACE, eventually=n(2), within=ten, after=n(1), until=n(3))
     assert judged(comes, (1.0, 1), (5.0, 4), (11.0, 2), (12.0, 4)) == ["-", "+", "+", "+", "-"]
     assert judged(comes, (1.0, 1), (5.0, 4), (11.5, 2)) == ["-", "+", "+", late]
@@ -90,6 +91,11 @@ def test_they_are_told_in_a_sentence() -> None:
     """The author's own, or the words with their conditions."""
     rule = TemporalProperty("p", PLACE, never=n(5), after=n(1), until=n(2))
     assert told(rule) == "after n in (1,): never n in (5,), until n in (2,)"
+    ten = Constant(10.0, PLACE, DURATION)
+    comes = TemporalProperty("p", PLACE, eventually=n(2), within=ten, after=n(1))
+    assert told(comes) == "after n in (1,): eventually n in (2,) within 10 s"
+    written = TemporalProperty("p", PLACE, eventually=n(2), within=expression(lambda _: 10.0, "param.soon"))
+    assert told(written) == "eventually n in (2,) within param.soon"
     assert watched(TemporalProperty("p", PLACE, always=n(5), summary="Five.")).says == "Five."
     assert [one.name for one in properties_of(chart(NUMBER), {"p": rule})][-1] == "p"
 
@@ -126,7 +132,7 @@ def failures(folder: Path, text: str) -> list[str]:
 
 def test_a_scenario_watches_its_own_and_all_others(tmp_path: Path) -> None:
     """What is violated fails it, unless it says so; what it says and is not so fails as well."""
-    how = f"{tmp_path}/one.scenario.yaml:5:3: property halts: in_state('DRIVING') holds"
+    how = "property halts (line 5): in_state('DRIVING') became true; it must never be"
     assert failures(tmp_path, SCENARIO) == [f"violated: halts: it holds / {how}"]
     expected = SCENARIO.replace("DONE}\n", "DONE, violated: [halts]}\n")
     assert failures(tmp_path, expected) == []

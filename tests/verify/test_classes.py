@@ -55,13 +55,15 @@ def test_what_is_added_is_tried(
     monkeypatch.chdir(tmp_path)
     assert asked("prove", tmp_path, "[]", "[]") == 0
     told = capsys.readouterr().out
-    assert "warning: nothing leads to state MISSION.Late.LATE\n" in told
-    assert "warning: nothing leads to state MISSION.Late.JUST_SO\n" in told
+    assert "  warning: never entered: late.yaml:20:3, state LATE\n" in told
+    assert "  warning: never entered: late.yaml:21:3, state JUST_SO\n" in told
+    assert "  warning: never taken: late.yaml:16:9, READING done → LATE\n" in told
+    assert "; 2 states never entered, 2 transitions never taken; " in told
     assert asked("prove", tmp_path, "[31 %]", f"[{{reading: {READING}}}]") == 1
     told = capsys.readouterr().out
     assert "✗ never_late: never in_state('LATE')\n" in told
     assert "✗ never_just_so: never in_state('JUST_SO')\n" in told
-    assert "nothing leads to state" not in told
+    assert "never entered" not in told
 
 
 def test_mistakes_are_told_with_their_place(

@@ -44,10 +44,10 @@ def test_a_breach_becomes_a_scenario_that_fails(tmp_path: Path, capsys: pytest.C
     told = capsys.readouterr().out
     assert "✗ never_c: never in_state('C')" in told
     assert "nav.localize failed: driver_error" in told
-    assert "Planted: 2 broken;" in told
+    assert "Planted: 2 of 19 properties broken; 228 situations, 3,946 transitions\n" in told
     report = page.read_text(encoding="utf-8")
     assert report.count("<svg") == 3, "what was reached, and a timeline for each of two counterexamples"
-    assert "<b class='broken'>2 broken</b>" in report
+    assert "<b class='broken'>2 of 19 properties broken</b>" in report
     assert "planted.never_c.scenario.yaml" in report
     assert "src=" not in report, "it needs nothing else"
     for name in ("never_c", "b_comes"):
@@ -63,7 +63,7 @@ def test_a_breach_becomes_a_scenario_that_fails(tmp_path: Path, capsys: pytest.C
 def test_a_breach_is_told_with_the_place_as_elsewhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Relative to the folder in which one works."""
+    """Relative to the folder in which one works, below how it is broken."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(LIFECYCLE, tmp_path)
     Path("planted.yaml").write_text(PLANTED, encoding="utf-8")
@@ -74,7 +74,8 @@ def test_a_breach_is_told_with_the_place_as_elsewhere(
     )
     assert main(["test", "late.scenario.yaml"]) == 1
     told = capsys.readouterr().out
-    assert "    actual:   planted.yaml:4:3: property never_c: in_state('C') holds\n" in told
+    assert "    actual:   property never_c (line 4): in_state('C') became true; it must never be\n" in told
+    assert "  planted.yaml:4:3: the property never_c\n" in told
     assert str(tmp_path) not in told
 
 

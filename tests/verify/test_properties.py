@@ -200,12 +200,12 @@ DEFECTS: dict[str, tuple[str, Way, Callable[[pytest.MonkeyPatch], None], str]] =
         eager,
         "nav.go (a2) is started and cancelled in the same step",
     ),
-    "a visit is closed twice": ("closed_once", walk, closes_again, "1 told, but 0 closed"),
+    "a visit is closed twice": ("closed_once", walk, closes_again, "1 reported, but 0 closed"),
     "the rest is not closed": (
         "all_closed",
         walk,
         nothing(Itineraries, "close_rest"),
-        "the mission is over, and nothing was told of 2",
+        "the mission ended without a result for 2",
     ),
     "the end of a former attempt counts": (
         "former_attempts",
@@ -269,7 +269,7 @@ def test_defects_of_a_chart_are_found() -> None:
         "invariants": "test.yaml:1:1: invariant small does not hold: small"
     }
     assert once({"A": {"invoke": "nav.go"}, "FAULT": {}})["ends_are_handled"] == (
-        "the end of the operation of A leads to nothing"
+        "no transition handles the end of the operation of A"
     )
     deaf = {"MISSION": {"label": "INSPECTING", "invoke": "nav.go", "on_done": {"do": "report.clear"}}}
     assert once({**deaf, "FAULT": {}}) == {

@@ -61,7 +61,9 @@ def test_check_proves_within_a_budget(capsys: pytest.CaptureFixture[str]) -> Non
     """What was not proven in time is told, and is no error; a budget that is none is."""
     assert main(["check", "inspection", "--prove", "0 s"]) == 0
     told = capsys.readouterr().out
-    assert "InspectionMission: not proven, the budget of 0 s ran out: 1 situations" in told
+    stopped = "not proven: the budget of 0 s ran out"
+    last = f"InspectionMission: {stopped}; 1 situation, 0 transitions, 1 still to explore"
+    assert f"{last}\n" in told
     assert main(["check", "inspection", "--prove", "soon"]) == 2
     assert "--prove: expected duration, got 'soon'" in capsys.readouterr().err
     assert main(["check", "inspection", "--prove", "1 s", "--watch"]) == 2
@@ -133,9 +135,15 @@ def test_processes_prove_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*arguments, "--jobs", "2"]) == 0
     assert json.loads(capsys.readouterr().out) == alone
     assert [one["bounds"][0] for one in alone[1:]] == [
-        "In this proof arm_patrol_enabled is True.",
-        "In this proof require_visual_confirmation is True.",
+        "In this proof arm_patrol_enabled = true.",
+        "In this proof require_visual_confirmation = true.",
     ]
+    assert [one["varied"] for one in alone] == [
+        "",
+        "arm_patrol_enabled = true",
+        "require_visual_confirmation = true",
+    ]
+    assert [one["parameters"]["arm_patrol_enabled"] for one in alone] == [False, True, False]
 
 
 def test_missions_are_loaded_anew_only_where_none_is_under_way() -> None:
@@ -181,9 +189,9 @@ def test_an_interruption_tells_what_was_found(jobs: str, shown: list[str]) -> No
     found, _ = process.communicate(timeout=60)
     assert process.returncode == 3, told
     assert re.search(
-        r"Mission: [0-9,]+ situations, [0-9,]+ wait, [0-9,]+ transitions, [0-9,]+/s, \d+ deep", told
+        r"Mission: [0-9,]+ situations?, [0-9,]+ to explore, [0-9,]+ transitions/s, \d+ deep", told
     )
     assert "Traceback" not in told
-    lines = [line for line in found.decode().splitlines() if "not proven, " in line]
+    lines = [line for line in found.decode().splitlines() if "not proven: " in line]
     assert [line.partition(": ")[0] for line in lines] == ["ExplorationMission", "InspectionMission"]
-    assert all(re.search(r"not proven, interrupted: [1-9]", line) for line in lines)
+    assert all(re.search(r"not proven: interrupted; [1-9]", line) for line in lines)

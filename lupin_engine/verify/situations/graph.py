@@ -111,9 +111,9 @@ SILENCE, NO_ZENO = "silence_is_told", "no_zeno"
 OF_THE_GRAPH = (
     GraphProperty(
         "home_again",
-        "From every situation READY or DONE can be reached, if servers answer.",
+        "From every situation, READY or DONE can be reached if servers answer.",
         _not_home,
-        "no answer, no request and no time leads to READY or DONE",
+        "no answer, request or deadline leads to READY or DONE",
         of_missions=True,
     ),
     GraphProperty(
@@ -125,19 +125,19 @@ OF_THE_GRAPH = (
     ),
     GraphProperty(
         "abort_stops",
-        "From every situation aborting, as often as it is accepted, and time alone lead to no movement.",
+        "From every situation, aborting (repeatedly if accepted) and waiting bring the robot to rest.",
         _moves_on,
         "something moves, and neither an abort nor a deadline ends that",
     ),
     GraphProperty(
         NO_ZENO,
-        "Nothing goes in a circle that takes no time.",
+        "No cycle of steps takes zero time.",
         lambda graph: graph.in_circles(graph.by(Mover.AT_ONCE)),
         "deadlines of 0 s lead to each other without end",
     ),
     GraphProperty(
         "no_livelock",
-        "If servers answer, a mission gets on: targets get results, or it ends, pauses, asks or fails.",
+        "If servers answer, a mission makes progress: targets get results, or it ends, waits or fails.",
         _livelock,
         "however servers answer, no target gets a result and the mission does not end",
         of_missions=True,

@@ -14,12 +14,14 @@ from lupin_engine.missions.folders import LIFECYCLE, mission_files
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.breach import RULE, findings
+from lupin_engine.verify import breach
+from lupin_engine.verify.breach import findings
 from lupin_engine.verify.proof import prove
 from lupin_engine.verify.situations.explorer import Bounds
 
 CHARTS = Path(__file__).parents[2] / "charts"
 BROKEN = CHARTS / "broken"
+PROVEN = tuple(rule.replace("-", "_") for rule in breach.RULES)
 MINI = CHARTS / "mini"
 
 CASES = sorted(
@@ -32,7 +34,7 @@ def findings_of(case: Path, catalog: Catalog) -> str:
     """Check a case and return its findings, with files named as from the folder of the charts.
 
     A folder is checked whole; a mission stands in the slot of the mini lifecycle; a lifecycle gets the mini
-    mission. One that is named for broken properties is proven.
+    mission. One that is named for what a proof finds is proven.
     """
     if case.is_dir():
         _, found = check_chart(case / LIFECYCLE, mission_files(case), catalog)
@@ -40,8 +42,9 @@ def findings_of(case: Path, catalog: Catalog) -> str:
         _, found = check_chart(case, [MINI / "idle.yaml"], catalog)
     else:
         made, found = check_chart(MINI / LIFECYCLE, [case], catalog)
-        if made is not None and case.stem.startswith(RULE.replace("-", "_")):
-            found = (*found, *findings(prove(make_world(made, {}), Bounds(targets=0)), case.name))
+        if made is not None and case.stem.startswith(PROVEN):
+            bounds = Bounds(targets=0, restarts=False, most_values=50)
+            found = (*found, *findings(prove(make_world(made, {}), bounds), case.name))
     text = "".join(f"{diagnostic}\n" for diagnostic in found)
     return text.replace(f"{CHARTS}/", "").replace(f"{os.path.relpath(CHARTS)}/", "")
 

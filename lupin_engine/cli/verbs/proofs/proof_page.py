@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 
 from lupin_engine import __version__
+from lupin_engine.cli.verbs.proofs.proof_words import name_of, result, shown_place
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.svg import svg as draw
 from lupin_engine.diagram.trace import Counts, coloured
@@ -44,16 +45,16 @@ def proof_page(proofs: Sequence[ProvenMission], date: str) -> str:
 
 
 def _mission(loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingScenario]) -> Iterator[str]:
-    yield f"<h2>{escape(', '.join(loaded.names))}</h2>"
+    yield f"<h2>{escape(name_of(loaded, proof.varied))}</h2>"
     yield _table(_facts(loaded, proof))
     rows = [(one.name, escape(one.says), _verdict(one)) for one in proof.properties]
     yield "<h3>Properties</h3>" + _table(rows)
-    yield "<h3>How far was looked</h3><ul>"
+    yield "<h3>What was explored, and its bounds</h3><ul>"
     yield from (f"<li>{escape(text)}</li>" for text in proof.bounds)
     yield "</ul>"
     if proof.dead:
-        yield "<h3>Nothing leads to</h3><ul>"
-        yield from (f"<li>{escape(text)}</li>" for text in proof.dead)
+        yield "<h3>Never reached</h3><ul>"
+        yield from (f"<li>{escape(part.told(shown_place(loaded, part.place)))}</li>" for part in proof.dead)
         yield "</ul>"
     for one in proof.broken:
         yield from _counterexample(one, written.get(one.name))
@@ -74,11 +75,8 @@ def _facts(loaded: LoadedMissions, proof: Proof) -> Iterator[tuple[str, ...]]:
 
 
 def _result(proof: Proof) -> str:
-    if proof.broken:
-        return f"<b class='broken'>{len(proof.broken)} broken</b>"
-    if not proof.complete:
-        return f"not proven: {escape(proof.stopped)}"
-    return "<b class='holds'>proven</b>"
+    kind = "broken" if proof.broken else "holds" if proof.complete else "not-proven"
+    return f"<b class='{kind}'>{escape(result(proof))}</b>"
 
 
 def _catalogs(loaded: LoadedMissions) -> str:

@@ -25,6 +25,7 @@ from lupin_engine.plugin.registry import load_catalog
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from lupin_engine.chart.model import Chart
     from lupin_engine.missions.load import LoadedMissions
     from lupin_engine.verify.proof import Proof, Proven
     from lupin_engine.verify.proving import ProofTask
@@ -156,10 +157,13 @@ def read_budget(option: str, budget: str | None) -> float | None:
 
 def _so_far(name: str, progress: ExplorationProgress, took: float) -> str:
     """Return how far a proof is, after some seconds."""
-    rate = progress.transitions / took
+    from lupin_engine.cli.verbs.proofs.proof_words import counted
+
+    rate, about = progress.transitions / took, progress.estimate
+    done = "" if about is None else f"about {progress.expanded / about:.0%} of {about:,}; "
     return (
-        f"{name}: {progress.situations:,} situations, {progress.waiting:,} wait,"
-        f" {progress.transitions:,} transitions, {rate:,.0f}/s, {progress.depth} deep{_of_about(progress)}"
+        f"{name}: {done}{counted(progress.situations, 'situation')}, {progress.waiting:,} to explore,"
+        f" {rate:,.0f} transitions/s, {progress.depth} deep"
     )
 
 
@@ -171,6 +175,8 @@ def _progress_of(
     from rich.console import Console
     from rich.progress import Progress, TextColumn
 
+    from lupin_engine.cli.verbs.proofs.proof_words import name_of
+
     lines: dict[int, Any] = {}
     bar = Progress(TextColumn("{task.description}"), console=Console(stderr=True), disable=not shown)
 
@@ -178,30 +184,28 @@ def _progress_of(
         task = tasks[number]
         if number not in lines:
             lines[number] = bar.add_task("")
-        name = f"{loaded[task.mission].names[0]}{f', {task.varied}' if task.varied else ''}"
+        name = name_of(loaded[task.mission], task.varied)
         bar.update(lines[number], description=_so_far(name, progress, took))
 
     with bar:
         yield told
 
 
-def _of_about(progress: ExplorationProgress) -> str:
-    about = progress.estimate
-    return "" if about is None else f", an estimated {progress.expanded / about:.0%} of {about:,}"
-
-
 def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Diagnostic, ...]:
     """Prove missions within a time, shared among them, and return what is broken.
 
-    A line tells of each how far was looked; where somebody is `told`, how it comes to what is broken as well.
-    What was not proven in time is no error.
+    A line tells of each what came of it; where somebody is `told`, how it comes to what is broken as well.
+    What was not proven in time is no error. A part of a file that several missions use is told as never
+    reached where none of them reaches it.
     """
+    from lupin_engine.cli.verbs.proofs.proof_words import last_line
     from lupin_engine.missions.selection import load_missions
     from lupin_engine.verify.breach import findings
     from lupin_engine.verify.proving import ProofTask, prove_tasks
     from lupin_engine.verify.situations.explorer import Bounds
 
-    found: list[Diagnostic] = []
+    found: list[list[Diagnostic]] = []
+    charts: list[Chart] = []
     for file in files:
         loaded = load_missions([str(file)], load_catalog())
         task, of = ProofTask(str(file), {}), {str(file): loaded}
@@ -209,9 +213,22 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
         if told:
             _show(loaded, proof, {}, quiet=True, wanted=False)
         else:
-            click.echo(f"{loaded.names[0]}: {_last_line(proof)}", err=True)
-        found += findings(proof, str(file))
-    return tuple(found)
+            click.echo(f"{loaded.names[0]}: {last_line(proof)}", err=True)
+        found.append(findings(proof, str(file)))
+        charts.append(proof.chart)
+    return tuple(dict.fromkeys(one for each in found for one in each if _is_of_all(one, charts, found)))
+
+
+def _is_of_all(one: Diagnostic, charts: Sequence[Chart], found: Sequence[Sequence[Diagnostic]]) -> bool:
+    """Say whether none of the missions that use a file reaches something; true of what other rules find."""
+    from lupin_engine.verify.breach import UNREACHED
+
+    users = [told for chart, told in zip(charts, found, strict=True) if one.place.file in chart.files]
+    return one.rule != UNREACHED or all(any(_is_same(one, other) for other in told) for told in users)
+
+
+def _is_same(one: Diagnostic, other: Diagnostic) -> bool:
+    return (one.place, one.rule) == (other.place, other.rule)
 
 
 def _write_scenarios(
@@ -240,10 +257,11 @@ def _show(
     wanted: bool = True,
 ) -> None:
     from lupin_engine.cli.terminal.outcome import make_console
+    from lupin_engine.cli.verbs.proofs.proof_words import last_line, name_of, shown_place
 
-    console = make_console()
+    console, name = make_console(), name_of(loaded, proof.varied)
     if not quiet:
-        click.echo(f"{loaded.names[0]}")
+        click.echo(name)
     for one in proof.properties:
         if not quiet or one.verdict is one.verdict.BROKEN:
             mark, about = _MARKS[one.verdict.value]
@@ -251,19 +269,19 @@ def _show(
         if one.verdict is one.verdict.BROKEN:
             _show_breach(one, written.get(one.name), console, wanted)
     if not quiet:
-        for text in proof.dead:
-            click.echo(f"  warning: nothing leads to {text}")
-        click.echo("  How far was looked:")
+        for part in proof.dead:
+            click.echo(f"  warning: {part.told(shown_place(loaded, part.place))}")
+        click.echo("  What was explored, and its bounds:")
         for text in proof.bounds:
             click.echo(f"    {text}")
-    click.echo(f"{loaded.names[0]}: {_last_line(proof)}")
+    click.echo(f"{name}: {last_line(proof)}")
 
 
 #: Verdict -> what stands before a property, and after it.
 _MARKS = {
     "holds": ("✓", ""),
     "broken": ("✗", ""),
-    "not relevant": ("-", " (not relevant: nothing that was looked at is about it)"),
+    "not relevant": ("-", " (never applied: no explored step concerns it)"),
     "not proven": ("?", " (not proven)"),
 }
 
@@ -288,16 +306,6 @@ def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console
         click.echo(f"      {text}")
 
 
-def _last_line(proof: Proof) -> str:
-    progress = proof.progress
-    seen = f"{progress.situations:,} situations, {progress.transitions:,} transitions"
-    if proof.broken:
-        return f"{len(proof.broken)} broken; {seen}"
-    if not proof.complete:
-        return f"not proven, {proof.stopped}: {seen}, {progress.waiting:,} situations wait"
-    return f"proven: {seen}, up to {progress.depth} moves deep"
-
-
 def _record(loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingScenario]) -> dict[str, Any]:
     from dataclasses import asdict
 
@@ -305,12 +313,14 @@ def _record(loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingS
 
     return {
         "mission": loaded.names[0],
+        "varied": proof.varied,
+        "parameters": dict(proof.parameters),
         "chart": loaded.hash,
         "complete": proof.complete,
         "stopped": proof.stopped,
         **asdict(proof.progress),
         "bounds": list(proof.bounds),
-        "dead": list(proof.dead),
+        "dead": [part.told(part.place.shown) for part in proof.dead],
         "properties": [
             {
                 "name": one.name,

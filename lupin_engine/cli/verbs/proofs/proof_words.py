@@ -1,0 +1,61 @@
+"""The words that the terminal, the report and the findings share about a proof."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from lupin_engine.errors import Place
+from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.verify.proof import Proof
+from lupin_engine.verify.reached import Unreached
+
+
+def name_of(loaded: LoadedMissions, varied: str) -> str:
+    """Return what a proof is called: by its mission, and by the parameter that is not as given."""
+    return f"{loaded.names[0]}{f' with {varied}' if varied else ''}"
+
+
+def result(proof: Proof) -> str:
+    """Return what came of a proof, in a few words."""
+    if proof.broken:
+        unfinished = f", and not all was explored: {proof.stopped}" if proof.stopped else ""
+        return f"{len(proof.broken)} of {counted(len(proof.properties), 'property')} broken{unfinished}"
+    return "proven" if proof.complete else f"not proven: {proof.stopped}"
+
+
+def last_line(proof: Proof) -> str:
+    """Return what came of a proof and how much was explored."""
+    progress, unused = proof.progress, len(proof.never_applied)
+    seen = f"{counted(progress.situations, 'situation')}, {counted(progress.transitions, 'transition')}"
+    deep = f", up to {counted(progress.depth, 'move')} deep" if proof.complete and not proof.broken else ""
+    parts = [
+        result(proof),
+        f"{unused:,} of your properties never applied" if unused else "",
+        _never_reached(proof.dead),
+        f"{seen}{deep}" if proof.complete else f"{seen}, {progress.waiting:,} still to explore",
+    ]
+    return "; ".join(filter(None, parts))
+
+
+def _never_reached(dead: Sequence[Unreached]) -> str:
+    """Return how many states were never entered, and how many transitions never taken; '' for none."""
+    states = sum(part.is_state for part in dead)
+    parts = [
+        f"{counted(states, 'state')} never entered" if states else "",
+        f"{counted(len(dead) - states, 'transition')} never taken" if len(dead) > states else "",
+    ]
+    return ", ".join(filter(None, parts))
+
+
+def shown_place(loaded: LoadedMissions, place: Place) -> str:
+    """Return a place in few characters: as it is below this folder, else below that of the missions."""
+    near = Path(place.shown)
+    file = loaded.short_names.get(place.file)
+    return place.shown if file is None or not near.is_absolute() else f"{file}:{place.line}:{place.column}"
+
+
+def counted(number: int, what: str) -> str:
+    """Return `3,416 situations`, `1 situation`, `18 properties`."""
+    several = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
+    return f"{number:,} {what if number == 1 else several}"

@@ -1,0 +1,84 @@
+"""What grows without end: a proof of it never ends, so it stops, and tells the author what to bound."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.errors import Place
+from lupin_engine.sim.narration import shorten
+from lupin_engine.verify.situations.explorer import SituationExplorer
+from lupin_engine.verify.situations.found import Effect
+from lupin_engine.verify.situations.situation import Situation, SlotName, TooMany
+
+#: Parts of a memory that no author has named, as people call them.
+_WORDS: Mapping[str, str] = MappingProxyType(
+    {
+        "timers": "the set of running deadlines",
+        "frozen": "the set of deadlines that a hold stops",
+        "deferred": "the list of events that wait for the release of a hold",
+        "waiting_actions": "the list of actions that wait for the release of a hold",
+        "asked": "the set of open questions",
+        "handled": "the set of elements taken up in",
+        "itineraries": "the itinerary of",
+        "budgets": "the time used up in",
+        "given": "the request of the mission used in",
+        "watched": "what the properties remember",
+    }
+)
+_NUMBER = (
+    "bound it, with a guard where it is set, or with 'max:' where it is declared (more is then an error)"
+)
+_OTHER = "bound it, so that it takes one of a few values"
+_ENGINE = "bound the variables that it depends on; if there are none, please report this as a defect"
+
+
+@dataclass(frozen=True)
+class Growth:
+    """What grows without end, where it is declared, how that was noticed, and what to do."""
+
+    place: Place
+    path: str
+    text: str
+    hint: str
+
+    def __str__(self) -> str:
+        return f"{self.text}: {self.hint}"
+
+
+class BoundedExplorer(SituationExplorer):
+    """An explorer that takes notice of what grows without end; whoever explores should stop then."""
+
+    growth: Growth | None = None
+
+    def step(self, situation: Situation, number: int) -> tuple[Effect, frozenset[int]]:
+        """Make the machine's own step; one that makes something grow too far leads nowhere."""
+        try:
+            return super().step(situation, number)
+        except TooMany:
+            self.growth = self.growth or self._growth()
+            return Effect((), (), frozenset(), (), (), progress=False), frozenset()
+
+    def _growth(self) -> Growth:
+        """Return the part of the memory that has more values than there may be."""
+        most = self.bounds.most_values
+        for slot, name in enumerate(self.table.names):
+            try:
+                last = self.table.value(slot, most + 1)
+            except IndexError:
+                continue
+            return _told(self.chart, name, f"({most + 1} values, the last {shorten(last)})")
+        raise AssertionError("something has too many values")
+
+
+def _told(chart: Chart, slot: SlotName, seen: str) -> Growth:
+    field, key = slot
+    if field == "context":
+        variable = chart.context[key]
+        hint = _NUMBER if variable.type.kind in ("number", "integer") else _OTHER
+        return Growth(variable.place, f"context.{key}", f"{key!r} grows without end {seen}", hint)
+    place = chart.states[key].place if key in chart.states else Place(chart.states[""].place.file, 1, 1)
+    words = " ".join(filter(None, (_WORDS.get(field, field), key)))
+    return Growth(place, key, f"{words} grows without end {seen}", _ENGINE)
