@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -306,6 +307,15 @@ def test_wrong_use_is_told(
     assert main(["campaign", "inspection", "--cluster", "tcp://127.0.0.1:9"]) == 2
     assert "no Dask scheduler answers at 'tcp://127.0.0.1:9': " in capsys.readouterr().err
     assert default_rates(shipped.mission("inspection")).targets is None
+
+
+def test_a_mission_with_errors_is_not_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit code 2, as for wrong use: 1 would mean that something is violated."""
+    shutil.copy(Path(__file__).parents[1] / "charts" / "mini" / "lifecycle.yaml", tmp_path)
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("mission: Wrong\ninitial: A\nstates: {}\n", encoding="utf-8")
+    assert main(["campaign", str(wrong), "--seeds", "1", "--jobs", "1"]) == 2
+    assert f"{wrong}:2:10: error: MISSION.Wrong.initial: " in capsys.readouterr().err
 
 
 @pytest.mark.timeout(400)

@@ -71,6 +71,10 @@ _FOREIGN: Mapping[str, str] = {
     "!": "not",
 }
 _FOREIGN_SIGN = re.compile(r"""'[^']*'|"[^"]*"|(&&|\|\||=>|=<|<>|(?<![=!<>])=(?!=)|!(?!=))""")
+#: A number and what may be its unit, outside of texts, where an operand ends.
+_QUANTITY = re.compile(
+    r"""'[^']*'|"[^"]*"|(?<![\w.])(\d+(?:\.\d+)?\s*([%°A-Za-z/]+\d?))(?=\s*(?:$|[]),<>=!]|(?:and|or|if|else)\b))"""
+)
 
 
 class ExpressionReader(ABC):
@@ -123,7 +127,7 @@ class ExpressionReader(ABC):
         except SyntaxError as error:
             sign = next((found for found in _FOREIGN_SIGN.finditer(source) if found[1]), None)
             if sign is None:
-                self.stop(*_syntax(error, len(source)))
+                self.stop(*_syntax(error, len(source)), _bare_quantity(source))
             else:
                 hint = f"write '{_FOREIGN[sign[1]]}'"
                 self.stop(sign.start(), f"'{sign[1]}' is not allowed in an expression", hint)
@@ -229,6 +233,13 @@ class ExpressionReader(ABC):
         rule = "missing-argument" if len(node.args) < count else "unknown-argument"
         self.wrong(node, rule, f"{name} takes {counted(count)}, got {len(node.args)}")
         return False
+
+
+def _bare_quantity(source: str) -> str:
+    """Return what to write for a number with a unit that stands without quotes; '' where none does."""
+    found = (match[1] for match in _QUANTITY.finditer(source) if match[2] in UNITS)
+    quantity = next(found, None)
+    return f"write the quantity in quotes: '{quantity}'" if quantity else ""
 
 
 def _syntax(error: SyntaxError, length: int) -> tuple[int, str]:

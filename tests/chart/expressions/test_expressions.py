@@ -287,6 +287,31 @@ def test_a_mistake_is_told_at_its_column(
     assert refusals(source, scope, wanted) == problems
 
 
+@pytest.mark.parametrize(
+    ("source", "problem", "hint"),
+    [
+        ("param.ratio > 200 %", "it ends too early", "write the quantity in quotes: '200 %'"),
+        (
+            "param.far > 1.5 cm and 7 % 2 == 1",
+            "from here on",
+            "write the quantity in quotes: '1.5 cm'",
+        ),
+        ("'5 s' < 7 % ) 2", "from here on", "write the quantity in quotes: '7 %'"),
+        ("visits > 7 % 2 2", "from here on", ""),
+        ("visits > 2 sheep", "from here on", ""),
+    ],
+)
+def test_a_quantity_belongs_into_quotes(source: str, problem: str, hint: str, scope: Scope) -> None:
+    """Who writes a unit without them reads what to write."""
+    findings = Findings()
+    fragment = Fragment(source, text_at(source, PLACE))
+    assert compile_expression(fragment, scope, BOOL, findings, "here") is None
+    (found,) = findings.all
+    assert found.problem.startswith("not an expression")
+    assert found.problem.endswith(problem)
+    assert found.hint == hint
+
+
 ESCAPES = [
     "().__class__",
     "().__class__.__bases__[0].__subclasses__()",

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lupin_engine.cli import options
-from lupin_engine.cli.exit_codes import INTERRUPTED
+from lupin_engine.cli.exit_codes import BROKEN, INTERRUPTED, not_done
 from lupin_engine.cli.files import write_text
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.plugin.registry import load_catalog
@@ -50,6 +50,7 @@ SCHEDULER_S = 10.0
 )
 @click.option("--json", "as_json", is_flag=True, help="Print all that came of it as one JSON object.")
 @click.option("--quiet", "-q", is_flag=True, help="Print what is violated and the last line only.")
+@not_done()
 def campaign(
     mission: str,
     seeds: int,
@@ -96,7 +97,7 @@ def campaign(
         _tell(found, dealer.found, took, written, quiet)
         if interrupted:
             click.echo(f"interrupted after {dealer.found.seeds} of {seeds} seeds; the rest was not looked at")
-    return INTERRUPTED if interrupted else 1 if dealer.found.first else 0
+    return INTERRUPTED if interrupted else BROKEN if dealer.found.first else 0
 
 
 def _campaign(mission: str, rates: Path | None, settings: tuple[str, ...]) -> Campaign:

@@ -33,44 +33,55 @@ if TYPE_CHECKING:
     from lupin_engine.verify.story import FailingScenario
 
 
-@click.command(short_help="Look at every way that missions can go, without ROS.")
+@click.command(short_help="Explore every way that missions can go, without ROS.")
 @click.argument("missions", nargs=-1, required=True)
 @options.mission_settings
 @click.option(
-    "--targets", type=click.IntRange(0, 8), default=2, show_default=True, help="Longest itinerary and list."
+    "--targets",
+    type=click.IntRange(0, 8),
+    default=2,
+    show_default=True,
+    help="Explore itineraries and lists of up to this many elements.",
 )
 @click.option(
     "--late",
     type=click.IntRange(0, 4),
     default=0,
     show_default=True,
-    help="So many operations that nobody waits for may still answer at any later time.",
+    help="Explore late answers, too: to up to this many orders that were already given up.",
 )
-@click.option("--no-restarts", is_flag=True, help="The process does not end in the midst of a mission.")
+@click.option("--no-restarts", is_flag=True, help="Leave out restarts of the process, and reloads.")
 @click.option(
     "--parameters",
     "every_class",
     is_flag=True,
-    help="Prove as well with the other values of each parameter that conditions tell apart, one at a time.",
+    help="Prove again for each other value of each parameter that conditions distinguish, one at a time.",
 )
 @click.option(
     "--outcomes",
     metavar="PAGE.md",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Look as well whether what follows is what this page says in each of its cells.",
+    help="Compare each cell of this page of outcomes with what follows in every situation.",
 )
 @click.option(
-    "--jobs", "-j", type=click.IntRange(min=1), help="Proofs side by side; default: one for each core."
+    "--jobs",
+    "-j",
+    type=click.IntRange(min=1),
+    help="Proofs that run side by side, each in a process of its own; default: one for each core.",
 )
-@click.option("--budget", metavar="DURATION", help="Stop after so much time in all, such as '60 s'.")
-@click.option("--no-scenarios", is_flag=True, help="Write no scenario that fails beside the mission.")
+@click.option(
+    "--budget", metavar="DURATION", help="Stop after this time, for all proofs together, such as '60 s'."
+)
+@click.option("--no-scenarios", is_flag=True, help="Write no failing scenarios beside the mission.")
 @click.option(
     "--report",
     metavar="FILE.html",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Write all that was found into one page.",
+    help="Write the results into one page.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print what was found as one JSON object.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print the results as a JSON list, an object a proof."
+)
 @click.option("--quiet", "-q", is_flag=True, help="Print what is broken, and the last line.")
 @not_done()
 def prove(
@@ -88,11 +99,11 @@ def prove(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Look at every way that missions can go, and tell what holds in all of them.
+    """Explore every way that missions can go, and tell what holds in all of them.
 
     MISSIONS are names of missions or mission files. Servers may answer anything that their catalogs declare,
-    late, twice or never; inputs change; every request comes at any time. For what is broken a scenario that
-    fails is written beside the mission, named for the property.
+    or nothing; inputs change; every request comes at any time. For each broken property a failing scenario
+    is written beside the mission, named after the property.
 
     Exit code: 0 everything holds; 1 something is broken; 2 wrong usage, or a mission has errors; 3 not
     proven: the budget ran out, or it was interrupted.
