@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from textwrap import wrap
 
 from lupin_engine.errors import Severity
@@ -25,24 +25,37 @@ _LEAST_COMMAND = 40
 #: A command is cut after so many lines.
 _COMMAND_LINES = 2
 _GAP = 2
+#: Times are told with at most so many digits behind the point.
+_MOST_DIGITS = 3
 #: The tone of a code.
 _TONES = {Severity.INFO: "dim", Severity.WARN: "note", Severity.ERROR: "refused"}
 
 
 @dataclass(frozen=True)
 class Columns:
-    """How wide the columns of a story are, in cells; with `command` 0 commands stand under their event."""
+    """How wide the columns of a story are, in cells; with `command` 0 commands stand under their event.
+
+    Times have so many `digits` behind the point.
+    """
 
     state: int
     event: int
     command: int
+    digits: int = 1
 
 
 def columns_for(lines: Sequence[StepLine], width: int) -> Columns:
     """Return the columns in which lines are told in `width` cells."""
     state = max((len(word) for line in lines for word in line.moved.split()), default=0)
-    event = max((len(line.event) for line in lines), default=0)
+    event = max((len(line.event) for line in lines if not line.remark), default=0)
     return _columns(min(_MOST_STATE, state), min(_MOST_EVENT, event), width)
+
+
+def exact_columns(lines: Sequence[StepLine], width: int) -> Columns:
+    """Return the same, with as many digits as it takes to tell different times apart, three at most."""
+    times = {round(line.time, _MOST_DIGITS) for line in lines}
+    digits = (n for n in range(1, _MOST_DIGITS) if len({f"{time:.{n}f}" for time in times}) == len(times))
+    return replace(columns_for(lines, width), digits=next(digits, _MOST_DIGITS))
 
 
 def usual_columns(width: int) -> Columns:
@@ -60,6 +73,12 @@ def _columns(state: int, event: int, width: int) -> Columns:
 
 def laid_out(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
     """Yield one line of a story in columns: the time, the state that it led to, the event, the commands."""
+    now = f"{line.time:8.{columns.digits}f} s"
+    if line.remark:
+        room = columns.state + _GAP + columns.event + (columns.command + _GAP if columns.command else 0)
+        for index, text in enumerate(wrap(line.event, room)):
+            yield _row([("" if index else now, "time", _TIME), (text, "refused", 0)])
+        return
     states = [(text, "state") for text in _wrapped(line.moved, max(1, columns.state))]
     events = [(text, "refused" if line.refused else "event") for text in wrap(line.event, columns.event)]
     commands = [
@@ -72,7 +91,7 @@ def laid_out(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
     if not columns.command:
         events, commands = events + commands, []
     for index in range(max(len(states), len(events), len(commands))):
-        time = f"{line.time:8.1f} s" if index == 0 else ""
+        time = now if index == 0 else ""
         yield _row(
             [
                 (time, "time", _TIME),

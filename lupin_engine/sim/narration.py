@@ -22,7 +22,8 @@ class StepLine:
     """One step: `moved` is where it led (empty: nowhere), `commanded` what follows, `notes` why (not).
 
     With each command stands what the outcome is rated that it publishes; '' for every other command. With
-    each of the `codes` that the event does not tell of stands how bad it is.
+    each of the `codes` that the event does not tell of stands how bad it is. One that is a `remark` is no
+    step: its event says something of the run at that time.
     """
 
     time: float
@@ -32,6 +33,7 @@ class StepLine:
     notes: tuple[str, ...]
     refused: bool = False
     codes: tuple[tuple[str, Severity], ...] = ()
+    remark: bool = False
 
     def __str__(self) -> str:
         parts = (

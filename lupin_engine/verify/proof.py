@@ -25,6 +25,7 @@ from lupin_engine.verify.situations.explorer import (
 from lupin_engine.verify.situations.found import Breach, ExplorationProgress, Explored
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph, broken
 from lupin_engine.verify.situations.levels import explore
+from lupin_engine.verify.situations.moves import told_move
 from lupin_engine.verify.situations.relevance import reads
 from lupin_engine.verify.situations.timing import timed_run
 from lupin_engine.verify.situations.ways import ShortestWays
@@ -47,10 +48,11 @@ class ProofVerdict(enum.Enum):
 class Proven:
     """A property and what came of it.
 
-    Of one that is broken `text` says how, and `steps` are those of a shortest run that breaks it; None where
-    no times were found at which everything can happen in that order. One `of_the_graph` is not broken by a
-    step, but by what cannot be reached after it; with `waits` by nothing that happens in time. `taken` are
-    the transitions of the step that breaks it, `configuration` the states in which that leaves the chart.
+    Of one that is broken `text` says how, and `steps` are those of a shortest run that breaks it at the time
+    `ends`; None where no times were found at which everything can happen in that order. One `of_the_graph` is
+    not broken by a step, but by what cannot be reached after it; with `waits` by nothing that happens in
+    time. `taken` are the transitions of the step that breaks it, `configuration` the states in which that
+    leaves the chart.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Proven:
     text: str = ""
     moves: tuple[str, ...] = ()
     steps: tuple[Step, ...] | None = None
+    ends: float = 0.0
     of_the_graph: bool = False
     waits: bool = False
     taken: tuple[str, ...] = ()
@@ -214,13 +217,15 @@ class _Judge:
 
     def _broken(self, way: Sequence[int], name: str, says: str, text: str) -> Proven:
         explorer, way = self._explorer, [number for number in way if number >= 0]
-        moves = tuple(explorer.moves.all[number].says for number in way)
-        steps = timed_run(explorer, way)
+        moves = tuple(told_move(explorer.chart, explorer.moves.all[number]) for number in way)
+        run = timed_run(explorer, way)
         waits = bool(way) and explorer.moves.all[way[-1]].timer[0] == OF_PROPERTY
-        told = None if steps is None else tuple(steps)
+        told, ends = (None, 0.0) if run is None else (tuple(run.steps), run.ends)
         situation, effect = explorer.walk(way)[-1]
         there = tuple(explorer.table.get(situation, ("configuration", "")) or ())
-        return Proven(name, says, ProofVerdict.BROKEN, text, moves, told, False, waits, effect.taken, there)
+        return Proven(
+            name, says, ProofVerdict.BROKEN, text, moves, told, ends, False, waits, effect.taken, there
+        )
 
 
 def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:

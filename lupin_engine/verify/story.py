@@ -13,6 +13,7 @@ from lupin_engine.replay.reconstruction import RunRecord, script_of
 from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.runtime.history import History
 from lupin_engine.sim import SUFFIX
+from lupin_engine.sim.narration import StepLine, tell
 from lupin_engine.sim.scenario import Missions, load_scenario_text
 from lupin_engine.sim.simulation import Run
 from lupin_engine.verify.outcomes import OUTCOMES
@@ -27,19 +28,30 @@ _DIGITS = (3, 6, 12)
 _FOLLOW = 20
 #: How much longer a scenario goes on that waits for something that does not come.
 _WAIT = "1 h"
+#: Times of a run and of its scenario differ by less, in seconds.
+_NEARLY = 1e-3
 
 
 @dataclass(frozen=True)
 class FailingScenario:
     """A scenario that fails because a property is broken: its file, its text and its run.
 
-    Of a run that goes on and on there is what tells enough; `more` steps follow.
+    Of a run that goes on and on there is what tells enough; `more` steps follow. `breach` says at which time
+    it is broken, and how.
     """
 
     file: Path
     text: str
     run: Run
+    breach: StepLine
     more: int = 0
+
+    @property
+    def lines(self) -> list[StepLine]:
+        """The story, with the breach where it comes."""
+        told = tell(self.run.chart, self.run.history)
+        before = [line for line in told if line.time <= self.breach.time + _NEARLY]
+        return [*before, self.breach, *told[len(before) :]]
 
     @property
     def rest(self) -> str:
@@ -74,8 +86,20 @@ def failing_scenario(
             told = run.history.steps[: len(broken.steps) + _FOLLOW]
             more = len(run.history.steps) - len(told)
             told_run = replace(run, history=History(told), seconds=told[-1].time) if more else run
-            return FailingScenario(file, text, told_run, more)
+            return FailingScenario(file, text, told_run, _breach(broken, run), more)
     return None
+
+
+def _breach(broken: Proven, run: Run) -> StepLine:
+    """Return the line of a story that says at which time a property is broken, and how."""
+    assert broken.steps is not None, "a story has steps"
+    time = broken.ends
+    if broken.of_the_graph:
+        time = run.history.steps[: len(broken.steps)][-1].time
+    elif not broken.waits:
+        time = next((step.time for step, name, _ in run.violated if step and name == broken.name), time)
+    how = broken.text.partition("): ")[2] if broken.text.startswith("property ") else broken.text
+    return StepLine(time, f"✗ {broken.name}: {how}", "", (), (), refused=True, remark=True)
 
 
 def why_none(broken: Proven) -> str:

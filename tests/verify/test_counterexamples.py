@@ -44,11 +44,21 @@ def test_a_breach_becomes_a_scenario_that_fails(tmp_path: Path, capsys: pytest.C
     told = capsys.readouterr().out
     assert "✗ never_c: never in_state('C')" in told
     assert "nav.localize failed: driver_error" in told
+    lines = [" ".join(line.split()) for line in told.splitlines()]
+    late = lines.index("5.0 s ✗ b_comes: in_state('B') did not become true within 5 s")
+    assert lines[late - 1].startswith("0.0 s A mission.start accepted")
+    assert lines[late + 1].startswith("10.0 s C nav.localize timed out")
+    # Moves come 10 ms after each other: times have as many digits as it takes to tell them apart.
+    there = lines.index("0.01 s ✗ never_c: in_state('C') became true; it must never be")
+    assert lines[there - 1] == "0.01 s C nav.localize failed: driver_error"
+    assert lines[there - 2].startswith("0.00 s A mission.start accepted")
     assert "Planted: 2 of 19 properties broken; 228 situations, 3,946 transitions\n" in told
     report = page.read_text(encoding="utf-8")
     assert report.count("<svg") == 3, "what was reached, and a timeline for each of two counterexamples"
     assert "<b class='broken'>2 of 19 properties broken</b>" in report
     assert "planted.never_c.scenario.yaml" in report
+    assert "start nav.localize(max_variance: 1)\n" in report, "commands are told as in the terminal"
+    assert "     5.0 s  ✗ b_comes: in_state(&#x27;B&#x27;) did not become true within 5 s\n" in report
     assert "src=" not in report, "it needs nothing else"
     for name in ("never_c", "b_comes"):
         scenario = tmp_path / f"planted.{name}.scenario.yaml"
@@ -109,7 +119,7 @@ def ways_to_breaches(folder: Path) -> dict[str, str]:
     mission.write_text(TWO_WAYS, encoding="utf-8")
     chart = load_chart(folder / "lifecycle.yaml", [mission], shipped.catalog())
     proof = prove(make_world(chart, {}), Bounds(targets=0, restarts=False))
-    return {one.name: one.moves[-1].partition(" ")[0] for one in proof.broken}
+    return {one.name: one.moves[-1] for one in proof.broken}
 
 
 def test_of_the_shortest_ways_the_one_with_the_fewest_faults_is_told(
@@ -117,7 +127,7 @@ def test_of_the_shortest_ways_the_one_with_the_fewest_faults_is_told(
 ) -> None:
     """Whichever was found first: were what goes well the fault, the other way would be told."""
     told = ways_to_breaches(tmp_path)
-    assert told == {"never_c": "operator.skip_current", "never_d": "attempt.done"}
+    assert told == {"never_c": "operator.skip_current", "never_d": "B: nav.localize done"}
     is_fault = ways.is_fault
     monkeypatch.setattr(ways, "is_fault", lambda move: not is_fault(move))
     turned = ways_to_breaches(tmp_path)
@@ -164,6 +174,10 @@ def test_of_a_circle_that_takes_time_as_much_is_told_as_tells_enough(
     told = capsys.readouterr().out
     assert "✗ silence_is_told: " in told
     assert "      and so on: 340 more steps\n" in told
+    assert (
+        "     0.0 s  ✗ silence_is_told: without answers it waits for ever: no deadline leads to an end"
+        in told
+    )
     assert told.count("time is up in A") < 30
     assert "and so on: 340 more steps" in page.read_text(encoding="utf-8")
 

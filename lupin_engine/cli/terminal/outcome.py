@@ -19,13 +19,13 @@ from lupin_engine.errors import UsageError
 from lupin_engine.machine.memory import Visit
 from lupin_engine.plugin.contract import EXECUTION_CODE
 from lupin_engine.plugin.profile import Profile, TargetResult
-from lupin_engine.replay.story import columns_for, laid_out
+from lupin_engine.replay.story import Columns, columns_for, laid_out
 from lupin_engine.replay.summary import Attempted, RunSummary, summarise
 from lupin_engine.replay.timeline import Timeline
 from lupin_engine.replay.timeline_rows import lasting
 from lupin_engine.ros.launch.monitor import ALL_VISITED, NOT_DONE, SOME_MISSED
 from lupin_engine.runtime.record import command_record, step_record, view_record
-from lupin_engine.sim.narration import tell
+from lupin_engine.sim.narration import StepLine, tell
 from lupin_engine.sim.simulation import Run
 
 #: How wide the output is where there is no terminal, in cells.
@@ -57,7 +57,13 @@ def draw(lanes: Timeline, file: Path) -> None:
 def tell_story(run: Run, console: Console, wait: Callable[[float], None]) -> None:
     """Print the story line by line; `wait` is called with the virtual time between two lines."""
     lines = tell(run.chart, run.history)
-    columns = columns_for(lines, console.width)
+    tell_lines(lines, columns_for(lines, console.width), console, wait)
+
+
+def tell_lines(
+    lines: Iterable[StepLine], columns: Columns, console: Console, wait: Callable[[float], None]
+) -> None:
+    """Print lines of a story; `wait` as for `tell_story`."""
     now = 0.0
     for line in lines:
         if line.time > now:

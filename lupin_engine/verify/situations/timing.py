@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Timer
@@ -44,8 +45,15 @@ class Deadline:
     fired: int | None = None
 
 
-def timed_run(explorer: SituationExplorer, moves: Sequence[int]) -> list[Step] | None:
-    """Return the steps of a machine that goes the way of some moves; None where no times fit."""
+class TimedRun(NamedTuple):
+    """The steps of a machine, and the time of the last move of its way, which may be no step of its own."""
+
+    steps: list[Step]
+    ends: float
+
+
+def timed_run(explorer: SituationExplorer, moves: Sequence[int]) -> TimedRun | None:
+    """Return the run of a machine that goes the way of some moves; None where no times fit."""
     way = explorer.walk(moves)
     made = [explorer.moves.all[number] for number in moves]
     deadlines = list(_deadlines(explorer, way, made))
@@ -54,7 +62,8 @@ def timed_run(explorer: SituationExplorer, moves: Sequence[int]) -> list[Step] |
         assert times is not None
         found = _earliest(deadlines, made, times)
         if found is None or found == times:
-            return None if found is None else _run(explorer, way, made, found)
+            steps = None if found is None else _run(explorer, way, made, found)
+            return None if found is None or steps is None else TimedRun(steps, found[-1])
         times = found
     return None
 

@@ -68,16 +68,6 @@ class WorldMove:
     event: Event | None = None
     timer: TimerName = ("", "", "")
 
-    @property
-    def says(self) -> str:
-        """What happens, in a few words."""
-        if self.event is None:
-            kind, owner, event = self.timer
-            return f"{kind} of {owner}{f' ({event})' if event and kind != event else ''}"
-        data = self.event.data
-        told = [str(data[name]) for name in ("attempt", "name", "code", "value") if name in data]
-        return " ".join((self.event.name, *told))
-
 
 class Due(NamedTuple):
     """The deadlines that may be the next, as moves; what is due `at_once` comes before everything else."""

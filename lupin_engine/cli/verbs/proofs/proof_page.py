@@ -13,9 +13,9 @@ from lupin_engine.diagram.svg import svg as draw
 from lupin_engine.diagram.trace import Counts, coloured
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.describe import sections
+from lupin_engine.replay.story import exact_columns, laid_out
 from lupin_engine.replay.timeline import timeline
 from lupin_engine.replay.timeline_svg import svg
-from lupin_engine.sim.narration import tell
 from lupin_engine.verify.proof import Proof, Proven
 from lupin_engine.verify.story import FailingScenario, why_none
 
@@ -27,6 +27,8 @@ pre { background: #f5f7f9; overflow-x: auto; padding: .6rem; } svg { height: aut
 .holds { color: #2d7a4b; } .broken { color: #cf4458; }
 """
 
+#: How wide a story is on the page, in characters.
+_COLUMNS = 110
 #: A proof with its missions, and the scenarios that were written for what is broken, by the property.
 ProvenMission = tuple[LoadedMissions, Proof, Mapping[str, FailingScenario]]
 
@@ -96,12 +98,11 @@ def _counterexample(one: Proven, scenario: FailingScenario | None) -> Iterator[s
         yield f"<p>{escape(why_none(one))}</p>"
         yield "<ol>" + "".join(f"<li>{escape(text)}</li>" for text in one.moves) + "</ol>"
         return
-    lines = [
-        f"{line.time:9.1f} s  {line.moved:24}  {line.event}"
-        for line in tell(scenario.run.chart, scenario.run.history)
-    ]
-    lines += [scenario.rest] if scenario.rest else []
-    yield f"<pre>{escape(chr(10).join(lines))}</pre>{svg(timeline(scenario.run))}"
+    told = scenario.lines
+    columns = exact_columns(told, _COLUMNS)
+    rows = (row for line in told for row in laid_out(line, columns))
+    lines = "\n".join(["".join(text for text, _ in row) for row in rows] + [scenario.rest])
+    yield f"<pre>{escape(lines.rstrip())}</pre>{svg(timeline(scenario.run))}"
     yield f"<p>{escape(scenario.file.name)}</p><pre>{escape(scenario.text)}</pre>"
 
 

@@ -79,9 +79,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Write the results into one page.",
 )
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print the results as a JSON list, an object a proof."
-)
+@click.option("--json", "as_json", is_flag=True, help="Print the results as a JSON list, an object a proof.")
 @click.option("--quiet", "-q", is_flag=True, help="Print what is broken, and the last line.")
 @not_done()
 def prove(
@@ -299,13 +297,15 @@ _MARKS = {
 
 def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console, wanted: bool) -> None:
     """Tell how a property is broken: as `lupin simulate` tells it, or as the moves that lead there."""
-    from lupin_engine.cli.terminal.outcome import show_timeline, tell_story
+    from lupin_engine.cli.terminal.outcome import show_timeline, tell_lines
+    from lupin_engine.replay.story import exact_columns
     from lupin_engine.replay.timeline import timeline
     from lupin_engine.verify.story import why_none
 
     click.echo(f"      {one.text}")
     if scenario is not None:
-        tell_story(scenario.run, console, lambda _: None)
+        lines = scenario.lines
+        tell_lines(lines, exact_columns(lines, console.width), console, lambda _: None)
         show_timeline(timeline(scenario.run), console)
         if scenario.rest:
             click.echo(f"      {scenario.rest}")
