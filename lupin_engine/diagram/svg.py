@@ -112,7 +112,7 @@ def _label_texts(arrow: Arrow) -> list[_TextBlock]:
     found = []
     for label in arrow.labels:
         # A transition that was never taken may share an arrow with one that was.
-        faint = arrow.tone is Tone.VISITED and not label.count
+        faint = arrow.tone is Tone.VISITED and label.count == 0
         colour = _FAINT if faint else _COLOURS[label.cause][1]
         found += [_TextBlock(line, colour) for line in _broken(label.parts)]
     return found

@@ -13,12 +13,14 @@ from lupin_engine.errors import UsageError
 class Counts:
     """How often states were entered and transitions taken, by full name and by id; absent is never.
 
-    `title` says what was counted; a coloured picture shows it.
+    `title` says what was counted; a coloured picture shows it. Of counts that are no more than flags a
+    picture shows no numbers: not `counted`.
     """
 
     states: Mapping[str, int]
     ways: Mapping[str, int]
     title: str = ""
+    counted: bool = True
 
 
 def coloured(picture: Picture, counts: Counts) -> Picture:
@@ -46,7 +48,8 @@ def _box(box: StateBox, counts: Counts) -> StateBox:
     count = counts.states.get(box.name, 0)
     within = tuple(_box(child, counts) for child in box.children)
     lines = tuple(_line(line, counts) for line in box.lines)
-    return replace(box, children=within, lines=lines, count=count, tone=_tone(count))
+    shown = count if counts.counted else None
+    return replace(box, children=within, lines=lines, count=shown, tone=_tone(count))
 
 
 def _line(line: TextLine, counts: Counts) -> TextLine:
@@ -54,12 +57,13 @@ def _line(line: TextLine, counts: Counts) -> TextLine:
 
 
 def _label(label: Label, counts: Counts) -> Label:
-    return replace(label, count=sum(counts.ways.get(id, 0) for id in label.ids))
+    count = sum(counts.ways.get(id, 0) for id in label.ids)
+    return replace(label, count=count if counts.counted or not count else None)
 
 
 def _arrow(arrow: Arrow, counts: Counts) -> Arrow:
     labels = tuple(_label(label, counts) for label in arrow.labels)
-    gone = sum(label.count or 0 for label in labels)
+    gone = sum(label.count != 0 for label in labels)
     return replace(arrow, labels=labels, tone=_tone(gone) if labels else arrow.tone)
 
 

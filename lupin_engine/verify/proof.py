@@ -74,7 +74,8 @@ class Proof:
 
     `dead` are states and transitions that were never reached; they are told only when all was explored.
     One that is not `complete` was `stopped` for a reason; `growth` is the reason where something grows
-    without end. `parameters` are the values of all of them; `varied` says which one is not as given.
+    without end. `parameters` are the values of all of them; `varied` says which one is not as given. It took
+    so many `seconds`, and so much time of the `processor` (s).
     """
 
     chart: Chart
@@ -89,6 +90,8 @@ class Proof:
     growth: Growth | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
     varied: str = ""
+    seconds: float = 0.0
+    processor: float = 0.0
 
     @property
     def broken(self) -> list[Proven]:
@@ -228,6 +231,10 @@ class _Judge:
         )
 
 
+def _up_to(most: int) -> str:
+    return f"0 to {most}" if most else "no"
+
+
 def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
     """Return what was explored, and what it was bounded by, as sentences."""
     bounds, classes = explorer.bounds, explorer.classes
@@ -235,7 +242,7 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
     if bounds.owed:
         late = f"Of the orders already given up, up to {bounds.owed} may still be answered at any time."
     found = [
-        f"Itineraries and lists have 0 to {bounds.targets} elements; which they are makes no difference.",
+        f"Itineraries and lists have {_up_to(bounds.targets)} elements; which they are makes no difference.",
         late,
         "A deadline fires at any time, but not before one that was certainly due earlier.",
         f"{len(classes.requests)} requests, {len(classes.values)} values of inputs and {len(classes.events)}"

@@ -70,9 +70,16 @@ def proof_tasks(
 def _prove(
     task: ProofTask, loaded: LoadedMissions, bounds: Bounds, goes_on: Callable[[ExplorationProgress], str]
 ) -> Proof:
+    began, processor = time.monotonic(), time.process_time()
     proof = prove(make_world(loaded.chart, task.parameters), bounds, goes_on, task.outcomes)
     varied = (f"In this proof {task.varied}.",) if task.varied else ()
-    return replace(proof, bounds=(*varied, *proof.bounds), varied=task.varied)
+    return replace(
+        proof,
+        bounds=(*varied, *proof.bounds),
+        varied=task.varied,
+        seconds=time.monotonic() - began,
+        processor=time.process_time() - processor,
+    )
 
 
 def prove_tasks(

@@ -58,7 +58,7 @@ def test_what_is_added_is_tried(
     assert "  warning: never entered: late.yaml:20:3, state LATE\n" in told
     assert "  warning: never entered: late.yaml:21:3, state JUST_SO\n" in told
     assert "  warning: never taken: late.yaml:16:9, READING done → LATE\n" in told
-    assert "; 2 states never entered, 2 transitions never taken; " in told
+    assert "; 2 states never entered, 2 transitions of others never taken; " in told
     assert asked("prove", tmp_path, "[31 %]", f"[{{reading: {READING}}}]") == 1
     told = capsys.readouterr().out
     assert "✗ never_late: never in_state('LATE')\n" in told

@@ -55,11 +55,14 @@ def test_a_breach_becomes_a_scenario_that_fails(tmp_path: Path, capsys: pytest.C
     assert "Planted: 2 of 19 properties broken; 228 situations, 3,946 transitions\n" in told
     report = page.read_text(encoding="utf-8")
     assert report.count("<svg") == 3, "what was reached, and a timeline for each of two counterexamples"
-    assert "<b class='broken'>2 of 19 properties broken</b>" in report
+    assert "<p class='result broken'>2 of 19 properties broken</p>" in report
     assert "planted.never_c.scenario.yaml" in report
     assert "start nav.localize(max_variance: 1)\n" in report, "commands are told as in the terminal"
     assert "     5.0 s  ✗ b_comes: in_state(&#x27;B&#x27;) did not become true within 5 s\n" in report
     assert "src=" not in report, "it needs nothing else"
+    assert "\u00d7" not in report, "what was reached is no count"
+    assert "<p>7 of 7 transitions taken, 7 of 7 states entered.</p>" in report
+    assert str(tmp_path) not in report.replace(f"{mission}", "").replace(f"{page}", ""), "places are short"
     for name in ("never_c", "b_comes"):
         scenario = tmp_path / f"planted.{name}.scenario.yaml"
         assert main(["test", str(scenario)]) == 1

@@ -106,7 +106,7 @@ def test_what_nothing_concerns_is_a_warning(capsys: pytest.CaptureFixture[str]) 
     Path("unused.yaml").write_text(UNUSED, encoding="utf-8")
     asked = ["prove", "unused.yaml", "--no-restarts", "--no-scenarios"]
     assert main([*asked, "--quiet"]) == 0
-    unreached = "1 state never entered, 1 transition never taken"
+    unreached = "1 state never entered, 1 transition of others never taken"
     last = f"Unused: proven; 1 of your properties never applied; {unreached}; "
     assert capsys.readouterr().out.startswith(last)
     assert main(asked) == 0

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 
-from lupin_engine import __version__
-from lupin_engine.cli.verbs.proofs.proof_words import name_of, result, shown_place
+from lupin_engine.cli.verbs.proofs.evidence import ASSUMPTIONS, MEANINGS, NOT_SHOWN, Origin, catalogs_hash
+from lupin_engine.cli.verbs.proofs.proof_words import counted, name_of, result, shown_place
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.svg import svg as draw
 from lupin_engine.diagram.trace import Counts, coloured
+from lupin_engine.errors import near
 from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.describe import sections
+from lupin_engine.plugin.describe import value_text
+from lupin_engine.plugin.types import ANY
 from lupin_engine.replay.story import exact_columns, laid_out
 from lupin_engine.replay.timeline import timeline
 from lupin_engine.replay.timeline_svg import svg
@@ -21,79 +22,125 @@ from lupin_engine.verify.story import FailingScenario, why_none
 
 _STYLE = """
 body { font: 15px/1.5 Inter, "DejaVu Sans", Arial, sans-serif; margin: 2rem auto; max-width: 76rem; }
-table { border-collapse: collapse; } td, th { padding: .2rem .8rem .2rem 0; text-align: left; }
-td, th { vertical-align: top; border-bottom: 1px solid #e4e8ec; }
+body { color: #1f2933; padding: 0 1rem; } h2 { border-top: 2px solid #d5dbe1; padding-top: 1rem; }
+table { border-collapse: collapse; } td, th { padding: .25rem 1.2rem .25rem 0; text-align: left; }
+td, th { vertical-align: top; border-bottom: 1px solid #e4e8ec; } td:first-child { white-space: nowrap; }
+code { font-size: .85em; overflow-wrap: anywhere; } td:last-child { overflow-wrap: anywhere; }
 pre { background: #f5f7f9; overflow-x: auto; padding: .6rem; } svg { height: auto; max-width: 100%; }
-.holds { color: #2d7a4b; } .broken { color: #cf4458; }
+.holds { color: #2d7a4b; } .broken { color: #cf4458; } .not-proven { color: #a15c00; }
+.not-relevant { color: #66727f; } .result { border-left: .4rem solid; padding: .4rem .8rem; }
+.result { background: #f5f7f9; font-weight: 600; } .verdict { white-space: nowrap; font-weight: 600; }
+details { margin: 1rem 0; } summary { cursor: pointer; font-weight: 600; }
 """
-
 #: How wide a story is on the page, in characters.
 _COLUMNS = 110
+#: What the colours of the picture mean.
+_LEGEND = "reached; pale: never"
+#: What the page calls a verdict.
+_VERDICTS = {"not relevant": "not relevant: never applied"}
 #: A proof with its missions, and the scenarios that were written for what is broken, by the property.
 ProvenMission = tuple[LoadedMissions, Proof, Mapping[str, FailingScenario]]
 
 
-def proof_page(proofs: Sequence[ProvenMission], date: str) -> str:
+def proof_page(proofs: Sequence[ProvenMission], made_by: Origin) -> str:
     """Return the page.
 
     Args:
         proofs: what was proven, and of which missions.
-        date: when, as people write it.
+        made_by: when and by what.
     """
     body = "\n".join(part for one in proofs for part in _mission(*one))
-    head = f"<meta charset='utf-8'><title>Proof, {escape(date)}</title><style>{_STYLE}</style>"
-    told = f"<h1>Proof</h1><p>Made on {escape(date)} by Lupin engine {escape(__version__)}.</p>"
-    return f"<!doctype html><html lang='en'><head>{head}</head><body>{told}\n{body}</body></html>\n"
+    head = f"<meta charset='utf-8'><title>Proof, {escape(made_by.date)}</title><style>{_STYLE}</style>"
+    made = f"<h1>Proof</h1>{_table(_made(made_by))}"
+    results = [(escape(name_of(loaded, proof.varied)), _result(proof)) for loaded, proof, _ in proofs]
+    summary = f"<h2>Results</h2>{_table(results)}" if len(results) > 1 else ""
+    told = "\n".join((made, summary, body, *_meaning()))
+    return f"<!doctype html><html lang='en'><head>{head}</head><body>{told}</body></html>\n"
+
+
+def _made(by: Origin) -> Iterator[tuple[str, ...]]:
+    yield "Made on", escape(by.date)
+    yield "Command", f"<code>{escape(by.command)}</code>"
+    yield "Engine", f"Lupin engine {escape(by.version)}, SHA-256 of its sources <code>{by.engine}</code>"
+    yield "Processor", escape(by.machine)
+
+
+def _meaning() -> Iterator[str]:
+    """Yield what the reader must know to judge the results."""
+    yield "<h2>What the words mean</h2>"
+    yield _table((escape(word), escape(text)) for word, text in MEANINGS.items())
+    yield f"<h2>Assumptions</h2>{_list(ASSUMPTIONS)}"
+    yield f"<h2>What a proof does not show</h2>{_list(NOT_SHOWN)}"
 
 
 def _mission(loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingScenario]) -> Iterator[str]:
     yield f"<h2>{escape(name_of(loaded, proof.varied))}</h2>"
+    yield f"<p class='result {_kind(proof)}'>{escape(_short(loaded, result(proof)))}</p>"
     yield _table(_facts(loaded, proof))
-    rows = [(one.name, escape(one.says), _verdict(one)) for one in proof.properties]
+    rows = [(f"<code>{one.name}</code>", escape(one.says), _verdict(one)) for one in proof.properties]
     yield "<h3>Properties</h3>" + _table(rows)
-    yield "<h3>What was explored, and its bounds</h3><ul>"
-    yield from (f"<li>{escape(text)}</li>" for text in proof.bounds)
-    yield "</ul>"
-    if proof.dead:
-        yield "<h3>Never reached</h3><ul>"
-        yield from (f"<li>{escape(part.told(shown_place(loaded, part.place)))}</li>" for part in proof.dead)
-        yield "</ul>"
     for one in proof.broken:
-        yield from _counterexample(one, written.get(one.name))
-    states = dict.fromkeys(proof.entered, 1)
-    ways = dict.fromkeys(proof.taken, 1)
-    picture = coloured(outline(proof.chart), Counts(states, ways, "reached; pale: never"))
-    yield f"<h3>What was reached</h3>{draw(picture)}"
+        yield from _counterexample(loaded, one, written.get(one.name))
+    yield f"<h3>What was explored, and its bounds</h3>{_list(proof.bounds)}"
+    if proof.dead:
+        dead = [part.told(shown_place(loaded, part.place)) for part in proof.dead]
+        yield f"<h3>Never reached</h3>{_list(dead)}"
+    yield f"<details><summary>Parameters</summary>{_table(_parameters(proof))}</details>"
+    flags = Counts(dict.fromkeys(proof.entered, 1), dict.fromkeys(proof.taken, 1), _LEGEND, counted=False)
+    yield f"<h3>What was reached</h3><p>{proof.reached}.</p>{draw(coloured(outline(proof.chart), flags))}"
 
 
 def _facts(loaded: LoadedMissions, proof: Proof) -> Iterator[tuple[str, ...]]:
     progress = proof.progress
-    yield "Result", _result(proof)
-    yield "Situations", f"{progress.situations:,}, up to {progress.depth} moves deep"
-    yield "Transitions", f"{progress.transitions:,}, of which {progress.steps:,} were steps of the machine"
-    yield "Chart", f"<code>{loaded.hash}</code>"
-    yield "Catalogs", f"<code>{_catalogs(loaded)}</code>"
+    deep = counted(progress.depth, "move")
+    yield "Situations", f"{progress.situations:,}, up to {deep} deep"
+    yield "Transitions", f"{progress.transitions:,}"
+    yield "Steps of the machine", f"{progress.steps:,}; other transitions are known from equal steps"
+    if not proof.complete:
+        yield "Still to explore", f"{counted(progress.waiting, 'situation')}, and what follows"
+    yield "Coverage", escape(str(proof.reached))
+    yield "Time", f"{proof.seconds:.1f} s, {proof.processor:.1f} s of the processor"
     yield "Files", escape(", ".join(loaded.short_names.values()))
+    yield "SHA-256 of the files", f"<code>{loaded.hash}</code>"
+    yield "SHA-256 of the catalogs", f"<code>{catalogs_hash(loaded)}</code>, mocks and functions included"
+
+
+def _parameters(proof: Proof) -> Iterator[tuple[str, ...]]:
+    known = proof.chart.parameters
+    for name, value in sorted(proof.parameters.items()):
+        kind = known[name].type if name in known else ANY
+        unit = f" {kind.unit}" if kind.unit and not isinstance(value, (list, tuple)) else ""
+        yield f"<code>{escape(name)}</code>", escape(f"{value_text(value)}{unit}")
+
+
+def _kind(proof: Proof) -> str:
+    return "broken" if proof.broken else "holds" if proof.complete else "not-proven"
 
 
 def _result(proof: Proof) -> str:
-    kind = "broken" if proof.broken else "holds" if proof.complete else "not-proven"
-    return f"<b class='{kind}'>{escape(result(proof))}</b>"
+    return f"<b class='{_kind(proof)}'>{escape(result(proof))}</b>"
 
 
-def _catalogs(loaded: LoadedMissions) -> str:
-    """Return a name for what the plugins that the missions use declare."""
-    plugins = loaded.chart.catalog.plugins
-    told = [sections(plugins[name]) for name in sorted(loaded.chart.plugins) if name in plugins]
-    return hashlib.sha256(repr(told).encode()).hexdigest()
+def _short(loaded: LoadedMissions, text: str) -> str:
+    """Return a text with the files of missions as they are called in their folder."""
+    for name, short in loaded.short_names.items():
+        for long in (name, near(name)):
+            text = text.replace(f"{long}:", f"{short}:")
+    return text
 
 
 def _verdict(one: Proven) -> str:
-    return f"<span class='{one.verdict.value.replace(' ', '-')}'>{one.verdict.value}</span>"
+    told = _VERDICTS.get(one.verdict.value, one.verdict.value)
+    return f"<span class='verdict {one.verdict.value.replace(' ', '-')}'>{told}</span>"
 
 
-def _counterexample(one: Proven, scenario: FailingScenario | None) -> Iterator[str]:
-    yield f"<h3 class='broken'>{escape(one.name)}</h3><p>{escape(one.text)}</p>"
+def _list(texts: Iterable[str]) -> str:
+    return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in texts)}</ul>"
+
+
+def _counterexample(loaded: LoadedMissions, one: Proven, scenario: FailingScenario | None) -> Iterator[str]:
+    yield f"<h3 class='broken'>Counterexample: {escape(one.name)}</h3>"
+    yield f"<p>{escape(one.says)}<br>{escape(_short(loaded, one.text))}</p>"
     if scenario is None:
         yield f"<p>{escape(why_none(one))}</p>"
         yield "<ol>" + "".join(f"<li>{escape(text)}</li>" for text in one.moves) + "</ol>"
@@ -103,7 +150,8 @@ def _counterexample(one: Proven, scenario: FailingScenario | None) -> Iterator[s
     rows = (row for line in told for row in laid_out(line, columns))
     lines = "\n".join(["".join(text for text, _ in row) for row in rows] + [scenario.rest])
     yield f"<pre>{escape(lines.rstrip())}</pre>{svg(timeline(scenario.run))}"
-    yield f"<p>{escape(scenario.file.name)}</p><pre>{escape(scenario.text)}</pre>"
+    summary = f"As a scenario: {escape(scenario.file.name)}"
+    yield f"<details><summary>{summary}</summary><pre>{escape(scenario.text)}</pre></details>"
 
 
 def _table(rows: Iterable[tuple[str, ...]]) -> str:

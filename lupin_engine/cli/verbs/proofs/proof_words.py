@@ -41,9 +41,10 @@ def last_line(proof: Proof) -> str:
 def _never_reached(dead: Sequence[Unreached]) -> str:
     """Return how many states were never entered, and how many transitions never taken; '' for none."""
     states = sum(part.is_state for part in dead)
+    of = " of others" if states else ""
     parts = [
         f"{counted(states, 'state')} never entered" if states else "",
-        f"{counted(len(dead) - states, 'transition')} never taken" if len(dead) > states else "",
+        f"{counted(len(dead) - states, 'transition')}{of} never taken" if len(dead) > states else "",
     ]
     return ", ".join(filter(None, parts))
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from lupin_engine.chart.model import Chart
+    from lupin_engine.cli.verbs.proofs.evidence import Origin
     from lupin_engine.missions.load import LoadedMissions
     from lupin_engine.verify.proof import Proof, Proven
     from lupin_engine.verify.proving import ProofTask
@@ -107,6 +107,7 @@ def prove(
     proven: the budget ran out, or it was interrupted.
     """
     from lupin_engine.cli.settings import settings_in
+    from lupin_engine.cli.verbs.proofs.evidence import origin
     from lupin_engine.errors import Problems
     from lupin_engine.missions.selection import load_missions
     from lupin_engine.verify.proving import proof_tasks, prove_tasks
@@ -139,13 +140,15 @@ def prove(
         one = loaded[task.mission]
         written = {} if no_scenarios else _write_scenarios(one, proof, task.parameters)
         proofs.append((one, proof, written))
+    if report is not None or as_json:
+        made_by = origin(click.get_current_context())
     if report is not None:
         from lupin_engine.cli.files import write_text
         from lupin_engine.cli.verbs.proofs.proof_page import proof_page
 
-        write_text(report, proof_page(proofs, time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())))
+        write_text(report, proof_page(proofs, made_by))
     if as_json:
-        click.echo(json.dumps([_record(one, proof, written) for one, proof, written in proofs], default=str))
+        click.echo(json.dumps([_record(*one, made_by) for one in proofs], default=str))
     else:
         for one, proof, written in proofs:
             _show(one, proof, written, quiet, not no_scenarios)
@@ -317,9 +320,12 @@ def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console
         click.echo(f"      {text}")
 
 
-def _record(loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingScenario]) -> dict[str, Any]:
+def _record(
+    loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingScenario], made_by: Origin
+) -> dict[str, Any]:
     from dataclasses import asdict
 
+    from lupin_engine.cli.verbs.proofs.evidence import ASSUMPTIONS, NOT_SHOWN, catalogs_hash
     from lupin_engine.runtime.record import step_record
 
     return {
@@ -327,10 +333,15 @@ def _record(loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingS
         "varied": proof.varied,
         "parameters": dict(proof.parameters),
         "chart": loaded.hash,
+        "catalogs": catalogs_hash(loaded),
+        "made": {**asdict(made_by), "seconds": proof.seconds, "processor": proof.processor},
         "complete": proof.complete,
         "stopped": proof.stopped,
         **asdict(proof.progress),
         "bounds": list(proof.bounds),
+        "assumptions": list(ASSUMPTIONS),
+        "not_shown": list(NOT_SHOWN),
+        "reached": asdict(proof.reached),
         "dead": [part.told(part.place.shown) for part in proof.dead],
         "properties": [
             {

@@ -1,0 +1,130 @@
+"""What makes a proof evidence: by which engine, of which files and catalogs, when, and what it assumes."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import inspect
+import os
+import platform
+import shlex
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+import lupin_engine
+from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.plugin.contract import Plugin
+from lupin_engine.plugin.describe import sections
+
+#: What the words of a proof mean.
+MEANINGS: Mapping[str, str] = {
+    "Situation": "All that the engine remembers at one moment, without what decides nothing: texts, counters,"
+    " and values that are only passed on.",
+    "Transition": "A move of the world in a situation: an answer, a value, a request, an event, a deadline.",
+    "Not relevant": "No explored step concerns the property: it is not broken, but it was not tested either.",
+}
+#: What is taken for granted.
+ASSUMPTIONS = (
+    "The catalogs are true: a server answers with nothing that its catalog does not declare.",
+    "If an operation sets a live value, that value is known before the operation succeeds.",
+    "Values are divided into classes. Two values of one class lead to the same steps, as far as conditions"
+    " compare them with numbers and parameters. Of a list only its length matters.",
+    "An order that was given up gets no late answer, unless the bounds say so.",
+    "The parameters have the values that are listed.",
+    "Conditions that read the robot's clock always see 06:00.",
+)
+#: What nobody may conclude.
+NOT_SHOWN = (
+    "Nothing about servers, drivers, ROS, the network, the robot's physics, or how long a step takes.",
+    "Nothing beyond the bounds, and nothing about distances and readings.",
+    "Nothing about how likely something is: the shortest way to a breach need not be a likely one.",
+)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """By what proofs were made: date, command line, version of the engine, its sources' hash, processor."""
+
+    date: str
+    command: str
+    version: str
+    engine: str
+    machine: str
+
+
+def origin(context: click.Context) -> Origin:
+    """Return by what the proofs of this command were made."""
+    date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
+    return Origin(date, _command(context), lupin_engine.__version__, engine_hash(), _machine())
+
+
+def _command(context: click.Context) -> str:
+    """Return the command line with all that is not as usual."""
+    words = ["lupin", str(context.info_name)]
+    for parameter in context.command.params:
+        value = context.params.get(parameter.name or "")
+        if isinstance(parameter, click.Argument):
+            words += value or ()
+        elif value is not None and value is not False and value != parameter.default:
+            for one in value if isinstance(value, tuple) else (value,):
+                words += [parameter.opts[0], *([] if one is True else [str(one)])]
+    return shlex.join(words)
+
+
+def _machine() -> str:
+    """Return the processor in words, and how many cores it has."""
+    found = platform.processor() or platform.machine()
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return f"{next(named, found)}, {os.cpu_count()} cores"
+
+
+@functools.cache
+def engine_hash() -> str:
+    """Return the SHA-256 of the engine's own source files, each with its name."""
+    package, found = Path(lupin_engine.__file__).parent, hashlib.sha256()
+    for file in sorted(package.rglob("*.py")):
+        found.update(f"{file.relative_to(package).as_posix()}\0".encode())
+        found.update(hashlib.sha256(file.read_bytes()).digest())
+    return found.hexdigest()
+
+
+def catalogs_hash(loaded: LoadedMissions) -> str:
+    """Return the SHA-256 of what the plugins that missions use declare, and of what their mocks give.
+
+    Of a function it covers the file that it is written in.
+    """
+    plugins = loaded.chart.catalog.plugins
+    used = [plugins[name] for name in sorted(loaded.chart.plugins) if name in plugins]
+    told = [(sections(plugin), sorted(_behaviour(plugin))) for plugin in used]
+    return hashlib.sha256(repr(told).encode()).hexdigest()
+
+
+def _behaviour(plugin: Plugin) -> Iterator[tuple[str, str]]:
+    """Yield what a plugin gives in a proof: the results and values of mocks, functions and readers."""
+    for name, operation in plugin.operations.items():
+        mock = operation.mock
+        yield f"{name} after", repr(mock.after)
+        yield f"{name} result", _given(mock.result)
+        yield f"{name} values", _given(mock.values)
+    for name, function in plugin.functions.items():
+        yield name, _given(function.bind)
+    for name, reader in plugin.readers.items():
+        yield name, _given(reader.bind)
+
+
+def _given(what: Mapping[str, Any] | Callable[..., Any]) -> str:
+    if isinstance(what, Mapping):
+        return repr(sorted(what.items()))
+    inner = inspect.unwrap(what.func if isinstance(what, functools.partial) else what)
+    file = inspect.getsourcefile(inner)
+    source = hashlib.sha256(Path(file).read_bytes()).hexdigest() if file and Path(file).is_file() else ""
+    return f"{getattr(inner, '__qualname__', type(inner).__qualname__)} {source}"
