@@ -47,7 +47,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "check": "Check missions and tell everything that is wrong with them.",
         "simulate": "Run a mission in virtual time, without ROS.",
         "test": "Run scenarios against missions, without ROS.",
-        "prove": "Look at every way that missions can go, without ROS.",
+        "prove": "Explore every way that missions can go, without ROS.",
         "campaign": "Run a mission in thousands of random worlds.",
         "diagram": "Draw a mission.",
         "graph": "Show the live map: who publishes, subscribes, serves and calls what.",

@@ -110,7 +110,7 @@ class OutcomePage:
     @property
     def watched(self) -> Property:
         """The page as a property of every step whose situation before is known."""
-        says = f"What follows from what happens, in each state, is what {self.file.name} says in its cell."
+        says = f"In each state, each event leads to what its cell in {self.file.name} says."
         return Property(OUTCOMES, says, self._watch)
 
     def in_words(self, met: Container[str]) -> list[str]:

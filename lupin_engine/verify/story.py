@@ -107,8 +107,8 @@ def why_none(broken: Proven) -> str:
     if broken.steps is None:
         return "no times were found at which this happens in that order: it may not be possible"
     if broken.name == OUTCOMES:
-        return "no scenario: they do not read the page; it comes to this so:"
-    return "no scenario: a simulation of these moves does not break it"
+        return "no scenario was written, because scenarios do not read the page; these moves lead to it:"
+    return "no scenario was written: a simulation of these moves does not break the property"
 
 
 def _after(broken: Proven, chart: Chart, parts: Mapping[str, Any]) -> dict[str, Any]:

@@ -93,9 +93,7 @@ def test_a_page_of_ones_own_mission_is_proven(folder: Path, capsys: pytest.Captu
     """What was looked at is told, and what of the page nothing leads to."""
     assert main(ASKED) == 0
     told = capsys.readouterr().out
-    assert (
-        "✓ outcomes: What follows from what happens, in each state, is what page.md says in its cell." in told
-    )
+    assert "✓ outcomes: In each state, each event leads to what its cell in page.md says." in told
     assert "15 of 15 cells of page.md were met." in told
 
 
@@ -105,12 +103,12 @@ def test_a_cell_that_is_not_kept_is_told(folder: Path, capsys: pytest.CaptureFix
     mission.write_text(WATCH.replace("skip_current: LOOKING", "skip_current: done"), encoding="utf-8")
     assert main([*ASKED, "--quiet"]) == 1
     assert capsys.readouterr().out.splitlines()[:6] == [
-        "  ✗ outcomes: What follows from what happens, in each state, is what page.md says in its cell.",
+        "  ✗ outcomes: In each state, each event leads to what its cell in page.md says.",
         "      page.md:30:1: skip, at work · waiting, free: → at work · looking; but it is in READY",
-        "      no scenario: they do not read the page; it comes to this so:",
+        "      no scenario was written, because scenarios do not read the page; these moves lead to it:",
         "      mission.start",
         "      operator.skip_current",
-        "Watch: 1 broken; 48 situations, 724 transitions",
+        "Watch: 1 of 18 properties broken; 48 situations, 724 transitions",
     ]
 
 

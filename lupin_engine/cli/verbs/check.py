@@ -36,7 +36,7 @@ _BESIDE = {"part": "parts", "binding": "bindings"}
     "--prove",
     "budget",
     metavar="DURATION",
-    help="Look at every way that the missions can go as well, for so long at most, such as '60 s'.",
+    help="Explore every way that the missions can go, too, for at most this time, such as '60 s'.",
 )
 @click.option(
     "--explain", metavar="RULE", help="Tell what a rule protects, with an example, and check nothing."
