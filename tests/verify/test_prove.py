@@ -9,12 +9,14 @@ import signal
 import subprocess
 import sys
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from lupin_engine.cli.main import main
+from lupin_engine.cli.verbs.proofs.prove import so_far
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.reload import successor
 from lupin_engine.missions.folders import lifecycle_of
@@ -166,6 +168,16 @@ def test_missions_are_loaded_anew_only_where_none_is_under_way() -> None:
         after = successor(Machine(explorer.world, before), explorer.world).memory
         assert all(getattr(after, name) == getattr(before, name) for name in THROUGH)
         assert not any(getattr(after, name) for name in DROPPED)
+
+
+def test_the_estimate_comes_first() -> None:
+    """On a narrow terminal the end of the line is cut off."""
+    known = ExplorationProgress(1700, 42000, 900, 4, 1500, 200, [1, 100, 300, 600, 699])
+    assert known.estimate is None
+    early = "Inspection: 1,700 situations, 200 to explore, 21,000 transitions/s, 4 deep"
+    assert so_far("Inspection", known, 2.0) == early
+    shrinks = replace(known, levels=[1, 900, 500, 200, 99])
+    assert so_far("Inspection", shrinks, 2.0) == early.replace(": ", f": about 83% of {shrinks.estimate:,}; ")
 
 
 @pytest.mark.parametrize(("jobs", "shown"), [("2", ["Inspection", "Exploration"]), ("1", ["Exploration"])])

@@ -167,7 +167,7 @@ def read_budget(option: str, budget: str | None) -> float | None:
         raise UsageError(f"{option}: {problem}; write a duration such as '60 s'") from None
 
 
-def _so_far(name: str, progress: ExplorationProgress, took: float) -> str:
+def so_far(name: str, progress: ExplorationProgress, took: float) -> str:
     """Return how far a proof is, after some seconds."""
     from lupin_engine.cli.verbs.proofs.proof_words import counted
 
@@ -197,7 +197,7 @@ def _progress_of(
         if number not in lines:
             lines[number] = bar.add_task("")
         name = name_of(loaded[task.mission], task.varied)
-        bar.update(lines[number], description=_so_far(name, progress, took))
+        bar.update(lines[number], description=so_far(name, progress, took))
 
     with bar:
         yield told
