@@ -137,6 +137,8 @@ class Operation:
     them has ended. `on_hold` says what a hold does to it. With `cut_short` the driver gives the
     result, as far as it came, of an attempt that was cancelled; after a timeout the mission waits for that.
     One that `adopts` goes on when the orchestrator was started again, where a hold would not end it either.
+    `classes` are results that missions should be proven with, good ones and bad ones; each has the fields in
+    which it differs from the mock's.
     """
 
     doc: str
@@ -148,6 +150,7 @@ class Operation:
     cut_short: bool = False
     mock: Mock = field(default_factory=Mock)
     adopts: bool = False
+    classes: tuple[Mapping[str, Any], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -176,13 +179,15 @@ class Function:
 class LiveValue:
     """A value from the world that changes by itself; `freshness` is how long it stays known, in seconds.
 
-    `initial` is what it is before the first report; None means unknown.
+    `initial` is what it is before the first report; None means unknown. `classes` are values that missions
+    should be proven with.
     """
 
     doc: str
     type: Type
     freshness: float | None = None
     initial: Any = None
+    classes: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from lupin_engine.plugin.contract import Argument, Code, OnHold, Operation, Parameter, Plugin
 from lupin_engine.plugin.parameters import narrowed
@@ -60,6 +61,8 @@ def _operation_facts(operation: Operation) -> Iterator[tuple[str, str]]:
         yield "gives", _fields(operation.result)
     if operation.codes:
         yield "fails with", _codes(operation.codes)
+    if operation.classes:
+        yield "proven with", "; ".join(_result(one, operation.result) for one in operation.classes)
     yield "when held", HOLDS[operation.on_hold]
     if operation.cut_short:
         yield "when cancelled", "it gives what it gives as far as it came"
@@ -90,6 +93,8 @@ def _values(plugin: Plugin) -> Iterator[Entry]:
             facts.append(("before the first report", value_text(value.initial, value.type)))
         if value.freshness is not None:
             facts.append(("known for", f"{value.freshness:g} s after a report"))
+        if value.classes:
+            facts.append(("proven with", ", ".join(value_text(one, value.type) for one in value.classes)))
         yield Entry(name, value.doc, facts=tuple(facts))
 
 
@@ -181,6 +186,10 @@ def _number(value: float, unit: str) -> str:
 
 def _fields(fields: Mapping[str, Type]) -> str:
     return ", ".join(f"{name} ({type_text(kind)})" for name, kind in fields.items())
+
+
+def _result(result: Mapping[str, Any], fields: Mapping[str, Type]) -> str:
+    return ", ".join(f"{name}: {value_text(value, fields[name])}" for name, value in result.items())
 
 
 def _codes(codes: tuple[Code, ...]) -> str:

@@ -381,17 +381,19 @@ def _operation_problems(where: str, operation: Operation) -> Iterator[str]:
     if operation.mock.after < 0:
         yield f"{where}: the mock ends after {operation.mock.after} s"
     if isinstance(operation.mock.result, Mapping):
-        yield from _mock_problems(where, operation, operation.mock.result)
+        yield from _result_problems(f"{where}: the mock", operation, operation.mock.result)
+    for number, one in enumerate(operation.classes, 1):
+        yield from _result_problems(f"{where}: class {number}", operation, one)
 
 
-def _mock_problems(where: str, operation: Operation, result: Mapping[str, Any]) -> Iterator[str]:
+def _result_problems(where: str, operation: Operation, result: Mapping[str, Any]) -> Iterator[str]:
     for name, value in result.items():
         if name not in operation.result:
-            yield f"{where}: the mock answers {name!r}, which is no field of the result"
+            yield f"{where} answers {name!r}, which is no field of the result"
             continue
         problem = _mismatch(value, operation.result[name])
         if problem:
-            yield f"{where}: the mock's {name!r}: {problem}"
+            yield f"{where}'s {name!r}: {problem}"
 
 
 def _argument_problems(where: str, arguments: Mapping[str, Argument]) -> Iterator[str]:
@@ -421,6 +423,10 @@ def _value_problems(where: str, value: LiveValue) -> Iterator[str]:
     problem = None if value.initial is None else _mismatch(value.initial, value.type)
     if problem:
         yield f"{where}: the initial value: {problem}"
+    for number, one in enumerate(value.classes, 1):
+        problem = _mismatch(one, value.type)
+        if problem:
+            yield f"{where}: class {number}: {problem}"
 
 
 def _event_problems(where: str, event: EventKind) -> Iterator[str]:

@@ -41,12 +41,19 @@ def _wanted(name: str, hint: Any) -> Shape:
     if origin is UnionType:
         return _GIVEN
     if origin is tuple:
-        return _several("names" if inner == (str,) else f"{inner[0].__name__}(...)", _wanted("", *inner))
+        return _several(_called(*inner), _wanted("", *inner))
     if origin is Mapping:
         word = _ONE_OF.get(name) or name.removesuffix("s").replace("_", " ")
         return _by_name(word, _wanted("", get_args(hint)[1]))
     is_part = isinstance(hint, type) and is_dataclass(hint) and hint is not Type
     return _made_with(hint) if is_part else _anything
+
+
+def _called(hint: Any) -> str:
+    """Return what the elements of a tuple are called."""
+    if get_origin(hint) is Mapping:
+        return "mappings by name"
+    return {str: "names", Any: "values"}.get(hint) or f"{hint.__name__}(...)"
 
 
 def _must_be(wanted: str, fits: Callable[[Any], bool]) -> Shape:

@@ -65,6 +65,19 @@ def mock_reading(arguments: Mapping[str, Any], _: Parameters) -> Mapping[str, An
     return {"reading": reading}
 
 
+def reading_of(values: Mapping[str, float]) -> Mapping[str, Any]:
+    """Return a reading with these values."""
+    sensors = [{"name": name, "value": value} for name, value in values.items()]
+    return {"reading": {"tag_id": "1", "stamp": 0.0, "sim_time_of_day_seconds": NOON_S, "readings": sensors}}
+
+
+#: A frost, a heat, and a tag at which nothing was measured.
+READINGS = (
+    reading_of({"temperature": -2.0, "humidity": 90.0}),
+    reading_of({"temperature": 38.0, "humidity": 20.0}),
+    reading_of({}),
+)
+
 #: Where readings come from.
 BACKENDS = ("simulator", "recorded", "mqtt")
 #: The ways to replay a recording.
@@ -135,6 +148,7 @@ PLUGIN = Plugin(
             codes=(SCAN_FAILED, UNKNOWN_TAG),
             on_hold=OnHold.FINISH,
             mock=Mock(after=MOCK_READ_S, result=mock_reading),
+            classes=READINGS,
         ),
     },
     types={"reading": READING, "sensor": SENSOR},

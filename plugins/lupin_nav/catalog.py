@@ -211,7 +211,7 @@ VALUES: Mapping[str, LiveValue] = {
     # still is right. Whether its publisher still lives is looked at by localize and go_to instead.
     "robot.pose": LiveValue("where the robot is, in frame `map`; unknown before the first pose", POSE),
     # No freshness: a simulation may have no battery at all, and is full then.
-    "robot.battery": LiveValue("charge of the battery", CHARGE, initial=1.0),
+    "robot.battery": LiveValue("charge of the battery", CHARGE, initial=1.0, classes=(1.0, 0.5, 0.0)),
     # No freshness: a machine may have none, or one that speaks only when it is pressed; a silence that is a
     # fault the client tells as engaged (`estop_timeout_s`).
     "robot.estop": LiveValue("whether the emergency stop is engaged", BOOL, initial=False),

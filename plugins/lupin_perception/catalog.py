@@ -60,6 +60,7 @@ PLUGIN = Plugin(
             ),
             on_hold=OnHold.FINISH,
             mock=Mock(after=0.2, result={"confidence": 1.0}),
+            classes=({"confidence": 0.5}, {"confidence": 0.0}),
         ),
     },
     values={

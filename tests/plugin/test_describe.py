@@ -6,8 +6,9 @@ import math
 
 import pytest
 
-from lupin_engine.plugin.describe import number_text, type_text, value_text
-from lupin_engine.plugin.types import ANGLE, DURATION, POSE, Type, in_base, in_unit, list_of, within
+from lupin_engine.plugin.contract import LiveValue, Operation, Plugin
+from lupin_engine.plugin.describe import number_text, sections, type_text, value_text
+from lupin_engine.plugin.types import ANGLE, DURATION, NUMBER, POSE, Type, in_base, in_unit, list_of, within
 
 
 @pytest.mark.parametrize(
@@ -47,3 +48,14 @@ def test_a_number_comes_back_from_its_base() -> None:
     """Lists too, whatever they are made of."""
     assert in_unit(in_base([[60, 57.5], []], "deg"), "deg") == [[60.0, 57.5], []]
     assert in_unit((0.035, 0.57), "%") == [3.5, 57.0]
+
+
+def test_the_classes_that_missions_are_proven_with_are_told() -> None:
+    """Of results with the names of their fields, in the units of people."""
+    dim = Operation(
+        "Dim it.", result={"level": NUMBER, "turn": ANGLE}, classes=({"level": 0.5}, {"turn": 1.5})
+    )
+    value = LiveValue("How it hangs.", ANGLE, classes=(0.0, in_base(90, "deg")))
+    operations, values = sections(Plugin("lamp", "A lamp.", {"dim": dim}, values={"lamp.turn": value}))
+    assert dict(operations.entries[0].facts)["proven with"] == "level: 0.5; turn: 1.5"
+    assert dict(values.entries[0].facts)["proven with"] == "0, 90 deg"

@@ -54,6 +54,27 @@ def operation(**changed: Any) -> dict[str, Any]:
             {"companions": "sim"},
             "companions must be a tuple of names, got 'sim'; of one, with a comma: (ONE,)",
         ),
+        (
+            operation(classes={"level": 1.0}),
+            "operation 'dim': classes must be a tuple of mappings by name, got {'level': 1.0};"
+            " of one, with a comma: (ONE,)",
+        ),
+        (
+            {"values": {"lamp.level": LiveValue("How bright.", NUMBER, classes=odd(1.0))}},
+            "value 'lamp.level': classes must be a tuple of values, got 1.0; of one, with a comma: (ONE,)",
+        ),
+        (
+            operation(result={"level": NUMBER}, classes=({"lever": 1.0},)),
+            "operation 'dim': class 1 answers 'lever', which is no field of the result",
+        ),
+        (
+            operation(result={"level": NUMBER}, classes=({"level": 1.0}, {"level": "dark"})),
+            "operation 'dim': class 2's 'level': expected number, got 'dark'",
+        ),
+        (
+            {"values": {"lamp.level": LiveValue("How bright.", NUMBER, classes=(True,))}},
+            "value 'lamp.level': class 1: expected number, got True",
+        ),
         ({"operations": []}, "operations must be a mapping by name, such as {'name': ...}, got []"),
         (
             {"operations": {"dim": Action("Dim.")}},
