@@ -267,5 +267,6 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
             "Not followed, because they lead beyond these bounds (a second event of one kind in a hold, one"
             f" more order given up, success before a live value is known): {explored.cut:,} moves."
         )
+    found += classes.words()
     found += [f"Not all values were tried: {text}." for text in classes.left_out]
     return found

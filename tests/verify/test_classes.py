@@ -7,7 +7,16 @@ from pathlib import Path
 
 import pytest
 
+from lupin_engine.chart.model import Chart
 from lupin_engine.cli.main import main
+from lupin_engine.missions.selection import load_missions
+from lupin_engine.plugin.types import BOOL
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.verify.situations.classes import Classes
+from lupin_engine.verify.situations.relevance import Relevance
+from tests import shipped
+from tests.machine.charts import chart
+from tests.verify.toys import explored
 
 LIFECYCLE = Path(__file__).parents[1] / "charts" / "mini" / "lifecycle.yaml"
 #: What is read late leads to LATE, and so does a charge that is just so.
@@ -27,8 +36,8 @@ states:
       timeout: {after: 10 s, code: late}
       classes: RESULTS
     on_done:
-      - {target: LATE, guard: event.reading.sim_time_of_day_seconds > '80000 s'}
-      - {target: JUST_SO, guard: input.charge * 2 > 0.61 and input.charge * 2 < 0.63}
+      - {target: LATE, guard: abs(round(event.reading.stamp)) > '1 s'}
+      - {target: JUST_SO, guard: input.charge * input.charge > 0.096 and input.charge * input.charge < 0.097}
       - target: done
     on_error: done
   LATE: {after: {1 s: done}}
@@ -36,7 +45,7 @@ states:
   done: {type: final}
 """
 #: The whole of a reading.
-READING = "{tag_id: '1', stamp: 0 s, sim_time_of_day_seconds: 80001 s, readings: []}"
+READING = "{tag_id: '1', stamp: 2 s, sim_time_of_day_seconds: 80001 s, readings: []}"
 
 
 def asked(verb: str, folder: Path, charges: str, results: str) -> int:
@@ -85,3 +94,199 @@ def test_mistakes_are_told_with_their_place(
         f"late.yaml:14:45: error: {where}: expected a record of reading, got 'never'; write a mapping with"
         " reading [wrong-type]",
     ]
+
+
+#: A mission with one condition, and a property that holds as long as the condition is never true.
+DOUBT = """\
+mission: Doubt
+params:
+  bar: {type: number, default: 0.5}
+<ASKED_FOR>
+inputs:
+  charge: {value: robot.battery, initial: 50 %}
+context:
+  c: {type: number, default: 0.0}
+properties:
+  never_there: {never: "in_state('THERE')"}
+initial: LOOKING
+states:
+  LOOKING:
+    invoke:
+      do: perception.confirm_tag
+      with: {tag_id: "1"}
+      timeout: {after: 10 s, code: late}
+    on_done:
+      - {target: THERE, guard: "<CONFIRMED>"}
+      - {target: READING, do: {set: {c: "${ <KEPT> }"}}}
+    on_error: READING
+  READING:
+    invoke:
+      do: bridge.read_tag
+      with: {tag_id: "1"}
+      timeout: {after: 10 s, code: late}
+    on_done:
+      - {target: THERE, guard: "<READ>"}
+      - target: ASKING
+    on_error: done
+  ASKING:
+    always:
+      - {target: THERE, guard: "<SEEN>"}
+    after: {1 s: done}
+  THERE: {after: {1 s: done}}
+  done: {type: final}
+"""
+NOTHING = {
+    "ASKED_FOR": "",
+    "CONFIRMED": "param.bar > 2",
+    "READ": "param.bar > 2",
+    "SEEN": "param.bar > 2",
+    "KEPT": "0.0",
+}
+REQUEST = "request: {n: {type: count, default: 1}, tags: {type: list of text, default: ['1']}}"
+
+
+COLD = "known(event.reading['temperature']) and event.reading['temperature'] < '5 °C'"
+
+
+def doubt(said: dict[str, str]) -> str:
+    """Return the mission that says this."""
+    text = DOUBT
+    for word, what in {**NOTHING, **said}.items():
+        text = text.replace(f"<{word}>", what)
+    return text
+
+
+def classes_of(of: Chart) -> Classes:
+    """Return the classes of a chart for one target."""
+    return Classes(make_world(of, {}), Relevance(of), 1)
+
+
+def proven(folder: Path, capsys: pytest.CaptureFixture[str], said: dict[str, str]) -> tuple[int, str]:
+    """Return the exit code of a proof of the mission that says this, and what it prints."""
+    shutil.copy(LIFECYCLE, folder)
+    (folder / "doubt.yaml").write_text(doubt(said), encoding="utf-8")
+    code = main(["prove", "doubt.yaml", "--targets", "1", "--no-restarts", "--no-scenarios"])
+    return code, capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"CONFIRMED": "0.4 < event.confidence < 0.6"},
+        {"CONFIRMED": "event.confidence < -0.5"},
+        {"CONFIRMED": "event.confidence in [0.25, 0.75]"},
+        {"CONFIRMED": "event.confidence == param.bar"},
+        {"CONFIRMED": "param.bar - 0.1 < event.confidence < param.bar"},
+        {"CONFIRMED": "0.3 + 0.2 < event.confidence * 2 < 0.6"},
+        {"CONFIRMED": "max(event.confidence, 0.2) < 0.4"},
+        {"CONFIRMED": "abs(event.confidence - 3) < 0.1"},
+        {"KEPT": "event.confidence", "SEEN": "0 < c < 0.5"},
+        {"KEPT": "1 - event.confidence", "SEEN": "c > 0.6"},
+        {"KEPT": "event.confidence if event.confidence > 7 else 0", "SEEN": "c > 9"},
+        {"KEPT": "input.charge", "SEEN": "c > 0.97"},
+        {"SEEN": "input.charge > '97 %'"},
+        {"SEEN": "input.charge > 0.9 + 0.07"},
+        {"SEEN": "'31 %' < input.charge < '33 %'"},
+        {"READ": "known(event.reading['temperature']) and event.reading['temperature'] < '-3 °C'"},
+        {"READ": "known(event.reading['humidity']) and event.reading['humidity'] > '97 %'"},
+        {"READ": "not known(event.reading['temperature'])"},
+        {"READ": "event.reading.stamp == '7 s'"},
+        {"READ": "event.reading.tag_id == 'nobody'"},
+        {"ASKED_FOR": REQUEST, "SEEN": "request.n > 7"},
+        {"ASKED_FOR": REQUEST, "SEEN": "len(request.tags) == 0"},
+    ],
+    ids=lambda said: ", ".join(f"{word} {what}" for word, what in said.items() if word != "ASKED_FOR"),
+)
+def test_what_a_condition_can_tell_apart_is_tried(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    said: dict[str, str],
+) -> None:
+    """So a property that one value breaks is not proven."""
+    monkeypatch.chdir(tmp_path)
+    code, told = proven(tmp_path, capsys, said)
+    assert "✗ never_there: never in_state('THERE')\n" in told, told
+    assert code == 1
+    assert "Not all values were tried" not in told
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        (
+            {"CONFIRMED": "round(event.confidence) < 0"},
+            "event.confidence: only 0, 0.5, 1 were tried, although `round(event.confidence) < 0` reads it",
+        ),
+        (
+            {"CONFIRMED": "event.confidence < -input.charge"},
+            "event.confidence: only 0, 0.5, 1 were tried,"
+            " although `event.confidence < -input.charge` reads it",
+        ),
+        (
+            {"KEPT": "c + event.confidence", "SEEN": "c > 40"},
+            "event.confidence: only 0, 0.5, 1 were tried, although `c + event.confidence` reads it",
+        ),
+    ],
+    ids=lambda one: next(iter(one.values())) if isinstance(one, dict) else "",
+)
+def test_what_is_not_understood_is_told(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    said: dict[str, str],
+    told: str,
+) -> None:
+    """With the values that were tried, and the condition."""
+    monkeypatch.chdir(tmp_path)
+    code, printed = proven(tmp_path, capsys, said)
+    assert code == 0
+    assert f"    Not all values were tried: {told}.\n" in printed
+
+
+def test_the_values_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of all on which something depends, and of nothing else."""
+    monkeypatch.chdir(tmp_path)
+    seen = "input.charge > '97 %' and len(request.tags) > 0 and request.n > 7"
+    said = {"CONFIRMED": "event.confidence < param.bar", "READ": COLD, "SEEN": seen, "ASKED_FOR": REQUEST}
+    _, told = proven(tmp_path, capsys, said)
+    lines = [line.strip() for line in told.splitlines()]
+    assert [line for line in lines if line.startswith(("Tried as ", "Conditions and "))] == [
+        "Tried as event.confidence: -0.5, 0.5, 1.",
+        "Tried as event.reading.readings['temperature']: 4 °C, 5 °C, 22.531 °C, nothing.",
+        "Tried as input.battery: 0.1, 0.2, 0.225, 0.25, 0.625.",
+        "Tried as input.charge: 0.485, 0.97, 0.985.",
+        "Tried as input.estop: false, true.",
+        "Tried as request.n: 0, 7, 8.",
+        "Tried as request.tags: lists of 0, 1 elements.",
+        "Conditions and times read these parameters: bar = 0.5.",
+    ]
+
+
+def test_results_that_differ_in_nothing_that_decides_are_one_class(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also those that a plugin's catalog adds: a reading that is only published is tried once."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "doubt.yaml").write_text(doubt({"READ": COLD}), encoding="utf-8")
+    shutil.copy(LIFECYCLE, tmp_path)
+    found = classes_of(load_missions(["doubt.yaml"], shipped.catalog()).chart)
+    reading = found.results("bridge.read_tag", {"tag_id": "1"})
+    told = [
+        find["value"]
+        for one in reading
+        for find in one["reading"]["readings"]
+        if find["name"] == "temperature"
+    ]
+    assert told == [22.531, 4.0, 5.0]
+    assert len(reading) == len(told) + 1
+    assert found.results("perception.confirm_tag", {"tag_id": "1"}) == [{"confidence": 1.0}]
+
+
+def test_an_input_that_is_an_event_is_tried() -> None:
+    """Although no expression reads it."""
+    states = {"A": {"on": {"input.danger": "B"}}, "B": {}}
+    found = explored(chart(states, inputs={"danger": {"type": BOOL}}), restarts=False)
+    assert {"A", "B"} <= found.entered

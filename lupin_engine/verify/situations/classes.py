@@ -1,30 +1,32 @@
 """Representative values: a few of each type stand for all that a mission can tell apart.
 
-They follow from what is there: both truth values, every word of a text that is one of a few, and of a
-number what lies below, at and above each bound that the chart compares it with. Of records, places and texts
-there is one; lists hold as many elements as there are targets. Nobody has to write anything; the author of
-a mission may add `classes` to an input or an operation.
+They follow from what is there: both truth values, every word of a text that is one of a few, of a number
+what lies below, at and above each bound that the chart compares it with, and of a text what it is compared
+with. What no condition depends on has one value; lists hold as many elements as there are targets. Nobody
+has to write anything; a plugin's catalog and the author of a mission may add `classes`.
 """
 
 from __future__ import annotations
 
-import ast
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.model import Chart, Field, Input, Mission
+from lupin_engine.errors import shortened
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.itineraries import identity_of
 from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.plugin.contract import OPERATION_CODES
+from lupin_engine.plugin.describe import number_text, value_text
 from lupin_engine.plugin.profile import START
-from lupin_engine.plugin.types import Type
+from lupin_engine.plugin.types import ANY as ANY_TYPE
+from lupin_engine.plugin.types import Type, within
 from lupin_engine.runtime.possible import requests_of
+from lupin_engine.verify.situations.compared import ANY, Compared, Read, part, side
 from lupin_engine.verify.situations.relevance import (
     Relevance,
     deciding,
@@ -37,13 +39,12 @@ from lupin_engine.verify.situations.relevance import (
 MISSION_ID = "proof"
 #: More combinations of the fields of one result, event or request are not looked at.
 MOST_COMBINED = 16
+#: So many values of one thing are told in words, each with so many letters.
+MOST_TOLD, MOST_LETTERS = 8, 40
 
 
 class Classes:
-    """The values that stand for all, for one chart with its parameters.
-
-    `left_out` says what is looked at with fewer values than there are.
-    """
+    """The values that stand for all, for one chart with its parameters."""
 
     def __init__(self, world: World, relevance: Relevance, targets: int) -> None:
         """Work out the values.
@@ -56,15 +57,17 @@ class Classes:
         self.world = world
         self.chart: Chart = world.chart
         self.targets = targets
-        self.left_out: list[str] = []
-        self._relevance = relevance
-        self._bounds = _bounds(world)
+        self.compared = Compared(world, relevance, targets)
+        #: Of what not all combinations of fields are looked at.
+        self._uncombined: dict[str, None] = {}
+        #: The values that were looked at of what something depends on.
+        self._tried: dict[Read, dict[str, Any]] = {}
         self._env = EvaluationScope(world, Memory())
         self._operations = {invoke.name: invoke.operation for _, invoke in invokes(world.chart)}
-        #: What authors have added, by the operation.
-        self._more: dict[str, list[Mapping[str, Any]]] = {name: [] for name in self._operations}
+        #: What plugins and authors have added, by the operation.
+        self._more = {name: list(operation.classes) for name, operation in self._operations.items()}
         for _, invoke in invokes(world.chart):
-            self._more[invoke.name] += [one for one in invoke.classes if one not in self._more[invoke.name]]
+            self._more[invoke.name] += invoke.classes
         self.names: list[str] = []
         starts = {m.name: self._starts(m) for m in self.chart.missions.values()}
         self.requests = tuple(self._requests(starts))
@@ -89,27 +92,32 @@ class Classes:
         ]
 
     def _field(self, field: Field) -> list[Any]:
-        if field.type.item is None:
-            if field.type.kind == "integer":
-                least = int(max(field.minimum or 0, field.type.minimum or 0))
-                return list(range(least, max(least, self.targets) + 1))
-            usual = self._default(field)
-            if usual is not None and field.type.name in self.world.readers:
-                return [identity_of(usual)]
-            return self._of_type(field.type, field.name)
-        items = self._named_by_default(field)
+        read, usual = ("request", field.name), self._default(field)
+        if field.type.item is not None:
+            lists = self._lists(field.type.item, usual)
+            for one in lists:
+                self._remember(read, one)
+            return lists
+        kind = within(field.type, field.minimum, None) if field.type.kind == "integer" else field.type
+        if usual is not None and kind.name in self.world.readers:
+            return [identity_of(usual)]
+        if kind.kind == "integer":  # it may be a number of elements
+            least = int(max(field.minimum or 0, field.type.minimum or 0))
+            counts = list(range(least, max(least, self.targets) + 1))
+            usual = [] if usual is None else [usual]
+            return self._apart(read, [*counts, *usual, *_around(self.compared.edges(read), kind)])
+        return self._variants(read, kind, self._sample(kind, 1) if usual is None else usual)
+
+    def _lists(self, kind: Type, usual: Any) -> list[Any]:
+        """Return lists with every number of elements, also none: that may have to be refused."""
+        items = list(usual)[: self.targets] if isinstance(usual, list) else []
         if not items:
-            items = [self._sample(field.type.item, n) for n in range(1, self.targets + 1)]
-        elif field.type.item.name in self.world.readers:
+            items = [self._sample(kind, n) for n in range(1, self.targets + 1)]
+        elif kind.name in self.world.readers:
             items = [identity_of(item) for item in items]
         self.names += [str(item) for item in items if isinstance(item, str)]
         # Which targets they are tells nothing apart: the first of them stand for all.
-        least = 0 if field.not_empty else min(1, self.targets)
-        return [items[:count] for count in range(least, self.targets + 1)]
-
-    def _named_by_default(self, field: Field) -> list[Any]:
-        found = self._default(field)
-        return list(found)[: self.targets] if isinstance(found, list) else []
+        return [items[:count] for count in range(self.targets + 1)]
 
     def _default(self, field: Field) -> Any:
         try:
@@ -122,58 +130,52 @@ class Classes:
     def _values(self) -> Iterator[Event]:
         for name in sorted({spec.value for spec in self.chart.inputs.values()}):
             specs = [spec for spec in self.chart.inputs.values() if spec.value == name]
-            declared = self.chart.catalog.values.get(name)
-            kind = declared.type if declared is not None else specs[0].type
             found: dict[str, Any] = {}
             for spec in specs:
-                for value in self._of_input(spec, kind):
+                for value in self._of_input(spec):
                     found[repr(value)] = value
-            if all(spec.name not in self._relevance.inputs and not spec.levels for spec in specs):
+            if not any(self.compared.decides(("input", spec.name)) for spec in specs):
                 found = dict(list(found.items())[:1])
             for value in found.values():
                 yield events.observed(name, value, 0.0)
 
-    def _of_input(self, spec: Input, kind: Type) -> list[Any]:
-        bounds = [float(b) for level in spec.levels for b in self._level(spec, level)]
-        bounds += self._bounds.get(f"input.{spec.name}", [])
-        if kind.kind in ("number", "integer") and bounds:
-            return [*_around(bounds, kind), *spec.classes]
-        found = self._of_type(kind, spec.name)
-        if kind.kind == "list" and not spec.of_mission:
-            most = elements_told_apart(self.chart, spec.name)  # more are too many alike
-            found = [value for value in found if len(value) <= most]
-        return [*found, *spec.classes]
-
-    def _level(self, spec: Input, level: Any) -> list[float]:
-        margin = float(level.hysteresis.evaluate(self._env)) if level.hysteresis else 0.0
-        if level.below is not None:
-            edge = float(level.below.evaluate(self._env))
-            return [edge, edge + margin]
-        edge = float(level.above.evaluate(self._env))
-        return [edge, edge - margin]
+    def _of_input(self, spec: Input) -> list[Any]:
+        declared = self.chart.catalog.values.get(spec.value)
+        kind = declared.type if declared is not None else spec.type
+        read, more = ("input", spec.name), (*(declared.classes if declared else ()), *spec.classes)
+        if kind.kind == "list" and kind.item is not None:
+            found = self._of_list(kind, [])
+            if not spec.of_mission:
+                most = elements_told_apart(self.chart, spec.name)  # more are too many alike
+                found = [value for value in found if len(value) <= most]
+            return self._apart(read, [*found, *more])
+        edges = self.compared.edges(read) if kind.kind in ("number", "integer") else []
+        first = _around(edges, kind) or [self._sample(kind, 1)]
+        return self._apart(read, [*first, *self._variants(read, kind, first[0]), *more])
 
     def _events(self) -> Iterator[Event]:
         heard = {rule.event for state in self.chart.states.values() for rule in state.transitions}
         for name, kind in sorted(self.chart.catalog.events.items()):
             if name in heard or any(e.endswith("*") and name.startswith(e[:-1]) for e in heard if e):
-                fields = {field: self._of_field(field, of) for field, of in kind.fields.items()}
+                fields = {
+                    field: self._variants(("event", field), of, self._sample(of, 1))
+                    for field, of in kind.fields.items()
+                }
                 yield from (Event(name, data) for data in self._combined(name, fields))
 
     # -- what servers say ---------------------------------------------------------------------------------
 
     def results(self, operation: str, arguments: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
-        """Return the results that an operation may end well with."""
+        """Return the results that an operation may end well with; those that differ in what is read."""
         declared = self._operations[operation]
         mocked = declared.mock.result
-        usual = mocked(arguments, self.world.parameters) if callable(mocked) else mocked
-        fields = {}
-        for name, kind in declared.result.items():
-            known = [usual[name]] if name in usual else []
-            told = self._of_field(name, kind)
-            plain = kind.kind in ("bool", "text", "number", "integer") and len(told) > 1
-            fields[name] = told if plain or not known else known
-        found = self._combined(operation, fields)
-        return [*found, *({**found[0], **one} for one in self._more[operation])]
+        known = mocked(arguments, self.world.parameters) if callable(mocked) else mocked
+        usual = {name: self._sample(kind, 1) for name, kind in declared.result.items()} | dict(known)
+        fields = {
+            name: self._variants(("event", name), kind, usual[name]) for name, kind in declared.result.items()
+        }
+        more = ({**usual, **one} for one in self._more[operation])
+        return self._apart(("event",), [*self._combined(operation, fields), *more])
 
     def codes(self, operation: str) -> list[str]:
         """Return the codes that an operation may end in."""
@@ -197,22 +199,43 @@ class Classes:
 
     # -- types --------------------------------------------------------------------------------------------
 
-    def _of_field(self, name: str, kind: Type) -> list[Any]:
-        bounds = self._bounds.get(f"event.{name}", []) + self._bounds.get(f"error.result.{name}", [])
-        if kind.kind in ("number", "integer") and bounds:
-            return _around(bounds, kind)
-        return self._of_type(kind, name)
+    def _variants(self, read: Read, kind: Type, usual: Any) -> list[Any]:
+        """Return a usual value and others that conditions tell apart from it."""
+        if not self.compared.decides(read):
+            return [usual]
+        return self._apart(read, [usual, *self._others(read, kind, usual)])
 
-    def _of_type(self, kind: Type, about: str) -> list[Any]:
+    def _others(self, read: Read, kind: Type, usual: Any) -> Iterable[Any]:
         if kind.kind == "bool":
             return [False, True]
-        if kind.values:
-            return list(kind.values)
-        if kind.kind == "list" and kind.item is not None:
-            most = int(min(self.targets, kind.maximum if kind.maximum is not None else self.targets))
-            items = [self._sample(kind.item, n) for n in range(1, max(1, most) + 1)]
-            return [items[:count] for count in range(len(items) + 1)]
-        return [self._sample(kind, 1)]
+        if kind.kind in ("number", "integer"):
+            return _around(self.compared.edges(read), kind)
+        if kind.kind == "text":
+            return kind.values or self.compared.texts(read)
+        if kind.named:
+            return self._of_named(read, kind, usual)
+        if kind.kind == "list":
+            return self._of_list(kind, usual)
+        parts = {name: self._variants((*read, name), of, usual[name]) for name, of in kind.fields.items()}
+        return self._combined(self._shown(read), parts)
+
+    def _of_named(self, read: Read, kind: Type, usual: Any) -> Iterator[Any]:
+        """Yield lists of records of name and value: with other values, and without one that is read."""
+        for name, of in kind.named.items():
+            if self.compared.decides((*read, name)):
+                others = [one for one in usual if one["name"] != name]
+                yield others
+                known = part(usual, name)
+                for value in self._variants(
+                    (*read, name), of, self._sample(of, 1) if known is None else known
+                ):
+                    yield [*others, {"name": name, "value": value}]
+
+    def _of_list(self, kind: Type, usual: Sequence[Any]) -> list[Any]:
+        most = int(min(self.targets, kind.maximum if kind.maximum is not None else self.targets))
+        assert kind.item is not None
+        items = [*usual, *(self._sample(kind.item, n) for n in range(len(usual) + 1, max(1, most) + 1))]
+        return [items[:count] for count in range(max(1, most) + 1)]
 
     def _sample(self, kind: Type, number: int) -> Any:
         """Return a value of a type; others with other numbers where it can be one of many."""
@@ -224,7 +247,7 @@ class Classes:
         if kind.kind == "record":
             return {name: self._sample(of, number) for name, of in kind.fields.items()}
         if kind.kind == "list":
-            return [self._sample(kind.item, number)] if kind.item is not None else []
+            return [self._sample(kind.item, number)] if kind.item is not None and not kind.named else []
         if kind.kind != "text":
             return None
         if kind.values:
@@ -234,14 +257,92 @@ class Classes:
         return self.names[number - 1] if number <= len(self.names) else f"x{number}"
 
     def _combined(self, what: str, fields: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
-        """Return records with every combination of the fields' values, up to a number."""
-        every = itertools.product(*fields.values())
+        """Return records with every combination of the fields' values, up to a number.
+
+        Beyond that each value is there at least once.
+        """
+        if math.prod(map(len, fields.values())) <= MOST_COMBINED:
+            return [dict(zip(fields, values, strict=True)) for values in itertools.product(*fields.values())]
+        self._uncombined[f"{what}: not every combination of its fields"] = None
+        usual = {name: values[0] for name, values in fields.items()}
+        return [usual, *({**usual, name: one} for name, values in fields.items() for one in values[1:])]
+
+    def _apart(self, read: Read, values: Sequence[Any]) -> list[Any]:
+        """Return the values that conditions tell apart, and remember that they are tried."""
+        found: dict[str, Any] = {}
+        for value in values:
+            found.setdefault(repr(self.compared.told_apart(read, value)), value)
+        for value in found.values():
+            self._remember(read, value)
+        return list(found.values())
+
+    def _remember(self, read: Read, value: Any) -> None:
+        below = [one for one in self.compared.read or () if one[: len(read)] == read and ANY not in one]
+        if any(one == read[: len(one)] for one in self.compared.read or ()):
+            below = [read]
+        for one in below:
+            if read == ("event",) and one[1:2] and one[1] not in value:
+                continue  # it is a field of other results
+            inner = value
+            for name in one[len(read) :]:
+                inner = None if inner is None else part(inner, name)
+            if isinstance(value, list) and not self.compared.edges(one) and one == read:
+                inner = len(value)
+            self._tried.setdefault(one, {})[repr(inner)] = inner
+
+    # -- in words -----------------------------------------------------------------------------------------
+
+    @property
+    def left_out(self) -> list[str]:
+        """What is looked at with fewer values than there are."""
+        found = list(self._uncombined)
+        for read, source in sorted(self.compared.unclear.items()):
+            if read[0] in ("context", "given"):
+                continue
+            told = self._values_told(read)
+            only = f"only {told} {'was' if len(self._tried.get(read, ())) == 1 else 'were'} tried"
+            what = only if told else "no other values were tried"
+            found.append(f"{self._shown(read)}: {what}, although `{source}` reads it")
+        return found
+
+    def words(self) -> list[str]:
+        """Tell as sentences which values are tried of all on which something depends."""
         found = [
-            dict(zip(fields, values, strict=True)) for values in itertools.islice(every, MOST_COMBINED + 1)
+            f"Tried as {self._shown(read)}: {self._values_told(read)}."
+            for read in sorted(self._tried)
+            if read[0] != "context"
+            and read not in self.compared.unclear
+            and read in (self.compared.read or ())
         ]
-        if len(found) > MOST_COMBINED:
-            self.left_out.append(f"{what}: {MOST_COMBINED} combinations of its fields")
-        return found[:MOST_COMBINED]
+        read = {name for value in deciding(self.chart) for root, name in reads(value) if root == "param"}
+        known = {name: one for name, one in self.chart.parameters.items() if name in read}
+        told = (
+            f"{name} = {_told(self.world.parameters.get(name, one.default), one.type)}"
+            for name, one in known.items()
+        )
+        return [
+            *found,
+            *([f"Conditions and times read these parameters: {', '.join(told)}."] if known else []),
+        ]
+
+    def _values_told(self, read: Read) -> str:
+        kind = next(iter(self.compared.kinds(read)), ANY_TYPE)
+        values = list(self._tried.get(read, {}).values())
+        numbers = sorted(one for one in values if isinstance(one, (int, float)))
+        values = [*numbers, *(one for one in values if not isinstance(one, (int, float)))]
+        told = [_told(one, ANY_TYPE if kind.kind == "list" else kind) for one in values]
+        more = len(told) - MOST_TOLD
+        if kind.kind == "list":
+            return f"lists of {', '.join(told[:MOST_TOLD])} elements"
+        return ", ".join(told[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")
+
+    def _shown(self, read: Read) -> str:
+        """Return what is read as authors write it."""
+        told = ".".join(read[:2])
+        for number in range(2, len(read)):
+            named = any(kind.named for kind in self.compared.kinds(read[:number]))
+            told += f"['{read[number]}']" if named else f".{read[number]}"
+        return told
 
 
 def parameter_classes(world: World) -> Iterator[tuple[str, Any]]:
@@ -251,7 +352,7 @@ def parameter_classes(world: World) -> Iterator[tuple[str, Any]]:
     a condition compares it with.
     """
     read = {name for value in deciding(world.chart) for root, name in reads(value) if root == "param"}
-    bounds = _bounds(world)
+    compared = Compared(world, Relevance(world.chart), -1)
     for name, parameter in world.chart.parameters.items():
         given, kind = world.parameters.get(name, parameter.default), parameter.type
         if name not in read:
@@ -261,65 +362,34 @@ def parameter_classes(world: World) -> Iterator[tuple[str, Any]]:
         elif kind.values:
             yield from ((name, word) for word in kind.values if word != given)
         elif kind.kind in ("number", "integer"):
-            edges = bounds.get(f"param.{name}", [])
-            low = -math.inf if parameter.minimum is None else parameter.minimum
-            high = math.inf if parameter.maximum is None else parameter.maximum
-            for value in _around(edges, kind) if edges else ():
-                if low <= value <= high and _side(value, edges) != _side(given, edges):
+            edges = compared.edges(("param", name))
+            known = {side(given, edges)}
+            for value in _around(edges, within(kind, parameter.minimum, parameter.maximum)):
+                if side(value, edges) not in known:
+                    known.add(side(value, edges))
                     yield name, value
 
 
-def _side(value: float, edges: Sequence[float]) -> tuple[int, ...]:
-    """Return of each edge whether a number lies below, at or above it."""
-    return tuple((value > edge) - (value < edge) for edge in edges)
+def _told(value: Any, kind: Type) -> str:
+    """Return a value as people read it, shortened."""
+    if value is None:
+        return "nothing"
+    if kind.kind == "number" and isinstance(value, float):
+        return " ".join(filter(None, number_text(value, kind.unit)))
+    return shortened(value_text(value, kind), MOST_LETTERS)
 
 
-def _around(bounds: Sequence[float], kind: Type) -> list[Any]:
+def _around(bounds: Iterable[float], kind: Type) -> list[Any]:
     """Return a number below, at and between some bounds, and above them, as far as the type has them."""
     edges = sorted(set(bounds))
+    if not edges:
+        return []
     low = kind.minimum if kind.minimum is not None else edges[0] - 2.0
     high = kind.maximum if kind.maximum is not None else edges[-1] + 2.0
     found = [(low + edges[0]) / 2.0]
     for edge, after in itertools.pairwise([*edges, high]):
         found += [edge, (edge + after) / 2.0]
-    inside = dict.fromkeys(value for value in found if low <= value <= high)
-    return list(dict.fromkeys(map(round, inside))) if kind.kind == "integer" else list(inside)
-
-
-def _bounds(world: World) -> dict[str, list[float]]:
-    """Return the numbers that conditions compare something with, by what that is called in the expression."""
-    found: dict[str, list[float]] = {}
-    env = EvaluationScope(world, Memory())
-    for expression in deciding(world.chart):
-        if isinstance(expression, Expression):
-            for name, bound in _compared(expression, env):
-                found.setdefault(name, []).append(bound)
-    return found
-
-
-def _compared(expression: Expression, env: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    try:
-        tree = ast.parse(expression.source, mode="eval")
-    except SyntaxError:  # the language has words that Python has not
-        return
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Compare) and len(node.comparators) == 1:
-            for one, other in ((node.left, node.comparators[0]), (node.comparators[0], node.left)):
-                value = _constant(other, env)
-                if value is not None and isinstance(one, (ast.Attribute, ast.Name)):
-                    yield ast.unparse(one), value
-
-
-def _constant(node: ast.expr, env: Mapping[str, Any]) -> float | None:
-    """Return what a number or a parameter is; None for everything else."""
-    if (
-        isinstance(node, ast.Constant)
-        and isinstance(node.value, (int, float))
-        and not isinstance(node.value, bool)
-    ):
-        return float(node.value)
-    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "param":
-        value = env["param"].get(node.attr)
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
-            return float(value)
-    return None
+    if kind.kind == "integer":
+        near = (whole + more for whole in map(math.floor, edges) for more in (0, -1, 1, 2))
+        return [value for value in dict.fromkeys(near) if low <= value <= high]
+    return list(dict.fromkeys(value for value in found if low <= value <= high))

@@ -21,7 +21,7 @@ from lupin_engine.machine.operations import CANCELLED_CODE
 from lupin_engine.machine.scope import reads_of
 
 #: Actions whose arguments stay in the memory, or go on as an event.
-_KEEPING = ("set", "add", "remove")
+KEEPING = ("set", "add", "remove")
 _ROOTS = ("context", "input", "known")
 
 
@@ -42,7 +42,7 @@ class Relevance:
         decides: set[tuple[str, str]] = set()
         for value in deciding(chart):
             decides |= reads(value)
-        for call in _actions(chart):
+        for call in actions_of(chart):
             self._take(call, decides)
         known = {found for found in decides if found[0] in _ROOTS}
         waiting = [name for root, name in known if root == "context"]
@@ -55,6 +55,7 @@ class Relevance:
         variables = {name for root, name in known if root == "context"}
         self.variables = frozenset(chart.context if unclear else variables)
         inputs = {name for root, name in known if root in ("input", "known")}
+        inputs |= heard_inputs(chart)
         inputs = set(chart.inputs) if unclear or ("input", "") in known else inputs
         #: Of an input of which only the levels are read, they are what is compared.
         self.inputs = frozenset(name for name in inputs if unclear or self._is_read(name))
@@ -83,7 +84,7 @@ class Relevance:
     def _take(self, call: ActionCall, decides: set[tuple[str, str]]) -> None:
         """Take in what an action keeps, and of what."""
         for name, value in call.arguments.items():
-            if call.name in _KEEPING:
+            if call.name in KEEPING:
                 self._made_of.setdefault(name, set()).update(reads(value))
         if call.name == "raise":
             for value in (*call.arguments.values(), *(call.data or {}).values()):
@@ -236,7 +237,7 @@ def codes_told_apart(chart: Chart) -> frozenset[str] | None:
     It is seen where the code of an error is compared with texts that are written out, and kept nowhere.
     """
     found = {code for _, invoke in invokes(chart) if invoke.retry for code in invoke.retry.unless}
-    keeping = [call for call in _actions(chart) if call.name in (*_KEEPING, "raise")]
+    keeping = [call for call in actions_of(chart) if call.name in (*KEEPING, "raise")]
     kept = [value for call in keeping for value in (*call.arguments.values(), *(call.data or {}).values())]
     for value in (*deciding(chart), *kept):
         if isinstance(value, Expression) and any(word in value.source for word in ("error", "event")):
@@ -291,6 +292,13 @@ def _reads_event(invoke: Invoke) -> bool:
     return any(root == "event" for value in values for root, _ in reads(value))
 
 
+def heard_inputs(chart: Chart) -> set[str]:
+    """Return the inputs that are events themselves: a hold or a transition waits until they are true."""
+    heard = {rule.event for state in chart.states.values() for rule in state.transitions}
+    heard |= {hold.engage for hold in chart.holds.values()}
+    return {name for name in chart.inputs if f"input.{name}" in heard}
+
+
 def invokes(chart: Chart) -> Iterator[tuple[str, Invoke]]:
     """Yield every invoke of a chart with its state."""
     for name, state in chart.states.items():
@@ -304,7 +312,7 @@ def _rules(state: State) -> tuple[Transition, ...]:
     return (*state.transitions, *state.resume_at)
 
 
-def _actions(chart: Chart) -> Iterator[ActionCall]:
+def actions_of(chart: Chart) -> Iterator[ActionCall]:
     """Yield every action of a chart, also those in others."""
     for state in chart.states.values():
         each = state.for_each
@@ -324,7 +332,7 @@ def deciding(chart: Chart) -> Iterator[Value | None]:
     yield from (bound for spec in chart.inputs.values() for level in spec.levels for bound in _bounds(level))
     for mission in chart.missions.values():
         yield from (field.default for field in mission.request.values())
-    for call in _actions(chart):
+    for call in actions_of(chart):
         yield call.guard
     for state in chart.states.values():
         yield from (rule.guard for rule in _rules(state))
@@ -357,5 +365,5 @@ def _bounds(level: Any) -> tuple[Value | None, ...]:
 
 def _all(chart: Chart) -> Iterator[Expression]:
     """Yield every expression that decides, or that an action computes."""
-    values = [*deciding(chart), *(v for call in _actions(chart) for v in call.arguments.values())]
+    values = [*deciding(chart), *(v for call in actions_of(chart) for v in call.arguments.values())]
     yield from (value for value in values if isinstance(value, Expression))

@@ -176,7 +176,8 @@ class WorldMoves:
             yield ("accepted",), Mover.ANSWER, events.accepted(attempt.id)
         speaks = attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED)
         results = self._classes.results(attempt.operation, attempt.arguments)
-        for number, result in enumerate(results if speaks else results[:1]):
+        gives = self._classes.gives(attempt.operation)
+        for number, result in enumerate(results if speaks or gives else results[:1]):
             yield ("done", number), Mover.ANSWER, events.done(attempt.id, result)
         told = self._classes.told(attempt.operation, attempt.arguments) if speaks else ()
         for number, event in enumerate(told):
@@ -186,8 +187,8 @@ class WorldMoves:
             yield ("failed", code), Mover.FAILURE, events.failed(attempt.id, code)
         side = Mover.FAILURE if speaks else Mover.ANSWER
         yield ("cancelled",), side, events.cancelled(attempt.id)
-        if not speaks and self._classes.gives(attempt.operation):
-            yield ("gave",), Mover.ANSWER, events.cancelled(attempt.id, results[0])
+        for number, result in enumerate(results if gives and not speaks else ()):
+            yield ("gave", number), Mover.ANSWER, events.cancelled(attempt.id, result)
 
     # -- carrying a move out ----------------------------------------------------------------------------
 
