@@ -31,13 +31,18 @@ from lupin_engine.errors import ChartError
 from lupin_engine.plugin.builtin import MISSING
 from lupin_engine.plugin.contract import Operation
 from lupin_engine.plugin.profile import START
+from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scenario_file import Duration, Latency, ScriptNode, WhenNode
 from lupin_engine.sim.scenario_reader import ScenarioNames, ScriptReader, check_names
 from lupin_engine.sim.scripted import AnyOf, Between, MockOutcome, OnCancel, Rule
 from lupin_engine.sim.simulation import Ask, Effect, Happening, Script, Tell
+from lupin_engine.verify.situations.classes import Classes
+from lupin_engine.verify.situations.relevance import Relevance
 
 #: How long each seed works when nobody says otherwise, in seconds.
 SHIFT = 3600.0
+#: How long a live value stays what it is, on average, in seconds; how many elements lists have at most.
+CHANGES, MOST_ELEMENTS = 300.0, 6
 
 
 class ChanceStepNode(WhenNode):
@@ -128,16 +133,20 @@ def _outcomes(operation: Operation) -> AnyOf:
 
 
 def _results(operation: Operation) -> Iterator[dict[str, Any]]:
-    """Yield results that say one field otherwise than the mock: a truth value, a word, an end of a range."""
+    """Yield results that say one field otherwise than the mock: a truth value, a word, an end of a range.
+
+    The classes of the catalog are among them.
+    """
     for name, kind in operation.result.items():
         values: tuple[Any, ...] = (False, True) if kind.kind == "bool" else tuple(kind.values or ())
         if kind.kind in ("number", "integer"):
             values = tuple(end for end in (kind.minimum, kind.maximum) if end is not None)
         yield from ({name: value} for value in values)
+    yield from map(dict, operation.classes)
 
 
 def default_chances(chart: Chart) -> Iterator[Chance]:
-    """Yield requests of people, and what yes-or-no inputs and the levels of numbers do."""
+    """Yield requests of people, and what live values do."""
     resume = f"operator.{chart.profile.resume}"
     for event in (*chart.profile.events, *chart.answers):
         every = 1200.0 if event == resume else 3600.0
@@ -149,6 +158,22 @@ def default_chances(chart: Chart) -> Iterator[Chance]:
         for value in others:
             back = (Between(0.5, 300.0), Tell(found.value, usual))
             yield Chance(3600.0 * len(others), ((0.0, Tell(found.value, value)), back))
+    yield from _told_by_class(chart)
+
+
+def _told_by_class(chart: Chart) -> Iterator[Chance]:
+    """Yield reports of the values that a proof tries, of inputs that have no usual one; lists may be longer.
+
+    One that is known only for a while is told so often that it is known most of the time.
+    """
+    drawn = {found.value: found for found in chart.inputs.values() if not _values(found)[1]}
+    told: dict[str, list[Any]] = {}
+    for event in Classes(make_world(chart, {}), Relevance(chart), MOST_ELEMENTS).values:
+        told.setdefault(event.data["name"], []).append(event.data["value"])
+    for name, found in drawn.items():
+        values = told[name] if name != MISSING else []
+        for value in values if len(values) > 1 else ():
+            yield Chance((found.freshness or CHANGES) * len(values), ((0.0, Tell(name, value)),))
 
 
 def _values(found: Input) -> tuple[Any, tuple[Any, ...]]:

@@ -23,6 +23,7 @@ from lupin_engine.plugin.types import BOOL, NUMBER, within
 from lupin_engine.runtime import engine
 from lupin_engine.sim.scenario import Missions, load_scenario
 from lupin_engine.sim.scripted import AnyOf, MockOutcome
+from lupin_engine.sim.simulation import Tell
 from lupin_engine.verify.campaign import Campaign, CampaignSum
 from lupin_engine.verify.dealing import (
     BATCH,
@@ -361,3 +362,14 @@ def test_results_vary_without_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
         {"level": 0.0},
         {"level": 2.0},
     ]
+
+
+def test_live_values_are_drawn_from_their_classes() -> None:
+    """Without a file: lists of every length, and what is known for a while so often that it is known."""
+    exploration = load_missions(["exploration"], shipped.catalog())
+    campaign = Campaign(exploration, default_rates(exploration.chart), {})
+    every = [(one.every, effect) for one in campaign.rates.chances for _, effect in one.effects]
+    told = [(t, len(e.is_now)) for t, e in every if isinstance(e, Tell) and e.value == "tags.discovered"]
+    assert told == [(2100.0, count) for count in range(7)]
+    taken = run_seeds(campaign, range(2)).transitions
+    assert "MISSION.ExplorationMission.MONITORING.SCANNING.READING.on_done.0" in taken
