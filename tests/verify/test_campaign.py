@@ -191,7 +191,7 @@ def test_what_is_violated_becomes_a_small_scenario(tmp_path: Path, monkeypatch: 
         failed = [one.what for one in scenario.failures(scenario.run())]
     assert failed == ["violated: all_closed"]
     assert len(text.splitlines()) < 12
-    assert "operator.abort" in text
+    assert "{do: nav.localize, then: [done, {accepted: never}]}" in text
     again = load_scenario(file, shipped.catalog())
     assert again.failures(again.run()) == []
 
