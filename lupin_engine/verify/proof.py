@@ -231,8 +231,8 @@ class _Judge:
         )
 
 
-def _up_to(most: int) -> str:
-    return f"0 to {most}" if most else "no"
+def _elements(most: int) -> str:
+    return f"0 to {most} elements; which they are makes no difference" if most else "no elements"
 
 
 def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
@@ -242,7 +242,7 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
     if bounds.owed:
         late = f"Of the orders already given up, up to {bounds.owed} may still be answered at any time."
     found = [
-        f"Itineraries and lists have {_up_to(bounds.targets)} elements; which they are makes no difference.",
+        f"Itineraries and lists have {_elements(bounds.targets)}.",
         late,
         "A deadline fires at any time, but not before one that was certainly due earlier.",
         f"{len(classes.requests)} requests, {len(classes.values)} values of inputs and {len(classes.events)}"

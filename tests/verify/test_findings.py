@@ -154,3 +154,34 @@ def test_broken_and_unfinished_is_said(capsys: pytest.CaptureFixture[str]) -> No
     assert main(["prove", "grows.yaml", "--no-restarts", "--no-scenarios", "--quiet"]) == 1
     told = capsys.readouterr().out
     assert f"Grows: 1 of 19 properties broken, and not all was explored: {HOW.format(': ')}; " in told
+
+
+#: What is told of a small mission without restarts; with --late 1 and restarts other sentences stand there.
+BOUNDS = """\
+  What was explored, and its bounds:
+    Itineraries and lists have no elements.
+    Answers to orders already given up are not explored; --late 1 adds them.
+    A deadline fires at any time, but not before one that was certainly due earlier.
+    7 requests, 7 values of inputs and 0 events of plugins come at any time.
+    During a hold at most one event of each kind, and one time of day, waits for the release.
+    Conditions that read the robot's clock always see 06:00.
+    If an operation sets a live value (such as the pose), that value is known before the operation succeeds.
+    The process does not end, and missions are not reloaded.
+    Values on which no condition depends are not distinguished: reason.
+Breaks: 1 of 18 properties broken; 48 situations, 724 transitions
+"""
+
+
+def test_the_bounds_are_told_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    """What was explored is part of the result."""
+    asked = ["prove", "breaks.yaml", "--targets", "0", "--no-scenarios"]
+    assert main([*asked, "--no-restarts"]) == 1
+    assert capsys.readouterr().out.endswith(BOUNDS)
+    assert main([*asked, "--late", "1"]) == 1
+    told = capsys.readouterr().out
+    late = "Of the orders already given up, up to 1 may still be answered at any time."
+    again = "The same missions may be reloaded at any time; during a mission the reload waits for its end."
+    assert f"    {late}\n" in told
+    assert (
+        f"    The process may end at any time; a new one continues from the journal.\n    {again}\n" in told
+    )

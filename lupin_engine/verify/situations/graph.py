@@ -137,7 +137,7 @@ OF_THE_GRAPH = (
     ),
     GraphProperty(
         "no_livelock",
-        "If servers answer, a mission makes progress: targets get results, or it ends, waits or fails.",
+        "If servers answer, a mission goes on: targets get results, or it ends, pauses, asks or fails.",
         _livelock,
         "however servers answer, no target gets a result and the mission does not end",
         of_missions=True,
