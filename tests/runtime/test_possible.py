@@ -6,6 +6,7 @@ under way, the next deadline, and the stop, the battery and the servers as they 
 
 from __future__ import annotations
 
+import pickle
 from collections import deque
 from collections.abc import Iterator
 from functools import partial
@@ -17,7 +18,6 @@ from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Phase
-from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step
 from lupin_engine.missions.folders import lifecycle_in, mission_files
 from lupin_engine.missions.load import load_chart
@@ -81,7 +81,7 @@ class Situation:
     def copy(self) -> Situation:
         """Return a second one that goes its own way."""
         machine = self.machine
-        return Situation(Machine(machine.world, restore(machine.chart, machine.snapshot())), self.now)
+        return Situation(Machine(machine.world, pickle.loads(pickle.dumps(machine.memory))), self.now)
 
     def told(self) -> Told:
         """Return what is told of all requests here."""
