@@ -168,6 +168,8 @@ BOUNDS = """\
     If an operation sets a live value (such as the pose), that value is known before the operation succeeds.
     The process does not end, and missions are not reloaded.
     Values on which no condition depends are not distinguished: reason.
+    Tried as input.battery: 0.1, 0.2, 0.225, 0.25, 0.625.
+    Tried as input.estop: false, true.
 Breaks: 1 of 18 properties broken; 48 situations, 724 transitions
 """
 
