@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Container, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple, TypeVar
@@ -27,10 +28,12 @@ from typing import NamedTuple, TypeVar
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.machine.event import Act, Cancel, Report, Start
 from lupin_engine.machine.holds import OWN_HOLDS
+from lupin_engine.machine.itineraries import identity_of
 from lupin_engine.machine.memory import Invocation, Memory, Phase
 from lupin_engine.machine.operations import EVERYTHING
 from lupin_engine.machine.scope import EvaluationScope
 from lupin_engine.machine.step import Step
+from lupin_engine.machine.structure import dispatch_table
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE, OnHold
 from lupin_engine.plugin.profile import ANSWER, START, Publish
@@ -333,6 +336,8 @@ def _all_closed(passage: Passage) -> str | None:
     told = any(isinstance(command, Report) for command in step.commands)
     if not told and not any(states[name].label in over for name in step.entered):
         return None
+    if unknown := _asked_for(passage):
+        return f"the mission ended, and the engine does not know of {', '.join(unknown)}"
     walks = [walk for walk in memory.itineraries.values() if not walk.leaves_open]
     # One of several sweeps may be cut short: the result of the sweep before is a result.
     visits = [visit for walk in walks if walk.begun for visit in walk.outcomes]
@@ -342,6 +347,20 @@ def _all_closed(passage: Passage) -> str | None:
     if still:
         return f"the mission ended without a result for {', '.join(still)}"
     return "" if visits else None
+
+
+def _asked_for(passage: Passage) -> list[str]:
+    """Return the targets that the mission's request names, of itineraries that the engine does not know."""
+    memory, found = passage.after, []
+    for state in dispatch_table(passage.chart).walks:
+        rule = state.itinerary
+        if rule is None or rule.leaves_open or state.mission != memory.mission:
+            continue
+        if state.name in memory.itineraries:
+            continue
+        with suppress(Exception):  # of a list that cannot be made nothing is known
+            found += [str(identity_of(item)) for item in rule.items.evaluate(passage.scope)]
+    return found
 
 
 @_built_in("former_attempts", "A server's message about an attempt that was given up changes nothing.")

@@ -83,6 +83,12 @@ def test_targets_of_a_mission_that_fails(tmp_path: Path) -> None:
     assert broken(old, 300) == ["all_closed"]
 
 
+def test_targets_of_a_mission_that_ends_before_it_walks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Aborted while localizing, the engine knew nothing of them."""
+    monkeypatch.setattr(Machine, "_foresee", lambda *_: None)
+    assert broken(shipped.mission("inspection"), 300) == ["all_closed"]
+
+
 # -- of the engine ------------------------------------------------------------------------------------------
 
 #: Drives until nobody needs that any more, which comes true in a hold as well.
