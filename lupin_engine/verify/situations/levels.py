@@ -23,6 +23,8 @@ from lupin_engine.verify.situations.situation import Overflow
 
 #: So many situations are expanded together.
 _TOGETHER = 1 << 15
+#: Odd numbers that spread pairs over a table.
+_MIXES = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
 #: Of so many breaches of one property, all after as many moves, the one with the fewest faults is told.
 _MOST_BREACHES = 1000
 #: So many times as many situations as are certain are looked at before the walk begins anew.
@@ -64,6 +66,7 @@ class _Effects:
 
     def __init__(self, marks: NDArray[np.uint64]) -> None:
         self.all: list[Effect] = []
+        self._shared: dict[frozenset[int], frozenset[int]] = {}
         self._marks = marks
         self._progress, self._cut, self._breaks = (bytearray() for _ in range(3))
         self._low, self._high = array("Q"), array("Q")
@@ -77,6 +80,8 @@ class _Effects:
         Of the slots that the step has read, marks change alike wherever it is taken; of those that it `sets`
         whatever they were the marks before are left to who takes it.
         """
+        effect.needs = self._shared.setdefault(effect.needs, effect.needs)
+        effect.sets = self._shared.setdefault(effect.sets, effect.sets)
         self.all.append(effect)
         low, high = np.uint64(0), np.uint64(0)
         for slot, value in effect.delta:
@@ -144,8 +149,8 @@ class Leads:
         self.certain = True
         self.used: set[int] = set()
         self._places: dict[tuple[int, ...], int] = {}
-        #: By place and effect: the number of what is found there and 1, where it is known.
-        self._number: NDArray[np.uint32] = np.zeros((64, 1024), np.uint32)
+        #: Pairs of a place and an effect; by their numbers, what the effect is there, and what it opens.
+        self._pairs = SeenTable()
         self._found, self._found_ends = array("I"), array("I")
         self._dead: dict[tuple[int, ...], frozenset[int]] = {}
         #: Slots that are set or end together, each with whether it ends; the first are none.
@@ -164,29 +169,18 @@ class Leads:
         """Return for transitions what they do, and the number of the slots that end with them."""
         every, of = np.unique(rows[list(self._live.of_place)], axis=1, return_inverse=True)
         places = [tuple(place) for place in every.T.tolist()]
-        numbers = np.array([self._places.setdefault(p, len(self._places)) for p in places], np.intp)
-        self._make_room(len(effects) and int(effects.max()) + 1)
-        of = numbers[of.ravel()[columns]]
-        new = self._number[of, effects] == 0
-        if new.any():
-            names = dict(zip(numbers.tolist(), places, strict=True))
-            for place, effect in set(zip(of[new].tolist(), effects[new].tolist(), strict=True)):
-                self.used.add(effect)
-                settled, ends = self._work_out(names[place], effect)
-                self._found.append(settled)
-                self._found_ends.append(ends)
-                self._number[place, effect] = len(self._found)
-        at = self._number[of, effects] - np.uint32(1)
+        numbers = np.array([self._places.setdefault(p, len(self._places)) for p in places], np.uint64)
+        placed: Marks = numbers[of.ravel()[columns]]
+        pairs: Marks = (placed << np.uint64(32)) | effects
+        mixed: Marks = effects * _MIXES[0] ^ placed * _MIXES[1]
+        at, new = self._pairs.numbers(mixed ^ (mixed >> np.uint64(32)), pairs)
+        names = dict(zip(numbers.tolist(), places, strict=True))
+        for place, effect in zip(placed[new].tolist(), effects[new].tolist(), strict=True):
+            self.used.add(effect)
+            settled, ends = self._work_out(names[place], effect)
+            self._found.append(settled)
+            self._found_ends.append(ends)
         return np.frombuffer(self._found, np.uint32)[at], np.frombuffer(self._found_ends, np.uint32)[at]
-
-    def _make_room(self, effects: int) -> None:
-        """Make the table of places and effects large enough."""
-        rows, columns = self._number.shape
-        if len(self._places) > rows or effects > columns:
-            rows, columns = max(rows, 2 * len(self._places)), max(columns, 2 * effects)
-            larger = np.zeros((rows, columns), np.uint32)
-            larger[: self._number.shape[0], : self._number.shape[1]] = self._number
-            self._number = larger
 
     def _work_out(self, place: tuple[int, ...], number: int) -> tuple[int, int]:
         effect = self._effects.all[number]
