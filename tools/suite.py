@@ -30,8 +30,8 @@ AUDIT = ["tools.audit"]
 QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE})", "--ignore=tests/ros"]
 # Real processes on a busy machine meet its worst moments: one second try, and who needed it is listed.
 AGAIN = ["--reruns=1", "-raR"]
-# Tests over ROS 2 mostly wait.
-ROS = [*PYTEST, *AGAIN, f"-n{2 * CORES}", "-m", f"({MORE}) and not browser"]
+# Each worker has some seven nodes, and a browser works beside them: more workers would only wait longer.
+ROS = [*PYTEST, *AGAIN, f"-n{CORES}", "-m", f"({MORE}) and not browser"]
 # One browser at a time: several starve everything else.
 BROWSER = ["pytest", "--durations=10", *AGAIN, "-m", "browser"]
 #: Where its tests are, unless others are named: to look for them among all takes half a minute.

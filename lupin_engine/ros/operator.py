@@ -197,11 +197,21 @@ class Attendant(Commander):
         return list(self.offer.get("missions", ()))
 
     def hear(self, timeout: float) -> bool:
-        """Wait for the orchestrator to have told where it stands; say whether it has."""
+        """Wait for the orchestrator to have told where it stands; say whether it has.
+
+        The last steps come in one burst, the oldest first, and a busy machine takes its time for it: the one
+        after which it told what is possible must have come.
+        """
         if not self._until(lambda: self.steps, timeout):
             return False
-        self.spin(SETTLE_S)  # the last steps come in one burst, the oldest first
+        self.spin(SETTLE_S)
+        self._until(self._is_recent, timeout)
         return True
+
+    def _is_recent(self) -> bool:
+        newest, possible = self.steps[-1], self.possible
+        same = newest.get("boot") == possible.get("boot")
+        return same and bool(newest["step"]["sequence"] >= possible["sequence"])
 
     def hear_missions(self, timeout: float) -> bool:
         """Wait for the orchestrator to have told its missions; say whether it has."""

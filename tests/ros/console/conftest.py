@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from lupin_engine.harness.domains import claimed_domain
 from tests.browsing import DESK, FLAGS, PATIENCE_MS, PHONE, browser, context, opened
 from tests.ros.gateway.conftest import free_port
 from tests.ros.launch.processes import Lupin
+from tests.ros.world import Operator
 
 __all__ = ["DESK", "FLAGS", "PATIENCE_MS", "PHONE", "browser", "context"]
 
@@ -44,39 +45,68 @@ class Served:
     token: str = ""
 
 
-@contextmanager
-def serving(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Served]]:
-    """Give a function that starts `lupin … --hmi` and returns when its page is there; in the end all end."""
-    started: list[Lupin] = []
-    with claimed_domain() as domain:
+class Serving:
+    """What serves the console now: one at a time, since nodes at rest are in the way of others, too."""
 
-        def start(*arguments: str) -> Served:
-            port = free_port()
-            logs = tmp_path_factory.mktemp("logs")
-            # A robot that is silent for 2 s counts as stopped; on a busy machine it is only not let work.
-            more = ("--hmi", "--set", f"lupin_gateway.port={port}", "--set", "estop_timeout_s=20 s")
-            more += ("--set", f"lupin_arm.library_path={logs / 'arm_library.json'}")
-            started.append(Lupin(*arguments, *more, domain=domain, log_dir=logs / "run"))
-            started[-1].until_line("Ctrl-C stops everything")
-            return Served(started[-1], f"http://127.0.0.1:{port}/")
+    def __init__(self, folders: pytest.TempPathFactory) -> None:
+        self._folders = folders
+        self._open = ExitStack()
+        self._now: tuple[tuple[str, ...], Served] | None = None
 
-        yield start
-        for command in started:
-            command.kill()
+    def start(self, *arguments: str) -> Served:
+        """Start `lupin … --hmi` in a domain of its own and return when its page is there."""
+        self.end()
+        domain = self._open.enter_context(claimed_domain())
+        port = free_port()
+        logs = self._folders.mktemp("logs")
+        # A robot that is silent for 2 s counts as stopped; on a busy machine it is only not let work.
+        more = ("--hmi", "--set", f"lupin_gateway.port={port}", "--set", "estop_timeout_s=20 s")
+        more += ("--set", f"lupin_arm.library_path={logs / 'arm_library.json'}")
+        lupin = Lupin(*arguments, *more, domain=domain, log_dir=logs / "run")
+        self._open.callback(lupin.kill)
+        lupin.until_line("Ctrl-C stops everything")
+        self._now = arguments, Served(lupin, f"http://127.0.0.1:{port}/")
+        return self._now[1]
 
+    def shared(self, *arguments: str) -> Served:
+        """Return what was started last, if with the same arguments; start it otherwise."""
+        return self._now[1] if self._now and self._now[0] == arguments else self.start(*arguments)
 
-@pytest.fixture(scope="module")
-def serve(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Served]]:
-    """Start `lupin … --hmi` for a module that needs one of its own."""
-    with serving(tmp_path_factory) as start:
-        yield start
+    def end(self) -> None:
+        """End it, with all that it started."""
+        self._now = None
+        self._open.close()
 
 
 @pytest.fixture(scope="session")
-def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+def serving(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
+    """What all modules start theirs with."""
+    found = Serving(tmp_path_factory)
+    yield found
+    found.end()
+
+
+@pytest.fixture(scope="module")
+def serve(serving: Serving) -> Callable[..., Served]:
+    """Start `lupin … --hmi` for a module of its own; a second try of a test begins with a new one."""
+    return serving.start
+
+
+@pytest.fixture(scope="module")
+def robot(serving: Serving) -> Served:
     """`lupin up --hmi` with the simulated greenhouse, fast; modules share it and leave it at rest."""
-    with serving(tmp_path_factory) as start:
-        yield start("up", "--speed", "4")
+    return serving.shared("up", "--speed", "4")
+
+
+def stall(served: Served, goals: int) -> None:
+    """Let the robot stand still with each of its next goals: a drive lasts while a page looks at it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(served.lupin.domain))
+        operator = Operator()
+        try:
+            operator.hit(goals, "stall")
+        finally:
+            operator.ros.close()
 
 
 @pytest.fixture(autouse=True)

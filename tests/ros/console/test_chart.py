@@ -13,7 +13,7 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 
 from playwright.sync_api import BrowserContext, Locator, Page, WebSocketRoute, expect
 
-from tests.ros.console.conftest import PATIENCE_MS, PHONE, Served
+from tests.ros.console.conftest import PATIENCE_MS, PHONE, Served, stall
 
 expect.set_options(timeout=PATIENCE_MS)
 
@@ -59,8 +59,9 @@ def chart(console: Page) -> Iterator[Page]:
         command(console, "abort")
 
 
-def test_what_is_active_is_lit_and_a_hold_lies_over_it(chart: Page) -> None:
+def test_what_is_active_is_lit_and_a_hold_lies_over_it(chart: Page, robot: Served) -> None:
     """The way there is traced, a deadline runs down, and what the hold is for stands on it."""
+    stall(robot, 2)  # the drive before the hold and the one after it
     command(chart, "start", "InspectionMission", tag_sequence=["1"])
     for name in ("MISSION", MISSION, f"{MISSION}.INSPECTING", f"{MISSION}.INSPECTING.NAVIGATING"):
         lit(chart, name)

@@ -21,7 +21,7 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, Route, expect
 
 from tests.browsing import opened
-from tests.ros.console.conftest import PATIENCE_MS, Served
+from tests.ros.console.conftest import PATIENCE_MS, Served, stall
 
 
 def command(robot: Served, *words: str) -> None:
@@ -38,11 +38,12 @@ def robot(serve: Callable[..., Served]) -> Served:
 
 @pytest.fixture(scope="module")
 def mission(robot: Served) -> Served:
-    """A robot that has reached tag 2 of an inspection, and was paused and resumed before."""
+    """A robot that stands before tag 3 of an inspection, and was paused and resumed before."""
     command(robot, "start", "inspection")
     command(robot, "pause")
     command(robot, "resume")
     robot.lupin.until_line("tag 2")
+    stall(robot, 1000)
     return robot
 
 
@@ -288,14 +289,16 @@ def test_what_a_page_forgets_is_loaded_when_it_is_looked_for(
 
 def test_a_page_that_was_frozen_is_back_at_what_is_now(log: Page, mission: Served) -> None:
     """A laptop that slept: what happened meanwhile is shown, and is in the log, without being loaded anew."""
+    search(log, "pause accepted")
+    expect(line(log, "pause accepted").first).to_be_visible()
+    before = line(log, "pause accepted").count()
     session = log.context.new_cdp_session(log)
     session.send("Page.setWebLifecycleState", {"state": "frozen"})
     command(mission, "pause")
     session.send("Page.setWebLifecycleState", {"state": "active"})
     expect(log.locator(".bar .where")).to_contain_text("paused")
     expect(log.locator(".bar .pill.good").first).to_be_visible()
-    search(log, "pause accepted")
-    expect(line(log, "pause accepted")).to_have_count(2)
+    expect(line(log, "pause accepted")).to_have_count(before + 1)
     command(mission, "resume")
     expect(log.locator(".bar .where")).not_to_contain_text("paused")
 
