@@ -52,7 +52,7 @@ def test_a_breach_becomes_a_scenario_that_fails(tmp_path: Path, capsys: pytest.C
     there = lines.index("0.01 s ✗ never_c: in_state('C') became true; it must never be")
     assert lines[there - 1] == "0.01 s C nav.localize failed: driver_error"
     assert lines[there - 2].startswith("0.00 s A mission.start accepted")
-    assert "Planted: 2 of 19 properties broken; 208 situations, 3,576 transitions\n" in told
+    assert "Planted: 2 of 19 properties broken; 172 situations, 2,912 transitions\n" in told
     report = page.read_text(encoding="utf-8")
     assert report.count("<svg") == 3, "what was reached, and a timeline for each of two counterexamples"
     assert "<p class='result broken'>2 of 19 properties broken</p>" in report

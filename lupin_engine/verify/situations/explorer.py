@@ -62,6 +62,7 @@ from lupin_engine.verify.situations.worlds import (
     forget_unwanted,
     in_order,
     ranks_after,
+    renamed_ranks,
 )
 
 #: Room for slots at the beginning.
@@ -178,7 +179,7 @@ class SituationExplorer:
         fresh |= self._due_now(situation, watched)
         slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]
         if fresh or any(slot in delta for slot in slots):
-            known = memory.fetch(self.table.index[RANKS]) or frozenset()
+            known = renamed_ranks(memory.fetch(self.table.index[RANKS]) or frozenset(), named)
             due = [*memory.timers, *deadlines_of(watched)]
             self._set(delta, memory, RANKS, ranks_after(known, due, memory.frozen, fresh) or None)
         self._set(delta, memory, CALM, machine.calm)

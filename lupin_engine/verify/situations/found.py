@@ -61,7 +61,8 @@ class ExplorationProgress:
         """About how many situations there are: None while levels still grow, which tells nothing.
 
         Levels grow and then shrink, faster and faster: each ratio to the level before is taken to be the one
-        before times the last change of the ratio.
+        before times the last change of the ratio. What comes to more than three times what is known tells
+        nothing either: at the widest level about half is known.
         """
         whole = self.levels[: self.depth + 1]
         if len(whole) < 3 or not whole[-3] > whole[-2] > whole[-1]:
@@ -73,6 +74,8 @@ class ExplorationProgress:
             shrinks *= faster
             follows *= shrinks
             found += follows
+            if found > 3 * sum(whole):
+                return None
         return round(found)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import RESUMED
 from lupin_engine.sim.narration import short_name, shorten
+from lupin_engine.verify.situations.situation import is_orphan
 from lupin_engine.verify.situations.worlds import LOADED, OF_PROPERTY, WorldMove
 
 #: What a request of any mission carries; it says nothing that the reader needs.
@@ -32,6 +33,8 @@ def told_move(chart: Chart, move: WorldMove) -> str:
 
 def _answer(chart: Chart, word: str, data: Mapping[str, Any]) -> str:
     state = _state_of(chart, data["attempt"])
+    if is_orphan(data["attempt"]):
+        return f"{_cancelled(data['attempt'])}: {word}"
     if not state:
         return "a server answers an attempt that ended long ago"
     why = f": {data['code']}" if data.get("code") else ""
@@ -45,6 +48,8 @@ def _deadline(chart: Chart, kind: str, owner: str, event: str) -> str:
         return f"the time of the property {owner} is over"
     if kind == "fresh":
         return f"input.{owner} is too old"
+    if is_orphan(owner):
+        return f"{_cancelled(owner)}: its end is not confirmed"
     if not state:
         return f"{kind} of {owner}"
     where, operation = short_name(chart, state), _operation(chart, state)
@@ -58,6 +63,12 @@ def _deadline(chart: Chart, kind: str, owner: str, event: str) -> str:
         "cancel": f"{where}: {operation} does not confirm its cancel",
     }
     return words.get(kind, f"{kind} in {where}")
+
+
+def _cancelled(name: str) -> str:
+    """Return an orphan in words."""
+    operation = name[1:].partition("#")[0]
+    return "an operation from before the restart" if operation == "*" else f"{operation}, cancelled before"
 
 
 def _state_of(chart: Chart, owner: str) -> str:

@@ -16,7 +16,7 @@ from typing import Any
 from lupin_engine.chart.expressions.evaluation import Compiled, Expression, Value
 from lupin_engine.chart.model import ActionCall, Chart, Invoke, State, Transition, every_call
 from lupin_engine.machine.event import Event
-from lupin_engine.machine.memory import Attempt, Invocation, Reported, Timer, Traversal
+from lupin_engine.machine.memory import Attempt, Invocation, Phase, Reported, Timer, Traversal
 from lupin_engine.machine.operations import CANCELLED_CODE
 from lupin_engine.machine.scope import reads_of
 
@@ -110,9 +110,13 @@ class Relevance:
         old = spec.freshness is not None and value.stamp + spec.freshness <= 0.0
         return frozen(value.value) if name in self.inputs else (), old
 
-    def _attempt(self, _: str, value: Attempt) -> Hashable:
+    def _attempt(self, name: str, value: Attempt) -> Hashable:
+        if name.startswith("~"):  # an orphan (see `situation.is_orphan`)
+            return value.uses, value.phase.value
         answer = None if value.answer is None else self._told(value.answer)
-        return value.invocation, value.operation, value.uses, value.phase.value, value.timeout is None, answer
+        # Whether the server has accepted already makes no difference to the machine.
+        phase = Phase.REQUESTED if value.phase is Phase.ACCEPTED and answer is None else value.phase
+        return value.invocation, value.operation, value.uses, phase.value, value.timeout is None, answer
 
     def _invocation(self, _: str, value: Invocation) -> Hashable:
         cause = frozen(value.event) if self._cause.get(value.state) else ()

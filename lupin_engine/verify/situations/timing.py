@@ -76,13 +76,18 @@ def _deadlines(
     for number, (situation, effect) in enumerate(way):
         armed = _by_name(running(explorer.table, situation))
         frozen = _by_name(explorer.table.get(situation, ("frozen", "")))
-        for name, one in list(along.items()):
-            if name in effect.fresh or (name not in armed and name not in frozen):
-                if number and made[number - 1].timer == name:
-                    one.fired = number
-                elif not one.stops or len(one.stops[-1]) == 2:
-                    one.waits.append(number)
-                yield along.pop(name)
+        fired = made[number - 1].timer if number else None
+        before, along = along, {}
+        for name, one in before.items():
+            now = _name_now(name, effect)
+            if now is not None and now not in effect.fresh and now in (armed | frozen):
+                along[now] = one
+                continue
+            if name == fired:
+                one.fired = number
+            elif not one.stops or len(one.stops[-1]) == 2:
+                one.waits.append(number)
+            yield one
         for name, delay in (armed | frozen).items():
             one = along.setdefault(name, Deadline(number, delay))
             stopped = bool(one.stops) and len(one.stops[-1]) == 1
@@ -93,6 +98,15 @@ def _deadlines(
             if not stopped and one.armed != number:
                 one.waits.append(number)
     yield from along.values()
+
+
+def _name_now(name: TimerName, effect: Effect) -> TimerName | None:
+    """Return what a deadline is called after a step; None if its owner is gone, and another has its name."""
+    kind, owner, event = name
+    renamed = dict(effect.renamed)
+    if owner in renamed.values() and owner not in renamed:
+        return None
+    return kind, renamed.get(owner, owner), event
 
 
 def _by_name(timers: Sequence[Timer] | None) -> dict[TimerName, float]:

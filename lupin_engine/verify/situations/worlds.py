@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -20,6 +20,7 @@ from lupin_engine.machine.event import RESUMED, Event
 from lupin_engine.machine.inputs import WAITS
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Attempt, Phase, Reported, Timer
+from lupin_engine.machine.operations import CANCELLED_CODE
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.timers import Timers
 from lupin_engine.plugin.builtin import BUILTIN
@@ -32,6 +33,8 @@ from lupin_engine.verify.situations.situation import (
     SlotTable,
     TrackedDict,
     TrackedMemory,
+    is_orphan,
+    is_waited_for,
 )
 
 #: A deadline: its kind, its owner and the event that it makes there.
@@ -172,6 +175,12 @@ class WorldMoves:
     def _said(self, attempt: Attempt) -> Iterator[tuple[tuple[Any, ...], Mover, Event]]:
         if attempt.phase is Phase.WAITING:
             return
+        if is_orphan(attempt.id):
+            yield ("accepted",), Mover.ANSWER, events.accepted(attempt.id)
+            yield ("done",), Mover.ANSWER, events.done(attempt.id, {})
+            yield ("failed",), Mover.ANSWER, events.failed(attempt.id, CANCELLED_CODE)
+            yield ("cancelled",), Mover.ANSWER, events.cancelled(attempt.id)
+            return
         if attempt.phase is not Phase.ACCEPTED:
             yield ("accepted",), Mover.ANSWER, events.accepted(attempt.id)
         speaks = attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED)
@@ -209,7 +218,7 @@ class WorldMoves:
 
     def _is_told(self, memory: TrackedMemory, attempt: str) -> bool:
         """Say whether the live values are known that an operation leaves behind when it ends well."""
-        found = memory.attempts.get(attempt)
+        found = None if is_orphan(attempt) else memory.attempts.get(attempt)
         told = self._classes.tells(found.operation, found.arguments) if found is not None else ()
         return all(name in memory.inputs for name in told)
 
@@ -228,8 +237,8 @@ class WorldMoves:
 
     def is_within_bounds(self, name: str) -> bool:
         """Say whether no more attempts of one operation wait for their end than the bounds say."""
-        _, number, count = name.rpartition("#")
-        return not number or int(count) <= self.owed + 1
+        kind, number, count = name.rpartition("#")
+        return not number or kind == "~*" or int(count) <= self.owed + 1
 
 
 #: What a live value was before another one is told: something else, told at the same time.
@@ -259,18 +268,13 @@ def forget_unwanted(memory: TrackedMemory, owed: int) -> None:
         attempt.id
         for attempt in looked_at
         if (attempt.phase is Phase.LOST or (attempt.phase is Phase.CANCELLING and not attempt.uses))
-        and not _is_waited_for(memory, attempt)
+        and not is_waited_for(memory, attempt)
     ]
     own = [name for name in inert if memory.attempts[name].operation.startswith(f"{BUILTIN}.")]
     others = [name for name in inert if name not in own]
     for name in (*own, *others[: len(others) - owed]):
         del memory.attempts[name]
         Timers(memory).disarm("cancel", name)
-
-
-def _is_waited_for(memory: TrackedMemory, attempt: Attempt) -> bool:
-    invocation = memory.invocations.get(attempt.invocation)
-    return invocation is not None and invocation.cut is not None and invocation.cut.attempt == attempt.id
 
 
 def in_order(memory: TrackedMemory) -> None:
@@ -315,6 +319,18 @@ def ranks_after(
             if early != late and early_timer[:2] < late_timer[:2] and (late_stopped or not early_stopped):
                 pairs.add((early, late))
     return frozenset(pairs)
+
+
+def renamed_ranks(ranks: frozenset[Rank], named: Mapping[str, str]) -> frozenset[Rank]:
+    """Return ranks with the owners' new names; of who is gone another one may have taken the name over."""
+    gone = set(named.values()) - named.keys()
+    kept = (pair for pair in ranks if not any(owner in gone for _, owner, _ in pair))
+
+    def name(timer: TimerName) -> TimerName:
+        kind, owner, event = timer
+        return kind, named.get(owner, owner), event
+
+    return frozenset((name(early), name(late)) for early, late in kept)
 
 
 def _both(armed: list[Timer], frozen: list[Timer]) -> Iterator[tuple[Timer, bool]]:
