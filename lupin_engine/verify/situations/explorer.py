@@ -55,14 +55,13 @@ from lupin_engine.verify.situations.situation import (
 from lupin_engine.verify.situations.worlds import (
     LOADED,
     OF_PROPERTY,
+    Clocks,
     TimerName,
     Watched,
     WorldMoves,
     deadlines_of,
     forget_unwanted,
     in_order,
-    ranks_after,
-    renamed_ranks,
 )
 
 #: Room for slots at the beginning.
@@ -120,10 +119,13 @@ class SituationExplorer:
         machine = Machine(self.world, memory)
         step = machine.start(0.0, None if self.world.calendar is None else MORNING)
         effect = self._effect_of(memory, machine, step, nothing, None)
-        return _changed(nothing, effect.delta), effect
+        return self._after(nothing, effect), effect
 
     def step(self, situation: Situation, number: int) -> tuple[Effect, frozenset[int]]:
-        """Make the machine's own step, and return what it read: see `TrackedMemory.reads`."""
+        """Make the machine's own step, and return what it read: see `TrackedMemory.reads`.
+
+        Which deadlines come before which others is not in the effect: see `ranked`.
+        """
         memory = TrackedMemory(self.table, situation)
         effect = self._step(memory, situation, number)
         needs, sets = frozenset(memory.values), frozenset(memory.written - memory.values)
@@ -178,10 +180,10 @@ class SituationExplorer:
             self._set(delta, memory, WATCHED, watched or None)
         fresh |= self._due_now(situation, watched)
         slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]
+        clocks = None
         if fresh or any(slot in delta for slot in slots):
-            known = renamed_ranks(memory.fetch(self.table.index[RANKS]) or frozenset(), named)
-            due = [*memory.timers, *deadlines_of(watched)]
-            self._set(delta, memory, RANKS, ranks_after(known, due, memory.frozen, fresh) or None)
+            due = (*memory.timers, *deadlines_of(watched))
+            clocks = Clocks(due, tuple(memory.frozen), frozenset(fresh), named)
         self._set(delta, memory, CALM, machine.calm)
         progress = any(isinstance(command, (Publish, Report)) for command in step.commands)
         renamed = tuple((old, new) for old, new in named.items() if "#" in new)
@@ -193,8 +195,19 @@ class SituationExplorer:
             step.entered,
             progress,
             frozenset(fresh),
+            clocks,
             renamed,
         )
+
+    def ranked(self, effect: Effect, before: int) -> Effect:
+        """Return an effect with which deadlines come before which others, by what that was before."""
+        slot = self.table.index[RANKS]
+        if effect.clocks is None:
+            return effect
+        ranks = effect.clocks.ranks(self.table.value(slot, before) if before else frozenset())
+        after = self.table.number(slot, ranks) if ranks else 0
+        delta = effect.delta if after == before else (*effect.delta, (slot, after))
+        return replace(effect, delta=delta, clocks=None)
 
     def _due_now(self, situation: Situation, watched: Watched) -> set[TimerName]:
         """Return the deadlines of properties that are set in a step."""
@@ -249,8 +262,14 @@ class SituationExplorer:
         for number in moves:
             situation = found[-1][0]
             effect, _ = self.step(situation, number)
-            found.append((_changed(situation, effect.delta), effect))
+            found.append((self._after(situation, effect), effect))
         return found
+
+    def _after(self, situation: Situation, effect: Effect) -> Situation:
+        found = list(situation)
+        for slot, number in self.ranked(effect, situation[self.table.index[RANKS]]).delta:
+            found[slot] = number
+        return tuple(found)
 
     def make_room(self) -> None:
         """Begin anew, with more room for slots."""
@@ -331,10 +350,3 @@ _CUT = Effect((), (), frozenset(), (), (), progress=False, cut=True)
 
 #: A move that does nothing.
 _NOTHING = Effect((), (), frozenset(), (), (), progress=False)
-
-
-def _changed(situation: Situation, delta: tuple[tuple[int, int], ...]) -> Situation:
-    found = list(situation)
-    for slot, number in delta:
-        found[slot] = number
-    return tuple(found)

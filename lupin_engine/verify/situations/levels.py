@@ -19,12 +19,10 @@ from lupin_engine.verify.situations.found import Breach, Effect, ExplorationProg
 from lupin_engine.verify.situations.liveness import Liveness
 from lupin_engine.verify.situations.memo import Indices, LevelPart, MemoTable, Rows, marks_of
 from lupin_engine.verify.situations.seen import Block, Marks, SeenTable, WaitingLine
-from lupin_engine.verify.situations.situation import Overflow
+from lupin_engine.verify.situations.situation import RANKS, Overflow
 
 #: So many situations are expanded together.
 _TOGETHER = 1 << 15
-#: Odd numbers that spread pairs over a table.
-_MIXES = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
 #: Of so many breaches of one property, all after as many moves, the one with the fewest faults is told.
 _MOST_BREACHES = 1000
 #: So many times as many situations as are certain are looked at before the walk begins anew.
@@ -64,15 +62,20 @@ class _Stopped(Exception):
 class _Effects:
     """All effects, by number, as far as the walk needs them in arrays."""
 
-    def __init__(self, marks: NDArray[np.uint64]) -> None:
+    def __init__(self, explorer: SituationExplorer, marks: NDArray[np.uint64]) -> None:
+        self._explorer = explorer
         self.all: list[Effect] = []
         self._shared: dict[frozenset[int], frozenset[int]] = {}
         self._marks = marks
-        self._progress, self._cut, self._breaks = (bytearray() for _ in range(3))
+        self._progress, self._cut, self._breaks, self._clocked = (bytearray() for _ in range(4))
         self._low, self._high = array("Q"), array("Q")
         self._starts, self._slots, self._values = array("I", [0]), array("H"), array("H")
         self._before = array("H")
         self._without: dict[tuple[int, frozenset[int]], int] = {}
+        self._ranks = explorer.table.index[RANKS]
+        #: Pairs of an effect and the ranks before it; by their numbers, what the effect is there.
+        self._pairs = SeenTable()
+        self._ranked = array("I")
 
     def add(self, effect: Effect, situation: Mapping[int, int]) -> int:
         """Keep an effect.
@@ -97,6 +100,7 @@ class _Effects:
         self._progress.append(effect.progress)
         self._cut.append(effect.cut)
         self._breaks.append(bool(effect.breaches))
+        self._clocked.append(effect.clocks is not None)
         return len(self.all) - 1
 
     def without(self, number: int, dead: frozenset[int]) -> int:
@@ -114,6 +118,21 @@ class _Effects:
                 (slot, value) for slot, value in delta if value != before[slot] or slot in effect.sets
             )
             found = self._without[number, gone] = self.add(replace(effect, delta=kept), before)
+        return found
+
+    def ranked(self, rows: Rows, columns: Indices, effects: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Return the effects of transitions with which deadlines come before which others after them."""
+        clocked = np.flatnonzero(np.frombuffer(self._clocked, np.bool_)[effects])
+        before = rows[self._ranks, columns[clocked]].astype(np.uint64)
+        at, new = self._pairs.of_pairs(effects[clocked].astype(np.uint64), before)
+        for column in clocked[new].tolist():
+            number, ranks = int(effects[column]), int(rows[self._ranks, columns[column]])
+            begin, end = self._starts[number], self._starts[number + 1]
+            was = dict(zip(self._slots[begin:end], self._before[begin:end], strict=True))
+            effect = self._explorer.ranked(self.all[number], ranks)
+            self._ranked.append(self.add(effect, {**was, self._ranks: ranks}))
+        found = effects.copy()
+        found[clocked] = np.frombuffer(self._ranked, np.uint32)[at]
         return found
 
     def progressing(self, effects: NDArray[np.uint32]) -> NDArray[np.bool_]:
@@ -171,9 +190,7 @@ class Leads:
         places = [tuple(place) for place in every.T.tolist()]
         numbers = np.array([self._places.setdefault(p, len(self._places)) for p in places], np.uint64)
         placed: Marks = numbers[of.ravel()[columns]]
-        pairs: Marks = (placed << np.uint64(32)) | effects
-        mixed: Marks = effects * _MIXES[0] ^ placed * _MIXES[1]
-        at, new = self._pairs.numbers(mixed ^ (mixed >> np.uint64(32)), pairs)
+        at, new = self._pairs.of_pairs(placed, effects.astype(np.uint64))
         names = dict(zip(numbers.tolist(), places, strict=True))
         for place, effect in zip(placed[new].tolist(), effects[new].tolist(), strict=True):
             self.used.add(effect)
@@ -222,7 +239,7 @@ class LevelWalk:
         table = explorer.table
         self._marks = marks_of(table.room, explorer.bounds.most_values)
         self._configuration = table.index["configuration", ""]
-        self._effects = _Effects(self._marks)
+        self._effects = _Effects(explorer, self._marks)
         self._memo: dict[tuple[int, int], MemoTable] = {}
         self._flags = MemoTable()
         self.live = Liveness(explorer.chart, table, live)
@@ -328,6 +345,7 @@ class LevelWalk:
         """Take in where some moves lead; `columns` are those of the situations in the block."""
         known = self._effects
         effects, ends = self._leads.settle(block.rows, columns, effects)
+        effects = known.ranked(block.rows, columns, effects)
         if self._certain is None and not self._leads.certain:
             self._look_ahead()
         found = self._found

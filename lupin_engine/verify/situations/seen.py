@@ -16,6 +16,8 @@ Marks = NDArray[np.uint64]
 IN_MEMORY = 400_000
 #: How full the table may be.
 _FULL = 0.6
+#: Odd numbers that spread pairs over a table.
+_MIXES = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
 
 
 class SeenTable:
@@ -45,6 +47,11 @@ class SeenTable:
         found[fresh] = dense[found[fresh] - np.uint32(self.count)]
         self.count += len(new)
         return found, new
+
+    def of_pairs(self, one: Marks, other: Marks) -> tuple[NDArray[np.uint32], NDArray[np.intp]]:
+        """Return the same as `numbers` for pairs of numbers below 2**32."""
+        mixed = one * _MIXES[0] ^ other * _MIXES[1]
+        return self.numbers(mixed ^ (mixed >> np.uint64(32)), (one << np.uint64(32)) | other)
 
     def _put(
         self, low: Marks, high: Marks, numbers: NDArray[np.uint32]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -294,45 +294,51 @@ def in_order(memory: TrackedMemory) -> None:
     entries.order[:] = [*found, *sorted(run)]
 
 
-def ranks_after(
-    before: frozenset[Rank], armed: list[Timer], frozen: list[Timer], fresh: set[TimerName]
-) -> frozenset[Rank]:
-    """Return which deadlines certainly come before which others, after a step.
+class Clocks(NamedTuple):
+    """The deadlines after a step that has looked at them; it has set those that are `fresh`.
 
-    One that is set now comes after every other that was set for as long or less: that one's time runs
-    already. Of those that are set in the same step the shorter comes first. Deadlines that a hold stops come
-    later by as long as it lasts than those that it does not stop.
-
-    Args:
-        before: the same before the step.
-        armed: the deadlines after it.
-        frozen: those that a hold stops.
-        fresh: what is set in this step.
+    Which of them come before which others depends on that before the step: so the step itself does not.
     """
-    both = ((timer, stopped) for timer, stopped in _both(armed, frozen) if timer[2] != "at")
-    named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in both]
-    stops = {name: stopped for name, _, stopped in named}
-    old = stops.keys() - fresh
-    pairs = {(a, b) for a, b in before if a in old and b in old and (stops[b] or not stops[a])}
-    for late, late_timer, late_stopped in named:
-        for early, early_timer, early_stopped in named if late in fresh else ():
-            if early != late and early_timer[:2] < late_timer[:2] and (late_stopped or not early_stopped):
-                pairs.add((early, late))
-    return frozenset(pairs)
+
+    armed: tuple[Timer, ...]
+    frozen: tuple[Timer, ...]
+    fresh: frozenset[TimerName]
+    named: Mapping[str, str]
+
+    def ranks(self, before: frozenset[Rank]) -> frozenset[Rank]:
+        """Return which deadlines certainly come before which others.
+
+        One that is set now comes after every other that was set for as long or less: that one's time runs
+        already. Of those that are set in the same step the shorter comes first. Deadlines that a hold stops
+        come later by as long as it lasts than those that it does not stop.
+
+        Args:
+            before: the same before the step.
+        """
+        both = ((timer, stopped) for timer, stopped in _both(self.armed, self.frozen) if timer[2] != "at")
+        named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in both]
+        stops = {name: stopped for name, _, stopped in named}
+        old = stops.keys() - self.fresh
+        known = [(a, b) for a, b in self._renamed(before) if a in old and b in old]
+        pairs = {(a, b) for a, b in known if stops[b] or not stops[a]}
+        for late, late_timer, late_stopped in named:
+            for early, early_timer, early_stopped in named if late in self.fresh else ():
+                if early != late and early_timer[:2] < late_timer[:2] and (late_stopped or not early_stopped):
+                    pairs.add((early, late))
+        return frozenset(pairs)
+
+    def _renamed(self, ranks: frozenset[Rank]) -> Iterator[Rank]:
+        """Yield ranks with the owners' new names; of who is gone another one may have taken the name over."""
+        named = self.named
+        gone = set(named.values()) - named.keys()
+
+        def name(timer: TimerName) -> TimerName:
+            kind, owner, event = timer
+            return kind, named.get(owner, owner), event
+
+        return ((name(a), name(b)) for a, b in ranks if a[1] not in gone and b[1] not in gone)
 
 
-def renamed_ranks(ranks: frozenset[Rank], named: Mapping[str, str]) -> frozenset[Rank]:
-    """Return ranks with the owners' new names; of who is gone another one may have taken the name over."""
-    gone = set(named.values()) - named.keys()
-    kept = (pair for pair in ranks if not any(owner in gone for _, owner, _ in pair))
-
-    def name(timer: TimerName) -> TimerName:
-        kind, owner, event = timer
-        return kind, named.get(owner, owner), event
-
-    return frozenset((name(early), name(late)) for early, late in kept)
-
-
-def _both(armed: list[Timer], frozen: list[Timer]) -> Iterator[tuple[Timer, bool]]:
+def _both(armed: Iterable[Timer], frozen: Iterable[Timer]) -> Iterator[tuple[Timer, bool]]:
     yield from ((timer, False) for timer in armed)
     yield from ((timer, True) for timer in frozen)
