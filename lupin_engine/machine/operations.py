@@ -157,13 +157,20 @@ class Operations:
             if state.invoke is not None and state.name in invocations:
                 found.append(invocations[state.name])
             if state.for_each is not None:
-                keyed = [one for one in invocations.values() if one.key is not None]
-                found += [one for one in keyed if one.state == state.name]
+                found += [invocations[name] for name in self._elements(state.name)]
         return found
+
+    def _elements(self, state: str) -> list[str]:
+        """Return the names of the invocations of a state's elements, in their order."""
+        return [name for name in self._scope.memory.invocations if name.startswith(f"{state}[")]
+
+    def _every(self) -> list[Invocation]:
+        """Return all invocations, in the order of the document."""
+        return self._of(map(self._scope.chart.states.__getitem__, self._scope.memory.configuration))
 
     def suspend(self, step: Macrostep) -> None:
         """A hold was engaged: cancel what moves the robot, and refund the try."""
-        for invocation in self._scope.memory.invocations.values():
+        for invocation in self._every():
             invoke = self._invoke(invocation)
             if invoke.operation.on_hold is OnHold.CANCEL and invocation.attempt:
                 self._interrupt(invocation, "hold", step)
@@ -175,7 +182,7 @@ class Operations:
         waited for as long as `RECOVERY_DEADLINE`.
         """
         memory = self._scope.memory
-        for invocation in memory.invocations.values():
+        for invocation in self._every():
             attempt = memory.attempts.get(invocation.attempt or "")
             if attempt is None:
                 continue
@@ -267,7 +274,7 @@ class Operations:
             key = self._key(state, rule, item, step)
             if key is not None and self._is_new(state, key):
                 new.setdefault(key, item)
-        running = sum(1 for inv in memory.invocations.values() if inv.state == state and inv.key is not None)
+        running = len(self._elements(state))
         begun = list(new.items())[: None if limit is None else max(0, limit - running)]
         for key, item in begun:
             found = Invocation(self._name(), state, key=key, item=item)
@@ -512,8 +519,7 @@ class Operations:
 
     def retry(self, invocation_id: str) -> None:
         """The back-off is over: try again when the step has come to rest."""
-        invocations = self._scope.memory.invocations.values()
-        next(found for found in invocations if found.id == invocation_id).begun = False
+        next(found for found in self._every() if found.id == invocation_id).begun = False
         self._scope.touch(OPERATIONS)
 
     def _failed(

@@ -100,7 +100,7 @@ def test_what_is_dead_changes_nothing(of: Chart) -> None:
     of_plain = []
     for situation in every:
         dead = walk.live.dead(walk.live.place(situation[slot] for slot in walk.live.of_place))
-        kept = tuple(min(value, 1) if slot in dead else value for slot, value in enumerate(situation))
+        kept = tuple(dead.left(slot, value) for slot, value in enumerate(situation))
         of_plain.append(numbers[kept])
     assert set(of_plain) == set(range(reduced.progress.situations))
     moved = [of_plain[number] for number in plain.sources], [of_plain[number] for number in plain.targets]

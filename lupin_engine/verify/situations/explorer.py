@@ -128,8 +128,8 @@ class SituationExplorer:
         """
         memory = TrackedMemory(self.table, situation)
         effect = self._step(memory, situation, number)
-        needs, sets = frozenset(memory.values), frozenset(memory.written - memory.values)
-        return replace(effect, needs=needs, sets=sets), memory.reads
+        sets = frozenset(memory.written - memory.values)
+        return replace(effect, needs=memory.reads, sets=sets), memory.reads
 
     def _step(self, memory: TrackedMemory, situation: Situation, number: int) -> Effect:
         before = TrackedMemory(self.table, situation)

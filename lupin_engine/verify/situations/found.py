@@ -15,8 +15,8 @@ class Effect:
 
     `progress`: something was told of a target or of the mission. `fresh` are the deadlines that it sets,
     `clocks` tells which deadlines come before which others after it (None: as before), `renamed` the attempts
-    that get another name. One that is `cut` is beyond the bounds. The step has taken the values of the slots
-    that it `needs`; those that it `sets` it has written whatever they were.
+    that get another name. One that is `cut` is beyond the bounds. The step has read what it `needs`
+    (see `TrackedMemory.reads`); the slots that it `sets` it has written whatever they were.
     """
 
     delta: tuple[tuple[int, int], ...]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lupin_engine.verify.situations.explorer import SituationExplorer
 from lupin_engine.verify.situations.found import Breach, Effect, ExplorationProgress, Explored
-from lupin_engine.verify.situations.liveness import Liveness
+from lupin_engine.verify.situations.liveness import Dead, Liveness
 from lupin_engine.verify.situations.memo import Indices, LevelPart, MemoTable, Rows, marks_of
 from lupin_engine.verify.situations.seen import Block, Marks, SeenTable, WaitingLine
 from lupin_engine.verify.situations.situation import RANKS, Overflow
@@ -55,6 +55,10 @@ def explore(
             explorer.make_room()
 
 
+#: In place of what is left of the value of a slot: a step has set it, whatever it was.
+_SET = -1
+
+
 class _Stopped(Exception):
     """It was said that the exploration stops; the text says why."""
 
@@ -71,7 +75,7 @@ class _Effects:
         self._low, self._high = array("Q"), array("Q")
         self._starts, self._slots, self._values = array("I", [0]), array("H"), array("H")
         self._before = array("H")
-        self._without: dict[tuple[int, frozenset[int]], int] = {}
+        self._without: dict[tuple[int, tuple[tuple[int, int], ...]], int] = {}
         self._ranks = explorer.table.index[RANKS]
         #: Pairs of an effect and the ranks before it; by their numbers, what the effect is there.
         self._pairs = SeenTable()
@@ -103,21 +107,20 @@ class _Effects:
         self._clocked.append(effect.clocks is not None)
         return len(self.all) - 1
 
-    def without(self, number: int, dead: frozenset[int]) -> int:
-        """Return the number of an effect after which the values of some slots do not matter."""
+    def without(self, number: int, dead: Dead) -> int:
+        """Return the number of an effect after which some slots do not matter."""
         effect = self.all[number]
-        if not any(value > 1 and slot in dead for slot, value in effect.delta):
+        delta = tuple((slot, dead.left(slot, value)) for slot, value in effect.delta)
+        if delta == effect.delta:
             return number
-        gone = frozenset(slot for slot, _ in effect.delta if slot in dead)
-        found = self._without.get((number, gone))
+        found = self._without.get((number, delta))
         if found is None:
             begin, end = self._starts[number], self._starts[number + 1]
             before = dict(zip(self._slots[begin:end], self._before[begin:end], strict=True))
-            delta = [(slot, min(value, 1) if slot in gone else value) for slot, value in effect.delta]
             kept = tuple(
                 (slot, value) for slot, value in delta if value != before[slot] or slot in effect.sets
             )
-            found = self._without[number, gone] = self.add(replace(effect, delta=kept), before)
+            found = self._without[number, delta] = self.add(replace(effect, delta=kept), before)
         return found
 
     def ranked(self, rows: Rows, columns: Indices, effects: NDArray[np.uint32]) -> NDArray[np.uint32]:
@@ -171,15 +174,16 @@ class Leads:
         #: Pairs of a place and an effect; by their numbers, what the effect is there, and what it opens.
         self._pairs = SeenTable()
         self._found, self._found_ends = array("I"), array("I")
-        self._dead: dict[tuple[int, ...], frozenset[int]] = {}
-        #: Slots that are set or end together, each with whether it ends; the first are none.
-        self._ends: dict[tuple[tuple[int, bool], ...], int] = {(): 0}
+        self._dead: dict[tuple[int, ...], Dead] = {}
+        #: Slots that are set or end together, each with what is left of its value; the first are none.
+        self._ends: dict[tuple[tuple[int, int], ...], int] = {(): 0}
 
     def first(self, rows: Rows) -> Rows:
         """Return the first situation without what is not live in it."""
         place = self._live.place(rows[list(self._live.of_place), 0].tolist())
-        for slot in self._dead_at(place):
-            rows[slot] = np.minimum(rows[slot], 1)
+        dead = self._dead_at(place)
+        for slot in dead.slots:
+            rows[slot] = dead.left(slot, int(rows[slot, 0]))
         return rows
 
     def settle(
@@ -187,7 +191,7 @@ class Leads:
     ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
         """Return for transitions what they do, and the number of the slots that end with them."""
         every, of = np.unique(rows[list(self._live.of_place)], axis=1, return_inverse=True)
-        places = [tuple(place) for place in every.T.tolist()]
+        places = [self._live.place(values) for values in every.T.tolist()]
         numbers = np.array([self._places.setdefault(p, len(self._places)) for p in places], np.uint64)
         placed: Marks = numbers[of.ravel()[columns]]
         at, new = self._pairs.of_pairs(placed, effects.astype(np.uint64))
@@ -205,12 +209,13 @@ class Leads:
         kept = zip(self._live.of_place, place, strict=True)
         to = self._live.place(delta.get(slot, value) for slot, value in kept)
         self.certain = self._live.takes(place, effect, to) and self.certain
-        dead = self._dead_at(to)
-        ends = tuple((slot, True) for slot in sorted(dead - self._dead_at(place) - delta.keys()))
-        ends = (*((slot, False) for slot in sorted(effect.sets & delta.keys())), *ends)
-        return self._effects.without(number, dead), self._ends.setdefault(ends, len(self._ends))
+        dead, before = self._dead_at(to), self._dead_at(place)
+        ending = sorted((dead.slots - before.slots | dead.gone - before.gone) - delta.keys())
+        ends = [(slot, _SET) for slot in sorted(effect.sets & delta.keys())]
+        ends += [(slot, dead.left(slot, 1)) for slot in ending]
+        return self._effects.without(number, dead), self._ends.setdefault(tuple(ends), len(self._ends))
 
-    def _dead_at(self, place: tuple[int, ...]) -> frozenset[int]:
+    def _dead_at(self, place: tuple[int, ...]) -> Dead:
         found = self._dead.get(place)
         if found is None:
             found = self._dead[place] = self._live.dead(place)
@@ -218,16 +223,16 @@ class Leads:
 
     def open(
         self, rows: Rows, columns: Indices, ends: NDArray[np.uint32]
-    ) -> Iterator[tuple[int, bool, Indices, NDArray[np.uint16]]]:
-        """Yield slots that are set or end: whether it ends, in which transitions, and its values before."""
+    ) -> Iterator[tuple[int, int, Indices, NDArray[np.uint16]]]:
+        """Yield slots that are set or end: what is left, in which transitions, and the values before."""
         order = np.argsort(ends, kind="stable")
         edges = np.searchsorted(ends[order], np.arange(len(self._ends) + 1))
         for slots, begin, end in zip(self._ends, edges, edges[1:], strict=False):
             at = order[begin:end]
-            for slot, is_end in slots if len(at) else ():
+            for slot, left in slots if len(at) else ():
                 values = rows[slot, columns[at]]
-                there = values > (1 if is_end else 0)
-                yield slot, is_end, at[there], values[there]
+                there = values > max(left, 0)
+                yield slot, left, at[there], values[there]
 
 
 class LevelWalk:
@@ -256,6 +261,7 @@ class LevelWalk:
         self._certain: Explored | None = None
         self._found.progress.steps = self._steps
         self._looked_at = 0
+        self.live.begin()
         self._leads = Leads(self.live, self._effects)
 
     def run(self, goes_on: Callable[[ExplorationProgress], str]) -> Explored:
@@ -352,10 +358,10 @@ class LevelWalk:
         found.cut += known.cut(effects)
         self._note_breaches(block.depth, block.first + columns, moves, effects)
         low, high = known.marks(effects)
-        for slot, is_end, at, values in self._leads.open(block.rows, columns, ends):
+        for slot, left, at, values in self._leads.open(block.rows, columns, ends):
             for side, marks in enumerate((low, high)):
                 of = self._marks[side, slot]
-                marks[at] ^= of[values] ^ of[1] if is_end else of[values]
+                marks[at] ^= of[values] ^ of[max(left, 0)]  # nothing has 0
         changing = (low | high) != 0
         columns, moves, effects, ends = columns[changing], moves[changing], effects[changing], ends[changing]
         low, high = low[changing] ^ block.low[columns], high[changing] ^ block.high[columns]
@@ -372,9 +378,9 @@ class LevelWalk:
         if len(new):
             rows = block.rows[:, columns[new]]
             known.apply(rows, effects[new])
-            for slot, is_end, at, _ in self._leads.open(block.rows, columns[new], ends[new]):
-                if is_end:
-                    rows[slot, at] = 1
+            for slot, left, at, _ in self._leads.open(block.rows, columns[new], ends[new]):
+                if left != _SET:
+                    rows[slot, at] = left
             self._add(
                 block.depth + 1,
                 rows,

@@ -2,9 +2,11 @@
 
 A place is a configuration with the values of its keys: the variables that are texts, and what history
 remembers. Which slots are live there is not read off the chart, but learnt from what the machine's steps
-read: at first nothing is. A slot that is not live has, where there is anything in it, its first value. Once a
-step turns out to need one that is not live at its place, that one is made live there, and at all places from
-which it comes unwritten; then the walk begins anew. Whether a key is live follows from the configuration.
+read: at first nothing is. A slot that is not live has, where there is anything in it, its first value; and of
+some it does not matter either whether there is anything, unless that is read: they are empty (see `FADING`).
+Once a step turns out to need something that is not live at its place, that is made live there, and at all
+places from which it comes unwritten; then the walk begins anew. Whether a key is live follows from the
+configuration.
 So in the walk that gets to its end every step needs live slots alone, and what is live after it was live
 before, or is set by it: situations that agree in all live slots are bisimilar.
 """
@@ -12,13 +14,28 @@ before, or is set by it: situations that agree in all live slots are bisimilar.
 from __future__ import annotations
 
 from collections.abc import Iterable, Set
+from typing import NamedTuple
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.verify.situations.found import Effect
 from lupin_engine.verify.situations.situation import SlotTable
 
+#: Fields of which entries that are not live are empty. Others are not: of a live value that is not known, say,
+#: a machine would go other ways than of any that it has.
+FADING = ("history", "handled", "budgets", "given", "itineraries")
 #: Values of the configuration and of the keys.
 Place = tuple[int, ...]
+
+
+class Dead(NamedTuple):
+    """The slots that are not live somewhere; of those that are `gone` not even whether there is anything."""
+
+    slots: Set[int] = frozenset()
+    gone: Set[int] = frozenset()
+
+    def left(self, slot: int, value: int) -> int:
+        """Return what is left of a value."""
+        return value if slot not in self.slots else 0 if slot in self.gone else min(value, 1)
 
 
 class Liveness:
@@ -36,36 +53,54 @@ class Liveness:
         self.of_place = (table.index["configuration", ""], *self._keys)
         self._of_keys = _Flow()
         self._of_slots = _Flow()
+        self._are_places_split = False
 
-    def dead(self, place: Place, slots: Iterable[int] | None = None) -> frozenset[int]:
-        """Return the slots that are not live at a place, or those of some."""
+    def begin(self) -> None:
+        """Prepare for a new walk: where keys have become live, what was learnt of the places is void."""
+        if self._are_places_split:
+            self._of_slots = _Flow()
+        self._are_places_split = False
+
+    def dead(self, place: Place) -> Dead:
+        """Return the slots that are not live at a place."""
         if not self._on:
-            return frozenset()
-        mortal = self._table.mortal if slots is None else self._table.mortal.intersection(slots)
-        return frozenset(mortal.difference(self._of_keys.live(place[:1]), self._of_slots.live(place)))
+            return Dead()
+        room, live = self._table.room, self._of_keys.live(place[:1]) | self._of_slots.live(place)
+        dead = self._table.mortal - live
+        fading = (slot for slot in dead if self._table.names[slot][0] in FADING)
+        return Dead(dead, frozenset(slot for slot in fading if slot + room not in live))
 
     def place(self, values: Iterable[int]) -> Place:
-        """Return the place with these values of `of_place`: of keys that are not live, the first."""
+        """Return the place with these values of `of_place`, without what is not live."""
         configuration, *keys = values
-        live = self._of_keys.live((configuration,)) if self._on else self._keys
+        if not self._on:
+            return (configuration, *keys)
+        live = self._of_keys.live((configuration,))
         named = zip(self._keys, keys, strict=True)
-        return (configuration, *(value if slot in live else min(value, 1) for slot, value in named))
+        return (configuration, *(value if slot in live else 0 for slot, value in named))
 
     def takes(self, place: Place, effect: Effect, to: Place) -> bool:
         """Take notice of a step between places; say whether everything that it needs is live."""
         if not self._on:
             return True
-        keys, mortal = self._key_set, self._table.mortal
-        needs, sets = effect.needs & mortal, effect.sets
-        calm = self._of_keys.takes(place[:1], to[:1], needs & keys, sets)
-        return self._of_slots.takes(place, to, needs - keys, sets) and calm
+        room, mortal = self._table.room, self._table.mortal
+        needs = {slot for slot in effect.needs if slot % room in mortal}
+        needs |= {slot + room for slot in needs if slot < room}
+        sets = effect.sets.union(slot + room for slot in effect.sets)
+        of_keys = frozenset(slot for slot in needs if slot % room in self._key_set)
+        calm = self._of_keys.takes(place[:1], to[:1], of_keys, sets)
+        self._are_places_split = self._are_places_split or not calm
+        return self._of_slots.takes(place, to, frozenset(needs - of_keys), sets) and calm
 
 
 _NOTHING: Set[int] = frozenset()
 
 
 class _Flow:
-    """What is live where: it is needed there, or it goes on from there to where it is live."""
+    """What is live where: it is needed there, or it goes on from there to where it is live.
+
+    The presence of a slot is numbered as `TrackedMemory.reads` does.
+    """
 
     def __init__(self) -> None:
         self._live: dict[Place, set[int]] = {}

@@ -227,15 +227,18 @@ class TrackedMemory(Memory):
     def plain(self) -> Memory:
         """Return a memory of the machine's own kind, of which nothing is tracked.
 
-        What goes `THROUGH` a reload entry by entry, or is `DROPPED` by it, is not read by that; nor what is
-        `COMPARED` anew, since with the same missions the result is the same.
+        What goes `THROUGH` a reload entry by entry is not read by that, only whether it is there; nor what is
+        `COMPARED` anew, since with the same missions the result is the same. What is `DROPPED` is left out.
         """
         unread = TrackedMemory(self.table, self.situation)
         found = {name: getattr(self, name) for name in (*WHOLE, *_IDLE)}
         found |= {name: list(getattr(self, name)) for name in (*LISTS, "held")}
-        for name in (*ORDERED, *UNORDERED):
-            of = unread if name in (*THROUGH, *DROPPED, *COMPARED) else self
-            found[name] = dict(getattr(of, name).items())
+        try:
+            for name in (*ORDERED, *UNORDERED):
+                of = unread if name in (*THROUGH, *COMPARED) else self
+                found[name] = {} if name in DROPPED else dict(getattr(of, name).items())
+        finally:
+            self.presence |= unread.presence | unread.values
         return Memory(**found)
 
     @contextmanager
@@ -553,12 +556,10 @@ class TrackedDict(dict[str, Any]):
             self._all = True
 
     def __iter__(self) -> Iterator[str]:
-        self._load()
-        return super().__iter__()
+        return iter(list(self.in_order()))
 
     def __len__(self) -> int:
-        self._load()
-        return super().__len__()
+        return len(self.in_order())
 
     def __bool__(self) -> bool:
         if self._field in ORDERED and self.order is None:
@@ -567,10 +568,7 @@ class TrackedDict(dict[str, Any]):
 
     def keys(self) -> Any:
         """Return all keys."""
-        if self._field in UNORDERED:
-            return dict.fromkeys(self.in_order()).keys()
-        self._load()
-        return super().keys()
+        return dict.fromkeys(self.in_order()).keys()
 
     def values(self) -> Any:
         """Return all values."""

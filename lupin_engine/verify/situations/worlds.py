@@ -278,20 +278,27 @@ def forget_unwanted(memory: TrackedMemory, owed: int) -> None:
 
 
 def in_order(memory: TrackedMemory) -> None:
-    """Sort attempts that stand beside each other: only one that waits looks at those before it."""
-    entries = memory.attempts
-    assert isinstance(entries, TrackedDict)
-    if entries.order is None:
+    """Put entries in the same order wherever the machine does not look at it.
+
+    Of attempts that stand beside each other only one that waits looks at those before it; of invocations only
+    those of the elements of one state have an order.
+    """
+    attempts, invocations = memory.attempts, memory.invocations
+    assert isinstance(attempts, TrackedDict)
+    assert isinstance(invocations, TrackedDict)
+    if invocations.order is not None:
+        invocations.order.sort(key=lambda name: name.partition("[")[0])
+    if attempts.order is None:
         return
     found: list[str] = []
     run: list[str] = []
-    for name, attempt in entries.items():
+    for name, attempt in attempts.items():
         if attempt.phase is Phase.WAITING:
             found += [*sorted(run), name]
             run = []
         else:
             run.append(name)
-    entries.order[:] = [*found, *sorted(run)]
+    attempts.order[:] = [*found, *sorted(run)]
 
 
 class Clocks(NamedTuple):
