@@ -183,7 +183,7 @@ class SituationExplorer:
         clocks = None
         if fresh or any(slot in delta for slot in slots):
             due = (*memory.timers, *deadlines_of(watched))
-            clocks = Clocks(due, tuple(memory.frozen), frozenset(fresh), named)
+            clocks = Clocks(due, tuple(memory.frozen), frozenset(fresh), tuple(named.items()))
         self._set(delta, memory, CALM, machine.calm)
         progress = any(isinstance(command, (Publish, Report)) for command in step.commands)
         renamed = tuple((old, new) for old, new in named.items() if "#" in new)

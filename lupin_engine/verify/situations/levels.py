@@ -10,6 +10,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,8 @@ def explore(
             explorer.make_room()
 
 
+#: What many effects have in common.
+_SHARED = ("delta", "relevant", "taken", "entered", "fresh", "clocks", "renamed", "needs", "sets")
 #: In place of what is left of the value of a slot: a step has set it, whatever it was.
 _SET = -1
 
@@ -69,7 +72,8 @@ class _Effects:
     def __init__(self, explorer: SituationExplorer, marks: NDArray[np.uint64]) -> None:
         self._explorer = explorer
         self.all: list[Effect] = []
-        self._shared: dict[frozenset[int], frozenset[int]] = {}
+        #: What effects have, each once, as many have the same.
+        self._shared: dict[Any, Any] = {}
         self._marks = marks
         self._progress, self._cut, self._breaks, self._clocked = (bytearray() for _ in range(4))
         self._low, self._high = array("Q"), array("Q")
@@ -87,8 +91,9 @@ class _Effects:
         Of the slots that the step has read, marks change alike wherever it is taken; of those that it `sets`
         whatever they were the marks before are left to who takes it.
         """
-        effect.needs = self._shared.setdefault(effect.needs, effect.needs)
-        effect.sets = self._shared.setdefault(effect.sets, effect.sets)
+        for name in _SHARED:
+            value = getattr(effect, name)
+            setattr(effect, name, self._shared.setdefault(value, value))
         self.all.append(effect)
         low, high = np.uint64(0), np.uint64(0)
         for slot, value in effect.delta:

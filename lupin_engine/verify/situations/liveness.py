@@ -20,8 +20,8 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.verify.situations.found import Effect
 from lupin_engine.verify.situations.situation import SlotTable
 
-#: Fields of which entries that are not live are empty. Others are not: of a live value that is not known, say,
-#: a machine would go other ways than of any that it has.
+#: Fields of which entries that are not live are empty. Others are not: with a live value that is not known,
+#: say, a machine goes other ways than with any that is.
 FADING = ("history", "handled", "budgets", "given", "itineraries")
 #: Values of the configuration and of the keys.
 Place = tuple[int, ...]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -310,7 +310,7 @@ class Clocks(NamedTuple):
     armed: tuple[Timer, ...]
     frozen: tuple[Timer, ...]
     fresh: frozenset[TimerName]
-    named: Mapping[str, str]
+    renamed: tuple[tuple[str, str], ...]
 
     def ranks(self, before: frozenset[Rank]) -> frozenset[Rank]:
         """Return which deadlines certainly come before which others.
@@ -336,7 +336,7 @@ class Clocks(NamedTuple):
 
     def _renamed(self, ranks: frozenset[Rank]) -> Iterator[Rank]:
         """Yield ranks with the owners' new names; of who is gone another one may have taken the name over."""
-        named = self.named
+        named = dict(self.renamed)
         gone = set(named.values()) - named.keys()
 
         def name(timer: TimerName) -> TimerName:
