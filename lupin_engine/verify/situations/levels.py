@@ -286,7 +286,8 @@ class LevelWalk:
         situation, self._first = self._explorer.initial()
         self._found.breaches = {name: [Breach(name, 0, -1, text)] for name, text in self._first.breaches}
         rows = self._leads.first(np.array([situation], np.uint16).T)
-        low, high = LevelPart(rows, self._marks).key(frozenset(range(len(situation))))
+        every = frozenset(range(len(situation)))
+        low, high = LevelPart(rows, self._marks).key(every, np.arange(1))
         self._seen.numbers(low, high)
         self._add(0, rows, low, high, [0], [-1])
         stopped = ""

@@ -14,6 +14,10 @@ from lupin_engine.verify.situations.seen import Marks
 Rows = NDArray[np.uint16]
 Indices = NDArray[np.intp]
 
+#: Marks are worked out for all situations of a part, unless so many times fewer are asked for; and so many kept.
+_FEW = 8
+_MOST_KEPT = 1 << 22
+
 
 def marks_of(room: int, most: int) -> NDArray[np.uint64]:
     """Return 128 bits by chance for each value of each slot and its presence. Nothing has 0.
@@ -39,15 +43,21 @@ class LevelPart:
         self._filled: set[int] = set()
         self._of_slots: dict[frozenset[int], tuple[Marks, Marks]] = {}
 
-    def key(self, slots: frozenset[int]) -> tuple[Marks, Marks]:
-        """Return the marks of some slots of each situation."""
+    def key(self, slots: frozenset[int], columns: Indices) -> tuple[Marks, Marks]:
+        """Return the marks of some slots in some columns."""
         found = self._of_slots.get(slots)
         if found is None:
             for slot in slots - self._filled:
                 self._fill(slot)
+            if _FEW * len(columns) < self.rows.shape[1]:
+                chosen = self._of_slot[:, np.array(list(slots), np.intp)[:, None], columns]
+                low, high = np.bitwise_xor.reduce(chosen, axis=1)
+                return low, high
             low, high = np.bitwise_xor.reduce(self._of_slot[:, list(slots)], axis=1)
+            if len(self._of_slots) * len(low) > _MOST_KEPT:
+                self._of_slots.clear()
             found = self._of_slots[slots] = low, high
-        return found
+        return found[0][columns], found[1][columns]
 
     def _fill(self, slot: int) -> None:
         room = len(self.rows)
@@ -97,9 +107,7 @@ class MemoTable:
         found = np.zeros(len(columns), np.uint32)
         left = np.arange(len(columns))
         for getter in self._getters:
-            low, high = part.key(getter.slots)
-            at = columns[left]
-            known, results = getter.find(low[at], high[at])
+            known, results = getter.find(*part.key(getter.slots, columns[left]))
             found[left[known]] = results[known]
             left = left[~known]
             if not len(left):
@@ -110,10 +118,9 @@ class MemoTable:
             same = np.arange(len(left)) == 0
             if self._keeps:
                 slots = frozenset(reads)
-                low, high = part.key(slots)
-                at = columns[left]
-                same = (low[at] == low[first]) & (high[at] == high[first])
-                self._getter(slots).add(int(low[first]), int(high[first]), result)
+                low, high = part.key(slots, columns[left])
+                same = (low == low[0]) & (high == high[0])
+                self._getter(slots).add(int(low[0]), int(high[0]), result)
             found[left[same]] = result
             left = left[~same]
         return found
