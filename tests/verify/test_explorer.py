@@ -29,8 +29,10 @@ from lupin_engine.verify.situations import classes
 from lupin_engine.verify.situations.found import ExplorationProgress
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph
 from lupin_engine.verify.situations.levels import LevelWalk, explore
+from lupin_engine.verify.situations.moves import told_move
 from lupin_engine.verify.situations.relevance import _sweeps_told_apart, elements_told_apart
 from lupin_engine.verify.situations.situation import TrackedMemory, is_orphan
+from lupin_engine.verify.situations.timing import timed_run
 from tests import shipped
 from tests.machine.charts import PAUSE, chart
 from tests.verify.toys import KeepingExplorer, explored, round_trip, wheels
@@ -276,6 +278,26 @@ def test_the_round_trip_is_small() -> None:
     assert found.complete
     assert found.breaches == {}
     assert found.entered >= {"A", "B", "C"}
+
+
+def test_most_ways_have_times() -> None:
+    """Also those on which orders that nobody waits for end, and others take their names over."""
+    explorer = KeepingExplorer(round_trip())
+    found = explore(explorer)
+    out: dict[int, list[tuple[int, int]]] = {}
+    for source, move, target in zip(found.sources, found.by, found.targets, strict=True):
+        out.setdefault(source, []).append((move, target))
+    orphans = runs = 0
+    for seed in range(60):
+        dice, at, way = random.Random(seed), 0, []
+        for _ in range(14):
+            move, at = dice.choice(out[at])
+            way.append(move)
+        told = [told_move(explorer.chart, found.moves.all[move]) for move in way]
+        orphans += any("from before the restart" in move or "cancelled before" in move for move in told)
+        runs += timed_run(explorer, way) is not None
+    assert orphans > 40
+    assert runs > 45
 
 
 def test_what_a_step_only_writes_is_not_read() -> None:

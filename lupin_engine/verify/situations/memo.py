@@ -14,7 +14,7 @@ from lupin_engine.verify.situations.seen import Marks
 Rows = NDArray[np.uint16]
 Indices = NDArray[np.intp]
 
-#: Marks are worked out for all situations of a part, unless so many times fewer are asked for; and so many kept.
+#: Marks are worked out for a whole part, unless so many times fewer are asked for. So many are kept.
 _FEW = 8
 _MOST_KEPT = 1 << 22
 
