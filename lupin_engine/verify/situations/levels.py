@@ -167,14 +167,14 @@ class _Effects:
 
 
 class Leads:
-    """What effects do where something is not live after them; `used` are those that were met in this walk."""
+    """What effects do where something is not live after them; `used` are those met in this walk, in order."""
 
     def __init__(self, live: Liveness, effects: _Effects) -> None:
         self._live = live
         self._effects = effects
         #: Whether all that steps needed so far was live.
         self.certain = True
-        self.used: set[int] = set()
+        self.used: list[int] = []
         self._places: dict[tuple[int, ...], int] = {}
         #: Pairs of a place and an effect; by their numbers, what the effect is there, and what it opens.
         self._pairs = SeenTable()
@@ -202,7 +202,7 @@ class Leads:
         at, new = self._pairs.of_pairs(placed, effects.astype(np.uint64))
         names = dict(zip(numbers.tolist(), places, strict=True))
         for place, effect in zip(placed[new].tolist(), effects[new].tolist(), strict=True):
-            self.used.add(effect)
+            self.used.append(effect)
             settled, ends = self._work_out(names[place], effect)
             self._found.append(settled)
             self._found_ends.append(ends)
@@ -300,19 +300,20 @@ class LevelWalk:
             stopped = str(why)
         except KeyboardInterrupt:
             stopped = "interrupted"
-        found = self._certain or self._take_stock()
+        found = self._certain or self._take_stock(len(self._leads.used))
         found.stopped, found.complete = stopped, not stopped and self._certain is None
         return found
 
-    def _take_stock(self) -> Explored:
-        """Return what was found, with what the effects tell of the chart."""
-        for one in (self._first, *(self._effects.all[number] for number in self._leads.used)):
+    def _take_stock(self, used: int) -> Explored:
+        """Return what was found, with what the first effects that were met tell of the chart."""
+        met = dict.fromkeys(self._leads.used[:used])
+        for one in (self._first, *(self._effects.all[number] for number in met)):
             self._found.take_in(one)
         return self._found
 
-    def _look_ahead(self) -> None:
+    def _look_ahead(self, used: int) -> None:
         """Keep what is certain. What follows is looked at only to learn what else is live."""
-        self._certain = self._take_stock()
+        self._certain = self._take_stock(used)
         progress = self._found.progress
         self._found = Explored(self._explorer.moves, replace(progress, levels=list(progress.levels)))
 
@@ -356,10 +357,11 @@ class LevelWalk:
     ) -> None:
         """Take in where some moves lead; `columns` are those of the situations in the block."""
         known = self._effects
+        used = len(self._leads.used)
         effects, ends = self._leads.settle(block.rows, columns, effects)
         effects = known.ranked(block.rows, columns, effects)
         if self._certain is None and not self._leads.certain:
-            self._look_ahead()
+            self._look_ahead(used)
         found = self._found
         found.cut += known.cut(effects)
         self._note_breaches(block.depth, block.first + columns, moves, effects)
