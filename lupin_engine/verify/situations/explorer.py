@@ -55,7 +55,7 @@ from lupin_engine.verify.situations.situation import (
 from lupin_engine.verify.situations.worlds import (
     LOADED,
     OF_PROPERTY,
-    Clocks,
+    Deadlines,
     TimerName,
     Watched,
     WorldMoves,
@@ -180,10 +180,10 @@ class SituationExplorer:
             self._set(delta, memory, WATCHED, watched or None)
         fresh |= self._due_now(situation, watched)
         slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]
-        clocks = None
+        deadlines = None
         if fresh or any(slot in delta for slot in slots):
             due = (*memory.timers, *deadlines_of(watched))
-            clocks = Clocks(due, tuple(memory.frozen), frozenset(fresh), tuple(named.items()))
+            deadlines = Deadlines(due, tuple(memory.frozen), frozenset(fresh), tuple(named.items()))
         self._set(delta, memory, CALM, machine.calm)
         progress = any(isinstance(command, (Publish, Report)) for command in step.commands)
         renamed = tuple((old, new) for old, new in named.items() if "#" in new)
@@ -195,19 +195,19 @@ class SituationExplorer:
             step.entered,
             progress,
             frozenset(fresh),
-            clocks,
+            deadlines,
             renamed,
         )
 
     def ranked(self, effect: Effect, before: int) -> Effect:
         """Return an effect with which deadlines come before which others, by what that was before."""
         slot = self.table.index[RANKS]
-        if effect.clocks is None:
+        if effect.deadlines is None:
             return effect
-        ranks = effect.clocks.ranks(self.table.value(slot, before) if before else frozenset())
+        ranks = effect.deadlines.ranks(self.table.value(slot, before) if before else frozenset())
         after = self.table.number(slot, ranks) if ranks else 0
         delta = effect.delta if after == before else (*effect.delta, (slot, after))
-        return replace(effect, delta=delta, clocks=None)
+        return replace(effect, delta=delta, deadlines=None)
 
     def _due_now(self, situation: Situation, watched: Watched) -> set[TimerName]:
         """Return the deadlines of properties that are set in a step."""

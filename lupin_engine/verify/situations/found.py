@@ -6,7 +6,7 @@ from array import array
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from lupin_engine.verify.situations.worlds import Clocks, TimerName, WorldMoves
+from lupin_engine.verify.situations.worlds import Deadlines, TimerName, WorldMoves
 
 
 @dataclass(slots=True)
@@ -14,8 +14,8 @@ class Effect:
     """What a move does: the slots that change with what they are then, and what is told of it.
 
     `progress`: something was told of a target or of the mission. `fresh` are the deadlines that it sets,
-    `clocks` tells which deadlines come before which others after it (None: as before), `renamed` the attempts
-    that get another name. One that is `cut` is beyond the bounds. The step has read what it `needs`
+    `deadlines` tells which of them come before which others after it (None: as before), `renamed` the
+    attempts that get another name. One that is `cut` is beyond the bounds. The step has read what it `needs`
     (see `TrackedMemory.reads`); the slots that it `sets` it has written whatever they were.
     """
 
@@ -26,7 +26,7 @@ class Effect:
     entered: tuple[str, ...]
     progress: bool
     fresh: frozenset[TimerName] = frozenset()
-    clocks: Clocks | None = None
+    deadlines: Deadlines | None = None
     renamed: tuple[tuple[str, str], ...] = ()
     cut: bool = False
     needs: frozenset[int] = frozenset()

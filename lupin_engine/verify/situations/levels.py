@@ -57,7 +57,7 @@ def explore(
 
 
 #: What many effects have in common.
-_SHARED = ("delta", "relevant", "taken", "entered", "fresh", "clocks", "renamed", "needs", "sets")
+_SHARED = ("delta", "relevant", "taken", "entered", "fresh", "deadlines", "renamed", "needs", "sets")
 #: In place of what is left of the value of a slot: a step has set it, whatever it was.
 _SET = -1
 
@@ -75,7 +75,7 @@ class _Effects:
         #: What effects have, each once, as many have the same.
         self._shared: dict[Any, Any] = {}
         self._marks = marks
-        self._progress, self._cut, self._breaks, self._clocked = (bytearray() for _ in range(4))
+        self._progress, self._cut, self._breaks, self._timed = (bytearray() for _ in range(4))
         self._low, self._high = array("Q"), array("Q")
         self._starts, self._slots, self._values = array("I", [0]), array("H"), array("H")
         self._before = array("H")
@@ -109,7 +109,7 @@ class _Effects:
         self._progress.append(effect.progress)
         self._cut.append(effect.cut)
         self._breaks.append(bool(effect.breaches))
-        self._clocked.append(effect.clocks is not None)
+        self._timed.append(effect.deadlines is not None)
         return len(self.all) - 1
 
     def without(self, number: int, dead: Dead) -> int:
@@ -130,17 +130,17 @@ class _Effects:
 
     def ranked(self, rows: Rows, columns: Indices, effects: NDArray[np.uint32]) -> NDArray[np.uint32]:
         """Return the effects of transitions with which deadlines come before which others after them."""
-        clocked = np.flatnonzero(np.frombuffer(self._clocked, np.bool_)[effects])
-        before = rows[self._ranks, columns[clocked]].astype(np.uint64)
-        at, new = self._pairs.of_pairs(effects[clocked].astype(np.uint64), before)
-        for column in clocked[new].tolist():
+        timed = np.flatnonzero(np.frombuffer(self._timed, np.bool_)[effects])
+        before = rows[self._ranks, columns[timed]].astype(np.uint64)
+        at, new = self._pairs.of_pairs(effects[timed].astype(np.uint64), before)
+        for column in timed[new].tolist():
             number, ranks = int(effects[column]), int(rows[self._ranks, columns[column]])
             begin, end = self._starts[number], self._starts[number + 1]
             was = dict(zip(self._slots[begin:end], self._before[begin:end], strict=True))
             effect = self._explorer.ranked(self.all[number], ranks)
             self._ranked.append(self.add(effect, {**was, self._ranks: ranks}))
         found = effects.copy()
-        found[clocked] = np.frombuffer(self._ranked, np.uint32)[at]
+        found[timed] = np.frombuffer(self._ranked, np.uint32)[at]
         return found
 
     def progressing(self, effects: NDArray[np.uint32]) -> NDArray[np.bool_]:

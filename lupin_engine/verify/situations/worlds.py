@@ -301,7 +301,7 @@ def in_order(memory: TrackedMemory) -> None:
     attempts.order[:] = [*found, *sorted(run)]
 
 
-class Clocks(NamedTuple):
+class Deadlines(NamedTuple):
     """The deadlines after a step that has looked at them; it has set those that are `fresh`.
 
     Which of them come before which others depends on that before the step: so the step itself does not.
