@@ -128,8 +128,8 @@ class SituationExplorer:
         """
         memory = TrackedMemory(self.table, situation)
         effect = self._step(memory, situation, number)
-        sets = frozenset(memory.written - memory.values)
-        return replace(effect, needs=memory.reads, sets=sets), memory.reads
+        reads, sets = memory.reads, frozenset(memory.written - memory.values)
+        return replace(effect, needs=reads, sets=sets), reads
 
     def _step(self, memory: TrackedMemory, situation: Situation, number: int) -> Effect:
         before = TrackedMemory(self.table, situation)
