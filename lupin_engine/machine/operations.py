@@ -162,7 +162,8 @@ class Operations:
 
     def _elements(self, state: str) -> list[str]:
         """Return the names of the invocations of a state's elements, in their order."""
-        return [name for name in self._scope.memory.invocations if name.startswith(f"{state}[")]
+        prefix = f"{state}["
+        return [name for name in self._scope.memory.invocations if name.startswith(prefix)]
 
     def _every(self) -> list[Invocation]:
         """Return all invocations, in the order of the document."""

@@ -120,13 +120,17 @@ class _Effects:
             return number
         found = self._without.get((number, delta))
         if found is None:
-            begin, end = self._starts[number], self._starts[number + 1]
-            before = dict(zip(self._slots[begin:end], self._before[begin:end], strict=True))
+            before = self._values_before(number)
             kept = tuple(
                 (slot, value) for slot, value in delta if value != before[slot] or slot in effect.sets
             )
             found = self._without[number, delta] = self.add(replace(effect, delta=kept), before)
         return found
+
+    def _values_before(self, number: int) -> dict[int, int]:
+        """Return the slots that an effect changes, with what they were."""
+        begin, end = self._starts[number], self._starts[number + 1]
+        return dict(zip(self._slots[begin:end], self._before[begin:end], strict=True))
 
     def ranked(self, rows: Rows, columns: Indices, effects: NDArray[np.uint32]) -> NDArray[np.uint32]:
         """Return the effects of transitions with which deadlines come before which others after them."""
@@ -135,10 +139,8 @@ class _Effects:
         at, new = self._pairs.of_pairs(effects[timed].astype(np.uint64), before)
         for column in timed[new].tolist():
             number, ranks = int(effects[column]), int(rows[self._ranks, columns[column]])
-            begin, end = self._starts[number], self._starts[number + 1]
-            was = dict(zip(self._slots[begin:end], self._before[begin:end], strict=True))
             effect = self._explorer.ranked(self.all[number], ranks)
-            self._ranked.append(self.add(effect, {**was, self._ranks: ranks}))
+            self._ranked.append(self.add(effect, {**self._values_before(number), self._ranks: ranks}))
         found = effects.copy()
         found[timed] = np.frombuffer(self._ranked, np.uint32)[at]
         return found
