@@ -44,7 +44,10 @@ _START = "start"
 #: How long more of the last steps are waited for, in seconds, and how many are kept.
 SETTLE_S = 0.3
 MAX_STEPS = 50
-#: How long the orchestrator may take to be found, and to answer a command each time, in seconds.
+#: How long the orchestrator may take to be found, in seconds. Among ten participants that takes up to 3.5 s:
+#: what a peer says of its endpoints before it is known itself, it repeats once a second only.
+FOUND_S = 10.0
+#: How long it may take to answer a command each time, in seconds.
 ANSWER_S = 3.0
 #: How often a condition is looked at while nothing arrives, in seconds.
 POLL_S = 0.1
@@ -105,7 +108,7 @@ class Commander:
             asked = write(interface_class(COMMAND_TYPE).Request(), {**fields, **who})
         except LupinError as problem:
             raise UsageError(f"{problem}; `make environment` builds it, or colcon") from None
-        if not self._until(self._commands.ready, timeout):
+        if not self._until(self._commands.ready, FOUND_S):
             return Answer(False, f"{COMMAND_SERVICE}: no server", reached=False, found=False)
         answer = self._call(self._commands, asked, timeout, _of_command)
         if answer.code == STALE:
@@ -196,16 +199,16 @@ class Attendant(Commander):
         """What each mission asks of whoever starts it; empty until told."""
         return list(self.offer.get("missions", ()))
 
-    def hear(self, timeout: float) -> bool:
+    def hear(self) -> bool:
         """Wait for the orchestrator to have told where it stands; say whether it has.
 
         The last steps come in one burst, the oldest first, and a busy machine takes its time for it: the one
         after which it told what is possible must have come.
         """
-        if not self._until(lambda: self.steps, timeout):
+        if not self._until(lambda: self.steps, FOUND_S):
             return False
         self.spin(SETTLE_S)
-        self._until(self._is_recent, timeout)
+        self._until(self._is_recent, ANSWER_S)
         return True
 
     def _is_recent(self) -> bool:
@@ -213,9 +216,9 @@ class Attendant(Commander):
         same = newest.get("boot") == possible.get("boot")
         return same and bool(newest["step"]["sequence"] >= possible["sequence"])
 
-    def hear_missions(self, timeout: float) -> bool:
+    def hear_missions(self) -> bool:
         """Wait for the orchestrator to have told its missions; say whether it has."""
-        return self._until(lambda: self.missions, timeout)
+        return self._until(lambda: self.missions, FOUND_S)
 
     def is_there(self) -> bool:
         """Say whether an orchestrator is on the network; one that was killed still is for some seconds."""

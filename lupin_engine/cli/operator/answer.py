@@ -6,7 +6,7 @@ import click
 
 from lupin_engine.cli import options
 from lupin_engine.cli.exit_codes import ACCEPTED, REFUSED
-from lupin_engine.cli.operator.network import PATIENCE_S, attendant, nobody, told
+from lupin_engine.cli.operator.network import attendant, nobody, told
 from lupin_engine.errors import UsageError, nearest
 from lupin_engine.plugin.profile import ANSWER_VERB
 
@@ -20,7 +20,7 @@ def answer(choice: str | None, domain: int | None) -> int:
     Exit code: 0 answered or shown; 1 nothing is asked, or the answer was refused; 2 nobody is there.
     """
     with attendant(domain) as orchestrator:
-        if not orchestrator.hear(PATIENCE_S):
+        if not orchestrator.hear():
             raise nobody()
         asked = orchestrator.asked()
         if asked and choice is not None:

@@ -15,9 +15,6 @@ from lupin_engine.ros.launch.environment import close_the_doors, current_domain
 if TYPE_CHECKING:
     from lupin_engine.ros.operator import Answer, Attendant
 
-#: How long an orchestrator is waited for, in seconds.
-PATIENCE_S = 3.0
-
 
 @contextlib.contextmanager
 def attendant(domain: int | None) -> Iterator[Attendant]:

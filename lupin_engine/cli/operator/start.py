@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from lupin_engine.cli import options
-from lupin_engine.cli.operator.network import PATIENCE_S, attendant, nobody, told
+from lupin_engine.cli.operator.network import attendant, nobody, told
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.profile import START_VERB, given_fields
 
@@ -34,7 +34,7 @@ def start(mission: str, request: dict[str, Any], fields: tuple[str, ...], domain
     Exit code: 0 started; 1 refused, with the reason; 2 nobody is there.
     """
     with attendant(domain) as orchestrator:
-        if not orchestrator.hear_missions(PATIENCE_S):
+        if not orchestrator.hear_missions():
             raise nobody()
         offer = _offer(mission, orchestrator.missions)
         name = offer["mission"] if offer else mission

@@ -12,7 +12,7 @@ import click
 
 from lupin_engine.cli import options
 from lupin_engine.cli.exit_codes import ACCEPTED
-from lupin_engine.cli.operator.network import PATIENCE_S, attendant, nobody
+from lupin_engine.cli.operator.network import attendant, nobody
 from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import load_profiles
 
@@ -33,7 +33,7 @@ def state(watch: bool, as_json: bool, domain: int | None) -> int:
     Exit code: 0 shown; 2 nobody is there.
     """
     with attendant(domain) as orchestrator:
-        if not orchestrator.hear(PATIENCE_S):
+        if not orchestrator.hear():
             raise nobody()
         if not watch:
             found = _look(orchestrator)

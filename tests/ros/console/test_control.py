@@ -21,7 +21,7 @@ from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.ros.operator import Attendant
 from tests.ros.console.conftest import DESK, PATIENCE_MS, PHONE, Served
-from tests.ros.launch.processes import PATIENCE, until
+from tests.ros.launch.processes import until
 from tests.ros.world import Operator
 
 COOKBOOK = Path(__file__).parents[3] / "docs" / "cookbook"
@@ -87,7 +87,7 @@ def attendant(robot: Served, monkeypatch: pytest.MonkeyPatch) -> Iterator[Attend
     monkeypatch.setenv("ROS_DOMAIN_ID", str(robot.lupin.domain))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     found = Attendant()
-    assert found.hear(PATIENCE)
+    assert found.hear()
     in_state(found, "READY", "DONE")
     found.command("resume")  # an orchestrator that stood still in the test before has begun anew, held
     yield found

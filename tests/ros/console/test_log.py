@@ -32,13 +32,11 @@ def command(robot: Served, *words: str) -> None:
 
 @pytest.fixture(scope="module")
 def robot(serve: Callable[..., Served]) -> Served:
-    """One whose past and whose deaths are this module's alone; its mission lasts as long as the tests."""
-    return serve("up", "--speed", "2")
+    """One that stands before tag 3 of an inspection, and was paused and resumed before.
 
-
-@pytest.fixture(scope="module")
-def mission(robot: Served) -> Served:
-    """A robot that stands before tag 3 of an inspection, and was paused and resumed before."""
+    Its past and its deaths are this module's alone. A second try begins with another one.
+    """
+    robot = serve("up", "--speed", "2")
     command(robot, "start", "inspection")
     command(robot, "pause")
     command(robot, "resume")
@@ -48,9 +46,9 @@ def mission(robot: Served) -> Served:
 
 
 @pytest.fixture
-def log(mission: Served, console: Page) -> Page:
+def log(robot: Served, console: Page) -> Page:
     """The log of that robot, with all of its past."""
-    console.goto(f"{mission.url}#log")
+    console.goto(f"{robot.url}#log")
     expect(console.locator(".log .panel-head .soft")).to_contain_text("lines")
     search(console, "start InspectionMission accepted")
     expect(line(console, "start InspectionMission accepted")).to_have_count(1)
@@ -212,9 +210,7 @@ def test_a_click_on_a_state_opens_it_in_the_chart(log: Page) -> None:
     expect(log.locator(".moment-past")).to_be_visible()
 
 
-def test_a_browser_whose_clock_is_an_hour_off_shows_the_robots_time(
-    browser: Browser, mission: Served
-) -> None:
+def test_a_browser_whose_clock_is_an_hour_off_shows_the_robots_time(browser: Browser, robot: Served) -> None:
     """Nothing shifts: neither what is now, nor the lines, nor what is live."""
     context = browser.new_context(locale="en-GB", timezone_id="Europe/Amsterdam")
     context.add_init_script(
@@ -225,7 +221,7 @@ def test_a_browser_whose_clock_is_an_hour_off_shows_the_robots_time(
         "Object.defineProperty(performance, 'timeOrigin', {value: performance.timeOrigin + off});"
     )
     page = context.new_page()
-    page.goto(f"{mission.url}#log")
+    page.goto(f"{robot.url}#log")
     search(page, "start InspectionMission accepted")
     expect(line(page, "start InspectionMission accepted")).to_have_count(1, timeout=PATIENCE_MS)
     expect(page.locator(".moment time")).to_contain_text("CET")
@@ -242,11 +238,9 @@ def test_a_browser_whose_clock_is_an_hour_off_shows_the_robots_time(
 MANY = 5800
 
 
-def test_what_a_page_forgets_is_loaded_when_it_is_looked_for(
-    context: BrowserContext, mission: Served
-) -> None:
+def test_what_a_page_forgets_is_loaded_when_it_is_looked_for(context: BrowserContext, robot: Served) -> None:
     """Of an hour and more a page has the end; the log, Home and the report of a shift get the rest."""
-    path = f"{mission.url}history?since=0&topics=/mission_orchestrator/steps"
+    path = f"{robot.url}history?since=0&topics=/mission_orchestrator/steps"
     first = json.loads(context.request.get(path).text().splitlines()[0])
     record = json.loads(first["msg"]["data"])
     names = ("configuration", "asking", "held", "attempts", "cancelling")
@@ -269,7 +263,7 @@ def test_what_a_page_forgets_is_loaded_when_it_is_looked_for(
             route.continue_()
 
     context.route(re.compile("/history"), answer)
-    for page in opened(context, f"{mission.url}#log"):
+    for page in opened(context, f"{robot.url}#log"):
         older = page.get_by_role("button", name="Show what was before")
         older.click()
         search(page, "long ago 0")
@@ -287,26 +281,26 @@ def test_what_a_page_forgets_is_loaded_when_it_is_looked_for(
         assert sum("since=0&" in url for url in asked) == 3
 
 
-def test_a_page_that_was_frozen_is_back_at_what_is_now(log: Page, mission: Served) -> None:
+def test_a_page_that_was_frozen_is_back_at_what_is_now(log: Page, robot: Served) -> None:
     """A laptop that slept: what happened meanwhile is shown, and is in the log, without being loaded anew."""
     search(log, "pause accepted")
     expect(line(log, "pause accepted").first).to_be_visible()
     before = line(log, "pause accepted").count()
     session = log.context.new_cdp_session(log)
     session.send("Page.setWebLifecycleState", {"state": "frozen"})
-    command(mission, "pause")
+    command(robot, "pause")
     session.send("Page.setWebLifecycleState", {"state": "active"})
     expect(log.locator(".bar .where")).to_contain_text("paused")
     expect(log.locator(".bar .pill.good").first).to_be_visible()
     expect(line(log, "pause accepted")).to_have_count(before + 1)
-    command(mission, "resume")
+    command(robot, "resume")
     expect(log.locator(".bar .where")).not_to_contain_text("paused")
 
 
-def test_a_death_of_the_orchestrator_is_a_gap(log: Page, mission: Served) -> None:
+def test_a_death_of_the_orchestrator_is_a_gap(log: Page, robot: Served) -> None:
     """`kill -9`: the silence, the new start, and what was before are all in the log, also after a reload."""
-    os.kill(mission.lupin.pid_of("mission_orchestrator"), signal.SIGKILL)
-    mission.lupin.until_line("mission_orchestrator is back")
+    os.kill(robot.lupin.pid_of("mission_orchestrator"), signal.SIGKILL)
+    robot.lupin.until_line("mission_orchestrator is back")
     for _ in range(2):
         search(log, "orchestrator was")
         expect(line(log, "the orchestrator was started anew").first).to_be_visible()

@@ -16,6 +16,7 @@ from std_msgs.msg import String
 
 from lupin_engine.cli.main import main
 from lupin_engine.harness.domains import claimed_domain
+from lupin_engine.ros import operator as operators
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.names import COMMAND_SERVICE, STEPS_TOPIC
 from lupin_engine.ros.operator import Commander, operator_name
@@ -155,6 +156,7 @@ def test_nobody_is_there(lupin: Say, words: tuple[str, ...], monkeypatch: pytest
     """Which is another exit code than a refusal."""
     with claimed_domain() as domain, monkeypatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))  # which --domain sets for good
+        patch.setattr(operators, "FOUND_S", 0.5)
         text = f"lupin: no orchestrator speaks in ROS domain {domain}; give --domain, or `lupin up`\n"
         assert lupin(*words, "--domain", str(domain)) == (2, text)
 
