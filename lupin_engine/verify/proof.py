@@ -132,22 +132,29 @@ def prove(
     explorer = BoundedExplorer(world, watched, bounds)
     if page is not None:
         _check_seen(page, explorer)
-    explored = explore(explorer, lambda progress: str(explorer.growth or "") or goes_on(progress))
+
+    def look(progress: ExplorationProgress) -> str:
+        return str(explorer.growth or "") or goes_on(progress)
+
+    explored = exact = explore(explorer, look)
     if explorer.growth is not None:
         explored.complete, explored.stopped = False, str(explorer.growth)
     judge = _Judge(explorer, explored)
     found = [judge.of_steps(one.name, one.says) for one in watched]
     if NO_EXCEPTION in explored.breaches:
         found.append(judge.of_steps(NO_EXCEPTION, "The engine completes every step."))
-    found += judge.of_graph()
+    if any(judge.broken.values()):
+        # It may be so for none of the values that one situation stood for (see `Graph.leads_to`).
+        exact = explore(explorer, look, open_values=False)
+    found += _Judge(explorer, exact).of_graph()
     dead = unreached(world.chart, explored.taken, explored.entered) if explored.complete else ()
     return Proof(
         world.chart,
         tuple(found),
         (*in_words(explorer, explored), *(page.in_words(explored.relevant) if page else ())),
         explored.progress,
-        explored.complete,
-        explored.stopped,
+        exact.complete,
+        exact.stopped,
         dead,
         frozenset(explored.taken),
         frozenset(explored.entered),
@@ -195,22 +202,29 @@ class _Judge:
         )
 
     def _way_of(self, breach: Breach, says: str) -> Proven:
-        return self._broken([*self._ways.to(breach.situation), breach.move], breach.name, says, breach.text)
+        last = self._explored.moves.each(breach.move) if breach.move >= 0 else ()
+        return self._broken([*self._ways.to(breach.situation), *last], breach.name, says, breach.text)
+
+    @cached_property
+    def broken(self) -> dict[str, list[int]]:
+        """The properties of the graph that are relevant, each with the situations that break it."""
+        if not self._explored.complete:
+            return {}
+        graph, chart = Graph(self._explored), self._explorer.chart
+        labels = {state.label for state in chart.states.values()}
+        begins = not labels.isdisjoint({*chart.profile.stages.ready, *chart.profile.stages.ended})
+        return {one.name: broken(graph, one) for one in OF_THE_GRAPH if begins or not one.of_missions}
 
     def of_graph(self) -> list[Proven]:
         """Judge the properties of the graph as a whole."""
         if not self._explored.complete:
             return [Proven(one.name, one.says, ProofVerdict.NOT_PROVEN) for one in OF_THE_GRAPH]
-        graph, found = Graph(self._explored), []
-        stages = self._explorer.chart.profile.stages
-        labels = {state.label for state in self._explorer.chart.states.values()}
-        begins = not labels.isdisjoint({*stages.ready, *stages.ended})
+        found = []
         for one in OF_THE_GRAPH:
-            if one.of_missions and not begins:
+            situations = self.broken.get(one.name)
+            if situations is None:
                 found.append(Proven(one.name, one.says, ProofVerdict.NOT_RELEVANT))
-                continue
-            situations = broken(graph, one)
-            if not situations:
+            elif not situations:
                 found.append(Proven(one.name, one.says, ProofVerdict.HOLDS))
             else:
                 way = self._ways.to(self._ways.nearest(situations))
@@ -219,7 +233,7 @@ class _Judge:
         return found
 
     def _broken(self, way: Sequence[int], name: str, says: str, text: str) -> Proven:
-        explorer, way = self._explorer, [number for number in way if number >= 0]
+        explorer, way = self._explorer, self._explorer.without_idle(way)
         moves = tuple(told_move(explorer.chart, explorer.moves.all[number]) for number in way)
         run = timed_run(explorer, way)
         waits = bool(way) and explorer.moves.all[way[-1]].timer[0] == OF_PROPERTY

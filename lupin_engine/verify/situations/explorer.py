@@ -265,6 +265,14 @@ class SituationExplorer:
             found.append((self._after(situation, effect), effect))
         return found
 
+    def without_idle(self, moves: Sequence[int]) -> list[int]:
+        """Return moves without those that tell a live value what it is."""
+        way = [situation for situation, _ in self.walk(moves)]
+        events = (self.moves.all[number].event for number in moves)
+        told = [event is not None and event.name == "value" for event in events]
+        found = zip(moves, told, way, way[1:], strict=False)
+        return [number for number, tells, before, after in found if not tells or before != after]
+
     def _after(self, situation: Situation, effect: Effect) -> Situation:
         found = list(situation)
         for slot, number in self.ranked(effect, situation[self.table.index[RANKS]]).delta:

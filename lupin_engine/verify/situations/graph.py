@@ -5,6 +5,7 @@ Each property is one question: can a goal be reached from every situation by mov
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -15,6 +16,8 @@ from lupin_engine.verify.situations.found import Explored, Is
 from lupin_engine.verify.situations.worlds import Mover
 
 _Mask = NDArray[np.bool_]
+#: So many values of open inputs are told apart (see `_values_of`).
+_BITS = 64
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,8 @@ class Graph:
         self._sides = sides[by] if len(by) else np.zeros(0, dtype=np.uint8)
         self._flags = np.frombuffer(explored.flags, dtype=np.uint8)
         self._advances = np.frombuffer(explored.advances, dtype=np.uint8) != 0
+        self._all, values = _values_of(explored)
+        self._values = values[by] if len(by) else np.zeros(0, np.uint64)
 
     def situations(self, flags: int) -> _Mask:
         """Return the situations that have one of these flags."""
@@ -56,21 +61,31 @@ class Graph:
     @property
     def advancing(self) -> _Mask:
         """The situations in which something can be told of a target or of the mission, as things go on."""
-        found = np.zeros(len(self._flags), dtype=bool)
-        found[self.sources[self._advances & self.by(Mover.ANSWER | Mover.TIMER)]] = True
-        return found
+        found = np.zeros(len(self._flags), np.uint64)
+        at = np.flatnonzero(self._advances & self.by(Mover.ANSWER | Mover.TIMER))
+        np.bitwise_or.at(found, self.sources[at], self._values[at])
+        advances: _Mask = found == self._all
+        return advances
 
-    def leads_to(self, goal: _Mask, allowed: _Mask) -> _Mask:
-        """Return the situations from which one of the goal can be reached by allowed transitions."""
+    def leads_to(self, goal: _Mask, allowed: _Mask, values_change: bool = False) -> _Mask:
+        """Return the situations from which one of the goal can be reached by allowed transitions.
+
+        Where one situation stands for all values of an input it must be so for each of them, unless
+        `values_change` on the way. Then where it is said to be so it is; not everything is said, since it may
+        depend on the value which of two ways leads on at its end.
+        """
         reached = goal.copy()
         sources, targets = self.sources[allowed], self.targets[allowed]
+        values = np.full(len(sources), self._all) if values_change else self._values[allowed]
+        of = np.where(reached, self._all, np.uint64(0))
         while True:
             new = reached[targets]
             if not new.any():
                 return reached
-            reached[sources[new]] = True
-            left = ~reached[sources]
-            sources, targets = sources[left], targets[left]
+            np.bitwise_or.at(of, sources[new], values[new])
+            reached = of == self._all
+            left = ~new & ~reached[sources]
+            sources, targets, values = sources[left], targets[left], values[left]
 
     def in_circles(self, allowed: _Mask) -> _Mask:
         """Return the situations from which allowed transitions can be taken without end."""
@@ -87,9 +102,28 @@ class Graph:
         return found
 
 
+def _values_of(explored: Explored) -> tuple[np.uint64, NDArray[np.uint64]]:
+    """Return all values that open inputs can have together, a bit each, and for which of them each move is.
+
+    That is all, unless values are told before the move. Where they are too many for bits it is then none.
+    """
+    every = explored.moves.all
+    chosen = {number: frozenset(move.made_of[:-1]) for number, move in enumerate(every) if move.made_of}
+    asked = frozenset().union(*chosen.values())
+    told = [moves for moves in explored.told if asked.intersection(moves)]
+    together = [frozenset(moves) for moves in itertools.islice(itertools.product(*told), _BITS + 1)]
+    if len(together) > _BITS:
+        together = [frozenset()]
+    found = np.full(len(every), 2 ** len(together) - 1, np.uint64)
+    for number, values in chosen.items():
+        found[number] = sum(1 << at for at, one in enumerate(together) if values <= one)
+    return np.uint64(2 ** len(together) - 1), found
+
+
 def _not_home(graph: Graph) -> _Mask:
     helpful = Mover.ANSWER | Mover.TIMER | Mover.REQUEST | Mover.WORLD
-    return ~graph.leads_to(graph.situations(Is.OVER), graph.by(helpful))
+    goal, allowed = graph.situations(Is.OVER), graph.by(helpful)
+    return ~graph.leads_to(goal, allowed, values_change=True)
 
 
 def _untold(graph: Graph) -> _Mask:

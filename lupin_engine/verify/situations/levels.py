@@ -10,7 +10,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ def explore(
     goes_on: Callable[[ExplorationProgress], str] = lambda _: "",
     memo: bool = True,
     live: bool = True,
+    open_values: bool = True,
 ) -> Explored:
     """Look at all situations.
 
@@ -45,13 +46,14 @@ def explore(
         goes_on: called now and then; returns why to stop, or nothing.
         memo: whether what a move does is remembered; without, every transition is a step.
         live: whether what nothing will read is not told apart (see `liveness`).
+        open_values: whether live values are not told apart where they are open (see `liveness`).
 
     Raises:
         TooMany: something grows without end.
     """
     while True:
         try:
-            return LevelWalk(explorer, memo, live).run(goes_on)
+            return LevelWalk(explorer, memo, live, open_values).run(goes_on)
         except Overflow:
             explorer.make_room()
 
@@ -60,6 +62,21 @@ def explore(
 _SHARED = ("delta", "relevant", "taken", "entered", "fresh", "deadlines", "renamed", "needs", "sets")
 #: In place of what is left of the value of a slot: a step has set it, whatever it was.
 _SET = -1
+
+
+class Sources(NamedTuple):
+    """Situations from which moves are made: slots by situations, with their numbers and marks.
+
+    Of the slots that are `chosen` the value was open; the moves that are `made` have told them.
+    """
+
+    depth: int
+    numbers: Indices
+    rows: Rows
+    low: Marks
+    high: Marks
+    chosen: frozenset[int] = frozenset()
+    made: tuple[int, ...] = ()
 
 
 class _Stopped(Exception):
@@ -79,6 +96,8 @@ class _Effects:
         self._low, self._high = array("Q"), array("Q")
         self._starts, self._slots, self._values = array("I", [0]), array("H"), array("H")
         self._before = array("H")
+        #: The slot and the value of an effect that does nothing else, as one number; 0: there is none.
+        self._only = array("I")
         self._without: dict[tuple[int, tuple[tuple[int, int], ...]], int] = {}
         self._ranks = explorer.table.index[RANKS]
         #: Pairs of an effect and the ranks before it; by their numbers, what the effect is there.
@@ -110,6 +129,8 @@ class _Effects:
         self._cut.append(effect.cut)
         self._breaks.append(bool(effect.breaches))
         self._timed.append(effect.deadlines is not None)
+        more = effect.breaches or effect.cut or effect.deadlines or len(effect.delta) != 1
+        self._only.append(0 if more else self.only(*effect.delta[0]))
         return len(self.all) - 1
 
     def without(self, number: int, dead: Dead) -> int:
@@ -144,6 +165,15 @@ class _Effects:
         found = effects.copy()
         found[timed] = np.frombuffer(self._ranked, np.uint32)[at]
         return found
+
+    @staticmethod
+    def only(slot: int, value: int) -> int:
+        """Return a slot and its value as one number."""
+        return slot << 16 | value
+
+    def changing_only(self, effects: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Return which slot effects set to which value if that is all they do (see `only`); 0 otherwise."""
+        return np.frombuffer(self._only, np.uint32)[effects]
 
     def progressing(self, effects: NDArray[np.uint32]) -> NDArray[np.bool_]:
         return np.frombuffer(self._progress, np.bool_)[effects]
@@ -180,10 +210,12 @@ class Leads:
         self._places: dict[tuple[int, ...], int] = {}
         #: Pairs of a place and an effect; by their numbers, what the effect is there, and what it opens.
         self._pairs = SeenTable()
-        self._found, self._found_ends = array("I"), array("I")
+        self._found, self._found_ends, self._found_asked = array("I"), array("I"), array("I")
         self._dead: dict[tuple[int, ...], Dead] = {}
         #: Slots that are set or end together, each with what is left of its value; the first are none.
         self._ends: dict[tuple[tuple[int, int], ...], int] = {(): 0}
+        #: Slots of values that are open before effects and make a difference to them, or after them.
+        self._asked: dict[frozenset[int], int] = {frozenset(): 0}
 
     def first(self, rows: Rows) -> Rows:
         """Return the first situation without what is not live in it."""
@@ -195,8 +227,8 @@ class Leads:
 
     def settle(
         self, rows: Rows, columns: Indices, effects: NDArray[np.uint32]
-    ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-        """Return for transitions what they do, and the number of the slots that end with them."""
+    ) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint32]]:
+        """Return for transitions what they do, and the numbers of the slots that end, and that are asked."""
         every, of = np.unique(rows[list(self._live.of_place)], axis=1, return_inverse=True)
         places = [self._live.place(values) for values in every.T.tolist()]
         numbers = np.array([self._places.setdefault(p, len(self._places)) for p in places], np.uint64)
@@ -205,22 +237,47 @@ class Leads:
         names = dict(zip(numbers.tolist(), places, strict=True))
         for place, effect in zip(placed[new].tolist(), effects[new].tolist(), strict=True):
             self.used.append(effect)
-            settled, ends = self._work_out(names[place], effect)
-            self._found.append(settled)
-            self._found_ends.append(ends)
-        return np.frombuffer(self._found, np.uint32)[at], np.frombuffer(self._found_ends, np.uint32)[at]
+            for known, one in zip(
+                (self._found, self._found_ends, self._found_asked),
+                self._work_out(names[place], effect),
+                strict=True,
+            ):
+                known.append(one)
+        found, ends, asked = (
+            np.frombuffer(known, np.uint32)[at]
+            for known in (self._found, self._found_ends, self._found_asked)
+        )
+        return found, ends, asked
 
-    def _work_out(self, place: tuple[int, ...], number: int) -> tuple[int, int]:
+    def unchosen(self, asked: NDArray[np.uint32], chosen: frozenset[int]) -> Iterator[tuple[int, Indices]]:
+        """Yield slots whose values are to be chosen first, each with the transitions that ask for it."""
+        for slots, number in list(self._asked.items()):
+            left = slots - chosen
+            at = np.flatnonzero(asked == number) if left else ()
+            if len(at):
+                yield min(left), np.asarray(at)
+
+    def _work_out(self, place: tuple[int, ...], number: int) -> tuple[int, int, int]:
         effect = self._effects.all[number]
         delta = dict(effect.delta)
         kept = zip(self._live.of_place, place, strict=True)
         to = self._live.place(delta.get(slot, value) for slot, value in kept)
         self.certain = self._live.takes(place, effect, to) and self.certain
+        for slot in self._live.told.keys() & delta.keys():
+            if delta[slot] and delta[slot] not in self._live.told[slot]:
+                self.certain = self._live.close_everywhere(slot) and self.certain
         dead, before = self._dead_at(to), self._dead_at(place)
-        ending = sorted((dead.slots - before.slots | dead.gone - before.gone) - delta.keys())
+        open_ = self._live.open(place[0])
+        asked = frozenset(effect.needs & open_ | (open_ - dead.slots - delta.keys()))
+        were = before.slots - asked
+        ending = sorted((dead.slots - were | dead.gone - before.gone) - delta.keys())
         ends = [(slot, _SET) for slot in sorted(effect.sets & delta.keys())]
         ends += [(slot, dead.left(slot, 1)) for slot in ending]
-        return self._effects.without(number, dead), self._ends.setdefault(tuple(ends), len(self._ends))
+        return (
+            self._effects.without(number, dead),
+            self._ends.setdefault(tuple(ends), len(self._ends)),
+            self._asked.setdefault(asked, len(self._asked)),
+        )
 
     def _dead_at(self, place: tuple[int, ...]) -> Dead:
         found = self._dead.get(place)
@@ -228,7 +285,7 @@ class Leads:
             found = self._dead[place] = self._live.dead(place)
         return found
 
-    def open(
+    def ended(
         self, rows: Rows, columns: Indices, ends: NDArray[np.uint32]
     ) -> Iterator[tuple[int, int, Indices, NDArray[np.uint16]]]:
         """Yield slots that are set or end: what is left, in which transitions, and the values before."""
@@ -245,7 +302,7 @@ class Leads:
 class LevelWalk:
     """One exploration."""
 
-    def __init__(self, explorer: SituationExplorer, memo: bool, live: bool) -> None:
+    def __init__(self, explorer: SituationExplorer, memo: bool, live: bool, open_values: bool = True) -> None:
         self._explorer = explorer
         self._memo_on = memo
         table = explorer.table
@@ -254,7 +311,8 @@ class LevelWalk:
         self._effects = _Effects(explorer, self._marks)
         self._memo: dict[tuple[int, int], MemoTable] = {}
         self._flags = MemoTable()
-        self.live = Liveness(explorer.chart, table, live)
+        told = explorer.moves.told() if open_values else {}
+        self.live = Liveness(explorer.chart, table, told, live)
         self._goes_on: Callable[[ExplorationProgress], str] = lambda _: ""
         self._steps = 0
         self._begin()
@@ -263,13 +321,18 @@ class LevelWalk:
         """Have seen nothing; what was worked out stays."""
         self._seen = SeenTable()
         self._waiting = WaitingLine()
-        self._found = Explored(self._explorer.moves)
+        self._found = self._nothing()
         #: What was found until something was needed that was not live.
         self._certain: Explored | None = None
         self._found.progress.steps = self._steps
         self._looked_at = 0
         self.live.begin()
         self._leads = Leads(self.live, self._effects)
+
+    def _nothing(self) -> Explored:
+        return Explored(
+            self._explorer.moves, told=tuple(map(tuple, (of.values() for of in self.live.told.values())))
+        )
 
     def run(self, goes_on: Callable[[ExplorationProgress], str]) -> Explored:
         """Look at everything; what is returned of a walk that is stopped is certain."""
@@ -317,7 +380,8 @@ class LevelWalk:
         """Keep what is certain. What follows is looked at only to learn what else is live."""
         self._certain = self._take_stock(used)
         progress = self._found.progress
-        self._found = Explored(self._explorer.moves, replace(progress, levels=list(progress.levels)))
+        self._found = self._nothing()
+        self._found.progress = replace(progress, levels=list(progress.levels))
 
     def _has_looked_ahead(self) -> bool:
         certain = self._certain
@@ -342,64 +406,122 @@ class LevelWalk:
 
     def _expand(self, block: Block) -> None:
         order = np.argsort(block.rows[self._configuration], kind="stable")
-        rows = block.rows[:, order]
-        edges = np.flatnonzero(np.diff(rows[self._configuration])) + 1
+        numbers = block.first + order
+        rows, low, high = block.rows[:, order], block.low[order], block.high[order]
+        sources = Sources(block.depth, numbers, rows, low, high)
         every: list[tuple[Indices, NDArray[np.uint32], int]] = []
-        for begin, end in zip([0, *edges], [*edges, rows.shape[1]], strict=True):
-            part = LevelPart(rows[:, begin:end], self._marks)
+        for begin, part in self._parts(rows):
             for move, columns in self._possible(part):
                 every.append((columns + begin, self._follow(part, columns, move), move))
         columns = np.concatenate([each[0] for each in every])
         effects = np.concatenate([each[1] for each in every])
         moves = np.repeat(np.array([each[2] for each in every], np.uint16), [len(each[0]) for each in every])
-        self._go(block, order[columns], moves, effects)
+        self._found.progress.expanded += len(numbers)
+        self._go(sources, columns, moves, effects)
+
+    def _parts(self, rows: Rows) -> Iterator[tuple[int, LevelPart]]:
+        """Yield the parts with one configuration each, with their places; such situations are neighbours."""
+        edges = np.flatnonzero(np.diff(rows[self._configuration])) + 1
+        for begin, end in zip([0, *edges], [*edges, rows.shape[1]], strict=True):
+            yield begin, LevelPart(rows[:, begin:end], self._marks)
+
+    def _choose(self, sources: Sources, columns: Indices, moves: NDArray[np.uint16], slot: int) -> None:
+        """Make some moves anew for each value of a slot that is open and asked for, where there is any."""
+        there = sources.rows[slot, columns] > 0
+        for value, tell in ((0, ()), *((value, (move,)) for value, move in self.live.told[slot].items())):
+            at = np.flatnonzero(there == (value > 0))
+            if not len(at):
+                continue
+            kept, of = np.unique(columns[at], return_inverse=True)
+            rows = sources.rows[:, kept]
+            change = self._marks[:, slot, rows[slot]] ^ self._marks[:, slot, value][:, None]
+            rows[slot] = value
+            low, high = sources.low[kept] ^ change[0], sources.high[kept] ^ change[1]
+            chosen, made = sources.chosen | {slot}, (*sources.made, *tell)
+            those = Sources(sources.depth, sources.numbers[kept], rows, low, high, chosen, made)
+            self._go(those, of, moves[at], self._effects_of(those, of, moves[at]))
+
+    def _effects_of(
+        self, sources: Sources, columns: Indices, moves: NDArray[np.uint16]
+    ) -> NDArray[np.uint32]:
+        """Return the effects of moves, each in the situation of a column."""
+        effects = np.zeros(len(columns), np.uint32)
+        for begin, part in self._parts(sources.rows):
+            inside = np.flatnonzero((columns >= begin) & (columns < begin + part.rows.shape[1]))
+            for move in np.unique(moves[inside]):
+                at = inside[moves[inside] == move]
+                effects[at] = self._follow(part, columns[at] - begin, int(move))
+        return effects
 
     def _go(
-        self, block: Block, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
+        self, sources: Sources, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
     ) -> None:
-        """Take in where some moves lead; `columns` are those of the situations in the block."""
+        """Take in where some moves lead; `columns` are those of the situations."""
         known = self._effects
         used = len(self._leads.used)
-        effects, ends = self._leads.settle(block.rows, columns, effects)
-        effects = known.ranked(block.rows, columns, effects)
+        self._close(sources.rows, columns, moves, effects)
+        effects, ends, asked = self._leads.settle(sources.rows, columns, effects)
         if self._certain is None and not self._leads.certain:
             self._look_ahead(used)
+        done = np.ones(len(columns), np.bool_)
+        for slot, at in self._leads.unchosen(asked, sources.chosen):
+            done[at] = False
+            self._choose(sources, columns[at], moves[at], slot)
+        columns, moves, ends = columns[done], moves[done], ends[done]
+        effects = known.ranked(sources.rows, columns, effects[done])
+        if sources.made:
+            every, of = np.unique(moves, return_inverse=True)
+            told = [self._explorer.moves.told_before(sources.made, int(move)) for move in every]
+            moves = np.array(told, np.uint16)[of]
         found = self._found
         found.cut += known.cut(effects)
-        self._note_breaches(block.depth, block.first + columns, moves, effects)
+        self._note_breaches(sources.depth, sources.numbers[columns], moves, effects)
         low, high = known.marks(effects)
-        for slot, left, at, values in self._leads.open(block.rows, columns, ends):
+        for slot, left, at, values in self._leads.ended(sources.rows, columns, ends):
             for side, marks in enumerate((low, high)):
                 of = self._marks[side, slot]
                 marks[at] ^= of[values] ^ of[max(left, 0)]  # nothing has 0
         changing = (low | high) != 0
         columns, moves, effects, ends = columns[changing], moves[changing], effects[changing], ends[changing]
-        low, high = low[changing] ^ block.low[columns], high[changing] ^ block.high[columns]
+        low, high = low[changing] ^ sources.low[columns], high[changing] ^ sources.high[columns]
         targets, new = self._seen.numbers(low, high)
-        found.sources.frombytes((block.first + columns).astype(np.uint32).tobytes())
-        found.targets.frombytes(targets.tobytes())
-        found.by.frombytes(moves.tobytes())
-        found.advances += known.progressing(effects).tobytes()
+        numbers = sources.numbers[columns].astype(np.uint32)
+        leaves = targets != numbers  # with values that were told before, another one may be what changes
+        found.sources.frombytes(numbers[leaves].tobytes())
+        found.targets.frombytes(targets[leaves].tobytes())
+        found.by.frombytes(moves[leaves].tobytes())
+        found.advances += known.progressing(effects[leaves]).tobytes()
         progress = found.progress
         progress.transitions += self._looked_at
-        progress.expanded += block.rows.shape[1]
-        progress.depth = block.depth
+        progress.depth = sources.depth
         self._looked_at = 0
         if len(new):
-            rows = block.rows[:, columns[new]]
+            rows = sources.rows[:, columns[new]]
             known.apply(rows, effects[new])
-            for slot, left, at, _ in self._leads.open(block.rows, columns[new], ends[new]):
+            for slot, left, at, _ in self._leads.ended(sources.rows, columns[new], ends[new]):
                 if left != _SET:
                     rows[slot, at] = left
             self._add(
-                block.depth + 1,
+                sources.depth + 1,
                 rows,
                 low[new],
                 high[new],
-                (block.first + columns[new]).tolist(),
+                sources.numbers[columns[new]].tolist(),
                 moves[new].tolist(),
             )
         progress.waiting = self._waiting.count
+
+    def _close(
+        self, rows: Rows, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
+    ) -> None:
+        """Take notice of values that are not open: what is told does not change them, or more than them."""
+        configurations = rows[self._configuration, columns]
+        for slot, values in self.live.told.items():
+            for value, move in values.items():
+                at = np.flatnonzero(moves == move)
+                more = self._effects.changing_only(effects[at]) != self._effects.only(slot, value)
+                for configuration in np.unique(configurations[at][more]).tolist():
+                    self._leads.certain = self.live.close(configuration, {slot}) and self._leads.certain
 
     def _add(
         self, depth: int, rows: Rows, low: Marks, high: Marks, parents: list[int], moves: list[int]
@@ -430,6 +552,11 @@ class LevelWalk:
         sets, of = self._groups(rows, moves.slots_of_timers)
         due = [moves.due(numbers) for numbers in sets]
         at_once = np.array([one.at_once for one in due], np.bool_)[of]
+        if at_once.any():  # then nothing can be told
+            every = self.live.told.keys()
+            self._leads.certain = (
+                self.live.close(int(rows[self._configuration, 0]), every) and self._leads.certain
+            )
         later = np.flatnonzero(~at_once)
         if len(later):
             yield from ((move, later) for move in moves.everywhere)

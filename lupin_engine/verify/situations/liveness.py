@@ -7,13 +7,16 @@ some it does not matter either whether there is anything, unless that is read: t
 Once a step turns out to need something that is not live at its place, that is made live there, and at all
 places from which it comes unwritten; then the walk begins anew. Whether a key is live follows from the
 configuration.
+A live value is open in a configuration if whatever is told there changes that value and nothing else. As it
+may be told at any moment, one situation stands for all of its values there: it is not live, and a move that
+reads it is made for each (see `LevelWalk`). That, too, is at first assumed, and given up where it is not so.
 So in the walk that gets to its end every step needs live slots alone, and what is live after it was live
 before, or is set by it: situations that agree in all live slots are bisimilar.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Set
+from collections.abc import Iterable, Mapping, Set
 from typing import NamedTuple
 
 from lupin_engine.chart.model import Chart
@@ -41,9 +44,22 @@ class Dead(NamedTuple):
 class Liveness:
     """What is live at the places of one chart; it only grows."""
 
-    def __init__(self, chart: Chart, table: SlotTable, on: bool = True) -> None:
-        """Begin with nothing that is live; where it is not `on`, everything is."""
+    def __init__(
+        self, chart: Chart, table: SlotTable, told: Mapping[int, Mapping[int, int]], on: bool = True
+    ) -> None:
+        """Begin with nothing that is live.
+
+        Args:
+            chart: the chart.
+            table: its slots.
+            told: of the slots of inputs that may be open the numbers of their values, each with the move that
+                tells it.
+            on: whether anything is ever not live.
+        """
         self._on = on
+        self.told = told if on else {}
+        self._closed: dict[int, set[int]] = {}
+        self._closed_everywhere: set[int] = set()
         self._table = table
         keys = [("context", name) for name, of in chart.context.items() if of.type.kind == "text"]
         keys += [("history", name) for name in table.keys["history"]]
@@ -53,20 +69,39 @@ class Liveness:
         self.of_place = (table.index["configuration", ""], *self._keys)
         self._of_keys = _Flow()
         self._of_slots = _Flow()
-        self._are_places_split = False
+        self._is_void = False
 
     def begin(self) -> None:
-        """Prepare for a new walk: where keys have become live, what was learnt of the places is void."""
-        if self._are_places_split:
+        """Prepare for a new walk: what was learnt is void if places or values had to be told apart since."""
+        if self._is_void:
             self._of_slots = _Flow()
-        self._are_places_split = False
+        self._is_void = False
+
+    def open(self, configuration: int) -> Set[int]:
+        """Return the slots of inputs whose values are open in a configuration."""
+        return self.told.keys() - self._closed_everywhere - self._closed.get(configuration, set())
+
+    def close(self, configuration: int, slots: Set[int]) -> bool:
+        """Take notice that these are not open in a configuration; say whether they were not known to be."""
+        closed = self._closed.setdefault(configuration, set())
+        calm = slots <= closed
+        closed.update(slots)
+        self._is_void = self._is_void or not calm
+        return calm
+
+    def close_everywhere(self, slot: int) -> bool:
+        """Take notice that an input has values that nobody can tell; say whether that was known."""
+        calm = slot in self._closed_everywhere
+        self._closed_everywhere.add(slot)
+        self._is_void = self._is_void or not calm
+        return calm
 
     def dead(self, place: Place) -> Dead:
         """Return the slots that are not live at a place."""
         if not self._on:
             return Dead()
         room, live = self._table.room, self._of_keys.live(place[:1]) | self._of_slots.live(place)
-        dead = self._table.mortal - live
+        dead = self._table.mortal - live | self.open(place[0])
         fading = (slot for slot in dead if self._table.names[slot][0] in FADING)
         return Dead(dead, frozenset(slot for slot in fading if slot + room not in live))
 
@@ -86,10 +121,11 @@ class Liveness:
         room, mortal = self._table.room, self._table.mortal
         needs = {slot for slot in effect.needs if slot % room in mortal}
         needs |= {slot + room for slot in needs if slot < room}
-        sets = effect.sets.union(slot + room for slot in effect.sets)
+        needs -= self.open(place[0])
+        sets = effect.sets.union(slot + room for slot in effect.sets) | self.open(place[0])
         of_keys = frozenset(slot for slot in needs if slot % room in self._key_set)
         calm = self._of_keys.takes(place[:1], to[:1], of_keys, sets)
-        self._are_places_split = self._are_places_split or not calm
+        self._is_void = self._is_void or not calm
         return self._of_slots.takes(place, to, frozenset(needs - of_keys), sets) and calm
 
 

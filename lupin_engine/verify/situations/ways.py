@@ -27,6 +27,7 @@ class ShortestWays:
         self._wrong = np.array([is_fault(move) for move in explored.moves.all], dtype=np.int32)
         self._parents = np.array(explored.parents, dtype=np.int64)
         self._moves = np.array(explored.parent_moves, dtype=np.int64)
+        self._each = explored.moves.each
         count = len(self._parents)
         depths = [0] * count
         for number, parent in enumerate(self._parents.tolist()[1:], 1):
@@ -54,11 +55,11 @@ class ShortestWays:
 
     def to(self, situation: int) -> list[int]:
         """Return the moves of the way to a situation."""
-        found = []
+        found: list[int] = []
         while situation:
-            found.append(int(self._moves[situation]))
+            found[:0] = self._each(int(self._moves[situation]))
             situation = int(self._parents[situation])
-        return found[::-1]
+        return found
 
     def first(self, breaches: Sequence[Breach]) -> list[Breach]:
         """Return breaches, those with the fewest faults first."""

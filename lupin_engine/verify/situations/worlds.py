@@ -12,7 +12,7 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from lupin_engine.machine import event as events
@@ -65,11 +65,15 @@ class Mover(enum.IntFlag):
 
 @dataclass(frozen=True)
 class WorldMove:
-    """Something that happens: an event, or the deadline of a kind, an owner and an event of its own."""
+    """Something that happens: an event, or the deadline of a kind, an owner and an event of its own.
+
+    One that is `made_of` several moves, by their numbers, is the last of them; before it values are told.
+    """
 
     side: Mover
     event: Event | None = None
     timer: TimerName = ("", "", "")
+    made_of: tuple[int, ...] = ()
 
 
 class Due(NamedTuple):
@@ -124,6 +128,34 @@ class WorldMoves:
         if restarts:
             yield "restart", WorldMove(Mover.WORLD, Event(RESUMED, {"detail": "", "held": True, "away": 1.0}))
             yield "loaded", WorldMove(Mover.WORLD, LOADED)
+
+    def told_before(self, values: tuple[int, ...], number: int) -> int:
+        """Return the number of a move before which values are told, by the numbers of the moves."""
+        if not values:
+            return number
+        made_of = (*values, number)
+        return self._number(("made of", made_of), replace(self.all[number], made_of=made_of))
+
+    def each(self, number: int) -> tuple[int, ...]:
+        """Return the moves that one stands for."""
+        return self.all[number].made_of or (number,)
+
+    def told(self) -> dict[int, dict[int, int]]:
+        """Return the inputs of values that never grow old and are told to nothing else.
+
+        Of the slot of each the numbers that it may have, each with the number of the move that tells it.
+        """
+        found: dict[int, dict[int, int]] = {}
+        for number in self.everywhere:
+            event = self.all[number].event
+            if event is None or event.name != "value":
+                continue
+            specs = [i for i in self._table.relevance.chart.inputs.values() if i.value == event.data["name"]]
+            if len(specs) == 1 and specs[0].freshness is None:
+                slot = self._table.index["inputs", specs[0].name]
+                value = self._table.number(slot, Reported(event.data["value"], 0.0))
+                found.setdefault(slot, {}).setdefault(value, number)
+        return {slot: values for slot, values in found.items() if len(values) > 1}
 
     # -- what is possible where -----------------------------------------------------------------------
 
