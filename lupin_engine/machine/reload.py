@@ -19,7 +19,7 @@ from lupin_engine.machine.memory import Memory, Phase, Timer
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore, snapshot
 from lupin_engine.machine.structure import dispatch_table
-from lupin_engine.plugin.builtin import BUILTIN
+from lupin_engine.plugin.builtin import is_builtin
 from lupin_engine.plugin.profile import START
 
 _T = TypeVar("_T")
@@ -32,7 +32,7 @@ def is_idle(machine: Machine) -> bool:
         return False
     running = [a.operation for a in memory.attempts.values() if a.phase is not Phase.LOST]
     if running:
-        return all(name.partition(".")[0] == BUILTIN for name in running)
+        return all(map(is_builtin, running))
     offered = dispatch_table(chart).configuration(memory.configuration).candidates(START)
     return not memory.invocations and any(rule.target is not None for rules in offered for rule in rules)
 

@@ -43,3 +43,8 @@ PLUGIN = Plugin(
         ),
     },
 )
+
+
+def is_builtin(operation: str) -> bool:
+    """Say whether the engine itself offers an operation, by its full name."""
+    return operation.partition(".")[0] == BUILTIN

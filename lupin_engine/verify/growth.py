@@ -53,13 +53,13 @@ class BoundedExplorer(SituationExplorer):
 
     growth: Growth | None = None
 
-    def step(self, situation: Situation, number: int) -> tuple[Effect, frozenset[int]]:
+    def step(self, situation: Situation, number: int) -> Effect:
         """Make the machine's own step; one that makes something grow too far leads nowhere."""
         try:
             return super().step(situation, number)
         except TooMany:
             self.growth = self.growth or self._growth()
-            return Effect((), (), frozenset(), (), (), progress=False), frozenset()
+            return Effect((), (), frozenset(), (), (), progress=False)
 
     def _growth(self) -> Growth:
         """Return the part of the memory that has more values than there may be."""

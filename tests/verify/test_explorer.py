@@ -27,11 +27,10 @@ from lupin_engine.verify.campaign import Campaign
 from lupin_engine.verify.rates import read_rates
 from lupin_engine.verify.situations import classes
 from lupin_engine.verify.situations.found import ExplorationProgress
-from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph
-from lupin_engine.verify.situations.levels import LevelWalk, explore
+from lupin_engine.verify.situations.levels import explore
 from lupin_engine.verify.situations.moves import told_move
-from lupin_engine.verify.situations.relevance import _sweeps_told_apart, elements_told_apart
-from lupin_engine.verify.situations.situation import TrackedMemory, is_orphan
+from lupin_engine.verify.situations.relevance import _sweeps_told_apart, elements_told_apart, is_orphan
+from lupin_engine.verify.situations.situation import TrackedMemory
 from lupin_engine.verify.situations.timing import timed_run
 from tests import shipped
 from tests.machine.charts import PAUSE, chart
@@ -86,33 +85,6 @@ def test_a_restart_after_a_lost_order_is_looked_at_with_late_answers() -> None:
 
     assert phases(0) == set()
     assert phases(1) == {("cancelling", EVERYTHING)}
-
-
-@pytest.mark.parametrize("of", [round_trip(), shipped.mission("inspection")])
-def test_what_is_dead_changes_nothing(of: Chart) -> None:
-    """The plain walk, with what is dead left out, has the situations and transitions of the reduced one."""
-    explorer = KeepingExplorer(of, targets=1)
-    plain = explore(explorer, live=False)
-    every = list(explorer.situations)
-    walk = LevelWalk(explorer, memo=True, live=True)
-    reduced = walk.run(lambda _: "")
-    assert plain.complete
-    assert reduced.complete
-    numbers = {situation: number for number, situation in enumerate(explorer.situations)}
-    of_plain = []
-    for situation in every:
-        dead = walk.live.dead(walk.live.place(situation[slot] for slot in walk.live.of_place))
-        kept = tuple(dead.left(slot, value) for slot, value in enumerate(situation))
-        of_plain.append(numbers[kept])
-    assert set(of_plain) == set(range(reduced.progress.situations))
-    moved = [of_plain[number] for number in plain.sources], [of_plain[number] for number in plain.targets]
-    expected = {(a, by, b) for a, by, b in zip(moved[0], plain.by, moved[1], strict=True) if a != b}
-    last = [reduced.moves.each(number)[-1] for number in reduced.by]
-    assert set(zip(reduced.sources, last, reduced.targets, strict=True)) == expected
-    assert plain.breaches.keys() == reduced.breaches.keys()
-    assert (plain.taken, plain.entered) == (reduced.taken, reduced.entered)
-    broken = [[one.name for one in OF_THE_GRAPH if one.broken(Graph(g)).any()] for g in (plain, reduced)]
-    assert broken[0] == broken[1]
 
 
 def test_a_stop_after_a_new_beginning_loses_nothing() -> None:

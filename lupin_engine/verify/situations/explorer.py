@@ -62,6 +62,7 @@ from lupin_engine.verify.situations.worlds import (
     deadlines_of,
     forget_unwanted,
     in_order,
+    ranks_after,
 )
 
 #: Room for slots at the beginning.
@@ -121,15 +122,14 @@ class SituationExplorer:
         effect = self._effect_of(memory, machine, step, nothing, None)
         return self._after(nothing, effect), effect
 
-    def step(self, situation: Situation, number: int) -> tuple[Effect, frozenset[int]]:
-        """Make the machine's own step, and return what it read: see `TrackedMemory.reads`.
+    def step(self, situation: Situation, number: int) -> Effect:
+        """Make the machine's own step.
 
         Which deadlines come before which others is not in the effect: see `ranked`.
         """
         memory = TrackedMemory(self.table, situation)
         effect = self._step(memory, situation, number)
-        reads, sets = memory.reads, frozenset(memory.written - memory.values)
-        return replace(effect, needs=reads, sets=sets), reads
+        return replace(effect, needs=memory.reads, sets=frozenset(memory.written - memory.values))
 
     def _step(self, memory: TrackedMemory, situation: Situation, number: int) -> Effect:
         before = TrackedMemory(self.table, situation)
@@ -182,8 +182,7 @@ class SituationExplorer:
         slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]
         deadlines = None
         if fresh or any(slot in delta for slot in slots):
-            due = (*memory.timers, *deadlines_of(watched))
-            deadlines = Deadlines(due, tuple(memory.frozen), frozenset(fresh), tuple(named.items()))
+            deadlines = Deadlines((*memory.timers, *deadlines_of(watched)), tuple(memory.frozen))
         self._set(delta, memory, CALM, machine.calm)
         progress = any(isinstance(command, (Publish, Report)) for command in step.commands)
         renamed = tuple((old, new) for old, new in named.items() if "#" in new)
@@ -204,7 +203,8 @@ class SituationExplorer:
         slot = self.table.index[RANKS]
         if effect.deadlines is None:
             return effect
-        ranks = effect.deadlines.ranks(self.table.value(slot, before) if before else frozenset())
+        known = self.table.value(slot, before) if before else frozenset()
+        ranks = ranks_after(known, effect.deadlines, effect.fresh, effect.renamed)
         after = self.table.number(slot, ranks) if ranks else 0
         delta = effect.delta if after == before else (*effect.delta, (slot, after))
         return replace(effect, delta=delta, deadlines=None)
@@ -261,7 +261,7 @@ class SituationExplorer:
         found = [self.initial()]
         for number in moves:
             situation = found[-1][0]
-            effect, _ = self.step(situation, number)
+            effect = self.step(situation, number)
             found.append((self._after(situation, effect), effect))
         return found
 

@@ -14,9 +14,9 @@ class Effect:
     """What a move does: the slots that change with what they are then, and what is told of it.
 
     `progress`: something was told of a target or of the mission. `fresh` are the deadlines that it sets,
-    `deadlines` tells which of them come before which others after it (None: as before), `renamed` the
-    attempts that get another name. One that is `cut` is beyond the bounds. The step has read what it `needs`
-    (see `TrackedMemory.reads`); the slots that it `sets` it has written whatever they were.
+    `deadlines` those that there are after it (None: as before), `renamed` the attempts that get another
+    name. One that is `cut` is beyond the bounds. The step has read what it `needs` (see
+    `TrackedMemory.reads`); the slots that it `sets` it has written whatever they were.
     """
 
     delta: tuple[tuple[int, int], ...]

@@ -600,9 +600,9 @@ class LevelWalk:
 
         def step(column: int) -> tuple[int, Iterable[int]]:
             situation = tuple(part.rows[:, column].tolist())
-            effect, reads = self._explorer.step(situation, move)
+            effect = self._explorer.step(situation, move)
             self._count()
-            return self._effects.add(effect, dict(enumerate(situation))), reads
+            return self._effects.add(effect, dict(enumerate(situation))), effect.needs
 
         return known.results(part, columns, step)
 

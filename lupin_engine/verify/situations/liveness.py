@@ -67,6 +67,9 @@ class Liveness:
         self._key_set = frozenset(self._keys)
         #: The slots whose values make a place: the configuration, and the keys.
         self.of_place = (table.index["configuration", ""], *self._keys)
+        self._of_effects: dict[
+            tuple[frozenset[int], frozenset[int]], tuple[frozenset[int], frozenset[int], frozenset[int]]
+        ] = {}
         self._of_keys = _Flow()
         self._of_slots = _Flow()
         self._is_void = False
@@ -118,15 +121,24 @@ class Liveness:
         """Take notice of a step between places; say whether everything that it needs is live."""
         if not self._on:
             return True
-        room, mortal = self._table.room, self._table.mortal
-        needs = {slot for slot in effect.needs if slot % room in mortal}
-        needs |= {slot + room for slot in needs if slot < room}
-        needs -= self.open(place[0])
-        sets = effect.sets.union(slot + room for slot in effect.sets) | self.open(place[0])
-        of_keys = frozenset(slot for slot in needs if slot % room in self._key_set)
+        of_keys, needs, sets = self._split(effect)
+        open_ = self.open(place[0])
         calm = self._of_keys.takes(place[:1], to[:1], of_keys, sets)
         self._is_void = self._is_void or not calm
-        return self._of_slots.takes(place, to, frozenset(needs - of_keys), sets) and calm
+        return self._of_slots.takes(place, to, needs - open_, sets | open_) and calm
+
+    def _split(self, effect: Effect) -> tuple[frozenset[int], frozenset[int], frozenset[int]]:
+        """Return which keys and which other slots an effect needs, and what it sets, presences with them."""
+        found = self._of_effects.get((effect.needs, effect.sets))
+        if found is None:
+            room, mortal = self._table.room, self._table.mortal
+            needs = {slot for slot in effect.needs if slot % room in mortal}
+            needs |= {slot + room for slot in needs if slot < room}
+            of_keys = frozenset(slot for slot in needs if slot % room in self._key_set)
+            sets = effect.sets.union(slot + room for slot in effect.sets)
+            found = of_keys, frozenset(needs - of_keys), sets
+            self._of_effects[effect.needs, effect.sets] = found
+        return found
 
 
 _NOTHING: Set[int] = frozenset()

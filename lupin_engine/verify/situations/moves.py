@@ -8,7 +8,7 @@ from typing import Any
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import RESUMED
 from lupin_engine.sim.narration import short_name, shorten
-from lupin_engine.verify.situations.situation import is_orphan
+from lupin_engine.verify.situations.relevance import ANY_ORPHAN, is_orphan, kind_of
 from lupin_engine.verify.situations.worlds import LOADED, OF_PROPERTY, WorldMove
 
 #: What a request of any mission carries; it says nothing that the reader needs.
@@ -67,8 +67,8 @@ def _deadline(chart: Chart, kind: str, owner: str, event: str) -> str:
 
 def _cancelled(name: str) -> str:
     """Return an orphan in words."""
-    operation = name[1:].partition("#")[0]
-    return "an operation from before the restart" if operation == "*" else f"{operation}, cancelled before"
+    kind = kind_of(name)
+    return "an operation from before the restart" if kind == ANY_ORPHAN else f"{kind[1:]}, cancelled before"
 
 
 def _state_of(chart: Chart, owner: str) -> str:

@@ -17,8 +17,9 @@ from lupin_engine.chart.expressions.evaluation import Compiled, Expression, Valu
 from lupin_engine.chart.model import ActionCall, Chart, Invoke, State, Transition, every_call
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Attempt, Invocation, Phase, Reported, Timer, Traversal
-from lupin_engine.machine.operations import CANCELLED_CODE
+from lupin_engine.machine.operations import CANCELLED_CODE, EVERYTHING
 from lupin_engine.machine.scope import reads_of
+from lupin_engine.plugin.builtin import is_builtin
 
 #: Actions whose arguments stay in the memory, or go on as an event.
 KEEPING = ("set", "add", "remove")
@@ -30,6 +31,30 @@ def reads(value: Value | None) -> frozenset[tuple[str, str]]:
     if not isinstance(value, Expression) or not isinstance(value.evaluate, Compiled):
         return frozenset()
     return frozenset(reads_of(value.evaluate.code))
+
+
+def is_orphan(name: str) -> bool:
+    """Say whether a name is that of a cancelled attempt for which nobody waits any more.
+
+    All that still comes of it is its end, which leaves its resource free. So it does not matter whose it was:
+    it is named by its kind and a number.
+    """
+    return name[:1] == "~"
+
+
+def kind_of(name: str) -> str:
+    """Return the name of an attempt without its number: the invocation, or the kind of an orphan."""
+    return name.partition("#")[0]
+
+
+def orphan_kind(attempt: Attempt) -> str:
+    """Return the kind of an orphan: its operation, unless that is a plugin's that keeps all waiting."""
+    any_one = EVERYTHING in attempt.uses and not is_builtin(attempt.operation)
+    return ANY_ORPHAN if any_one else f"~{attempt.operation}"
+
+
+#: The kind of the orphans that are a plugin's, and before whose end nothing may begin.
+ANY_ORPHAN = "~*"
 
 
 class Relevance:
@@ -111,7 +136,7 @@ class Relevance:
         return frozen(value.value) if name in self.inputs else (), old
 
     def _attempt(self, name: str, value: Attempt) -> Hashable:
-        if name.startswith("~"):  # an orphan (see `situation.is_orphan`)
+        if is_orphan(name):
             return value.uses, value.phase.value
         answer = None if value.answer is None else self._told(value.answer)
         # Whether the server has accepted already makes no difference to the machine.

@@ -19,9 +19,7 @@ from typing import Any
 from lupin_engine.errors import shortened
 from lupin_engine.machine.holds import all_holds
 from lupin_engine.machine.memory import Attempt, Memory, Phase, Timer
-from lupin_engine.machine.operations import EVERYTHING
-from lupin_engine.plugin.builtin import BUILTIN
-from lupin_engine.verify.situations.relevance import Relevance
+from lupin_engine.verify.situations.relevance import Relevance, is_orphan, kind_of, orphan_kind
 
 #: The numbers of all slots; 0: there is nothing.
 Situation = tuple[int, ...]
@@ -618,7 +616,7 @@ def _attempt_names(memory: TrackedMemory, entries: TrackedDict) -> dict[str, str
     current = {one.attempt for one in invocations}
     named: dict[str, str] = {}
     taken: set[str] | None = None
-    kinds = {name.partition("#")[0] for name in entries.gone if is_orphan(name)}
+    changed = {name for name in entries.gone if is_orphan(name)}
     orphans: dict[str, str] = {}
     for name, attempt in list(dict.items(entries)):
         unwanted = attempt.phase in (Phase.CANCELLING, Phase.LOST)
@@ -626,29 +624,24 @@ def _attempt_names(memory: TrackedMemory, entries: TrackedDict) -> dict[str, str
             if name != f"{attempt.invocation}#0":
                 named[name] = f"{attempt.invocation}#0"
         elif unwanted and not is_waited_for(memory, attempt):
-            orphans[name] = _orphan_kind(attempt)
+            orphans[name] = orphan_kind(attempt)
         elif is_orphan(name) or (unwanted and (name.endswith("#0") or is_new(name))):
             taken = set(entries.in_order()) if taken is None else taken
             count = next(n for n in range(1, len(taken) + 2) if f"{attempt.invocation}#{n}" not in taken)
             named[name] = f"{attempt.invocation}#{count}"
             taken.add(named[name])
-    kinds |= {kind for name, kind in orphans.items() if name.partition("#")[0] != kind}
-    kinds |= {name.partition("#")[0] for name, kind in orphans.items() if is_orphan(name) and kind in kinds}
-    for kind in kinds:
+    moved = {name for name, kind in orphans.items() if kind_of(name) != kind}
+    changed |= {name for name in moved if is_orphan(name)}
+    for kind in {kind_of(name) for name in changed} | {orphans[name] for name in moved}:
         named |= _orphan_names(memory, entries, orphans, kind)
     return named
-
-
-def _orphan_kind(attempt: Attempt) -> str:
-    of_a_plugin = not attempt.operation.startswith(f"{BUILTIN}.")
-    return "~*" if EVERYTHING in attempt.uses and of_a_plugin else f"~{attempt.operation}"
 
 
 def _orphan_names(
     memory: TrackedMemory, entries: TrackedDict, orphans: Mapping[str, str], kind: str
 ) -> dict[str, str]:
     """Return the new names of the orphans of one kind: numbers from 1 on, in the order of their deadlines."""
-    every = [name for name in entries.in_order() if orphans.get(name, name.partition("#")[0]) == kind]
+    every = [name for name in entries.in_order() if orphans.get(name, kind_of(name)) == kind]
     owners = [owner for _, _, cancel, (owner, _) in memory.timers if cancel == "cancel"]
     every.sort(key=lambda name: owners.index(name) if name in owners else len(owners))
     named = {name: f"{kind}#{n}" for n, name in enumerate(every, 1)}
@@ -659,15 +652,6 @@ def is_waited_for(memory: TrackedMemory, attempt: Attempt) -> bool:
     """Say whether somebody waits for what a cancelled attempt gives."""
     invocation = memory.invocations.get(attempt.invocation)
     return invocation is not None and invocation.cut is not None and invocation.cut.attempt == attempt.id
-
-
-def is_orphan(name: str) -> bool:
-    """Say whether a name is that of a cancelled attempt for which nobody waits any more.
-
-    All that still comes of it is its end, which leaves its resource free. So it does not matter whose it was:
-    it is named by its operation, or by `*` if it is a plugin's and nothing may begin before it has ended.
-    """
-    return name[:1] == "~"
 
 
 def is_new(name: str) -> bool:

@@ -19,7 +19,14 @@ from lupin_engine.machine.step import Step
 from lupin_engine.verify.situations.explorer import MORNING, SituationExplorer
 from lupin_engine.verify.situations.found import Effect
 from lupin_engine.verify.situations.situation import Situation, is_new
-from lupin_engine.verify.situations.worlds import LOADED, OF_PROPERTY, TimerName, WorldMove, running
+from lupin_engine.verify.situations.worlds import (
+    LOADED,
+    OF_PROPERTY,
+    TimerName,
+    WorldMove,
+    name_after,
+    running,
+)
 
 #: Between two things that happen, in seconds.
 GAP = 0.01
@@ -79,8 +86,8 @@ def _deadlines(
         fired = made[number - 1].timer if number else None
         before, along = along, {}
         for name, one in before.items():
-            now = _name_now(name, effect)
-            if now is not None and now not in effect.fresh and now in (armed | frozen):
+            now = name_after(name, effect.renamed)
+            if now not in effect.fresh and now in (armed | frozen):
                 along[now] = one
                 continue
             if name == fired:
@@ -98,15 +105,6 @@ def _deadlines(
             if not stopped and one.armed != number:
                 one.waits.append(number)
     yield from along.values()
-
-
-def _name_now(name: TimerName, effect: Effect) -> TimerName | None:
-    """Return what a deadline is called after a step; None if its owner is gone, and another has its name."""
-    kind, owner, event = name
-    renamed = dict(effect.renamed)
-    if owner in renamed.values() and owner not in renamed:
-        return None
-    return kind, renamed.get(owner, owner), event
 
 
 def _by_name(timers: Sequence[Timer] | None) -> dict[TimerName, float]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -23,9 +23,10 @@ from lupin_engine.machine.memory import Attempt, Phase, Reported, Timer
 from lupin_engine.machine.operations import CANCELLED_CODE
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.timers import Timers
-from lupin_engine.plugin.builtin import BUILTIN
+from lupin_engine.plugin.builtin import is_builtin
 from lupin_engine.verify.properties import Remembered
 from lupin_engine.verify.situations.classes import Classes
+from lupin_engine.verify.situations.relevance import ANY_ORPHAN, is_orphan
 from lupin_engine.verify.situations.situation import (
     RANKS,
     WATCHED,
@@ -33,7 +34,6 @@ from lupin_engine.verify.situations.situation import (
     SlotTable,
     TrackedDict,
     TrackedMemory,
-    is_orphan,
     is_waited_for,
 )
 
@@ -270,7 +270,7 @@ class WorldMoves:
     def is_within_bounds(self, name: str) -> bool:
         """Say whether no more attempts of one operation wait for their end than the bounds say."""
         kind, number, count = name.rpartition("#")
-        return not number or kind == "~*" or int(count) <= self.owed + 1
+        return not number or kind == ANY_ORPHAN or int(count) <= self.owed + 1
 
 
 #: What a live value was before another one is told: something else, told at the same time.
@@ -302,7 +302,7 @@ def forget_unwanted(memory: TrackedMemory, owed: int) -> None:
         if (attempt.phase is Phase.LOST or (attempt.phase is Phase.CANCELLING and not attempt.uses))
         and not is_waited_for(memory, attempt)
     ]
-    own = [name for name in inert if memory.attempts[name].operation.startswith(f"{BUILTIN}.")]
+    own = [name for name in inert if is_builtin(memory.attempts[name].operation)]
     others = [name for name in inert if name not in own]
     for name in (*own, *others[: len(others) - owed]):
         del memory.attempts[name]
@@ -334,48 +334,54 @@ def in_order(memory: TrackedMemory) -> None:
 
 
 class Deadlines(NamedTuple):
-    """The deadlines after a step that has looked at them; it has set those that are `fresh`.
-
-    Which of them come before which others depends on that before the step: so the step itself does not.
-    """
+    """The deadlines that run after a step, and those that a hold stops."""
 
     armed: tuple[Timer, ...]
     frozen: tuple[Timer, ...]
-    fresh: frozenset[TimerName]
-    renamed: tuple[tuple[str, str], ...]
 
-    def ranks(self, before: frozenset[Rank]) -> frozenset[Rank]:
-        """Return which deadlines certainly come before which others.
 
-        One that is set now comes after every other that was set for as long or less: that one's time runs
-        already. Of those that are set in the same step the shorter comes first. Deadlines that a hold stops
-        come later by as long as it lasts than those that it does not stop.
+def ranks_after(
+    before: frozenset[Rank],
+    deadlines: Deadlines,
+    fresh: frozenset[TimerName],
+    renamed: Sequence[tuple[str, str]],
+) -> frozenset[Rank]:
+    """Return which deadlines certainly come before which others after a step.
 
-        Args:
-            before: the same before the step.
-        """
-        both = ((timer, stopped) for timer, stopped in _both(self.armed, self.frozen) if timer[2] != "at")
-        named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in both]
-        stops = {name: stopped for name, _, stopped in named}
-        old = stops.keys() - self.fresh
-        known = [(a, b) for a, b in self._renamed(before) if a in old and b in old]
-        pairs = {(a, b) for a, b in known if stops[b] or not stops[a]}
-        for late, late_timer, late_stopped in named:
-            for early, early_timer, early_stopped in named if late in self.fresh else ():
-                if early != late and early_timer[:2] < late_timer[:2] and (late_stopped or not early_stopped):
-                    pairs.add((early, late))
-        return frozenset(pairs)
+    One that is set now comes after every other that was set for as long or less: that one's time runs
+    already. Of those that are set in the same step the shorter comes first. Deadlines that a hold stops
+    come later by as long as it lasts than those that it does not stop.
 
-    def _renamed(self, ranks: frozenset[Rank]) -> Iterator[Rank]:
-        """Yield ranks with the owners' new names; of who is gone another one may have taken the name over."""
-        named = dict(self.renamed)
-        gone = set(named.values()) - named.keys()
+    Args:
+        before: the same before the step; so the step itself does not depend on it.
+        deadlines: those that there are now.
+        fresh: those of them that the step has set.
+        renamed: the attempts that have another name now.
+    """
+    both = ((timer, stopped) for timer, stopped in _both(*deadlines) if timer[2] != "at")
+    named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in both]
+    stops = {name: stopped for name, _, stopped in named}
+    old = stops.keys() - fresh
+    known = ((name_after(a, renamed), name_after(b, renamed)) for a, b in before)
+    pairs = {(a, b) for a, b in known if a in old and b in old and (stops[b] or not stops[a])}
+    for late, late_timer, late_stopped in named:
+        for early, early_timer, early_stopped in named if late in fresh else ():
+            if early != late and early_timer[:2] < late_timer[:2] and (late_stopped or not early_stopped):
+                pairs.add((early, late))
+    return frozenset(pairs)
 
-        def name(timer: TimerName) -> TimerName:
-            kind, owner, event = timer
-            return kind, named.get(owner, owner), event
 
-        return ((name(a), name(b)) for a, b in ranks if a[1] not in gone and b[1] not in gone)
+def name_after(timer: TimerName, renamed: Sequence[tuple[str, str]]) -> TimerName:
+    """Return what a deadline is called once attempts are renamed; `GONE` if another has its owner's name."""
+    kind, owner, event = timer
+    named = dict(renamed)
+    if owner in named.values() and owner not in named:
+        return GONE
+    return kind, named.get(owner, owner), event
+
+
+#: In place of the name of a deadline whose owner is gone.
+GONE: TimerName = ("", "", "")
 
 
 def _both(armed: Iterable[Timer], frozen: Iterable[Timer]) -> Iterator[tuple[Timer, bool]]:

@@ -1,0 +1,128 @@
+"""What is not told apart makes no difference: slots that are dead, and values that are open."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from lupin_engine.chart.model import Chart
+from lupin_engine.plugin.types import BOOL
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.verify.proof import ProofVerdict, Proven, prove
+from lupin_engine.verify.properties import BUILT_IN
+from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
+from lupin_engine.verify.situations.graph import OF_THE_GRAPH, SILENCE, Graph
+from lupin_engine.verify.situations.levels import LevelWalk, explore
+from lupin_engine.verify.situations.situation import Situation
+from tests import shipped
+from tests.machine.charts import chart
+from tests.verify.toys import KeepingExplorer, round_trip
+
+SHORT = {"monitoring_sweeps": 1, "seed_climate_on_discovery": False}
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize(
+    ("of", "given", "restarts"),
+    [
+        (round_trip(), {}, True),
+        (shipped.mission("inspection"), {}, True),
+        pytest.param(shipped.mission("exploration"), SHORT, False, marks=pytest.mark.proof),
+    ],
+)
+def test_what_is_not_told_apart_changes_nothing(of: Chart, given: dict[str, Any], restarts: bool) -> None:
+    """The plain walk, with the same left out, has the situations and transitions of the reduced one.
+
+    Where values are told before a transition it is one of the situations that have these.
+    """
+    explorer = KeepingExplorer(of, given, targets=1, restarts=restarts)
+    plain = explore(explorer, live=False)
+    every = list(explorer.situations)
+    walk = LevelWalk(explorer, memo=True, live=True)
+    reduced = walk.run(lambda _: "")
+    assert plain.complete
+    assert reduced.complete
+    numbers = {situation: number for number, situation in enumerate(explorer.situations)}
+    of_plain = []
+    for situation in every:
+        dead = walk.live.dead(walk.live.place(situation[slot] for slot in walk.live.of_place))
+        kept = tuple(dead.left(slot, value) for slot, value in enumerate(situation))
+        of_plain.append(numbers[kept])
+    assert set(of_plain) == set(range(reduced.progress.situations))
+
+    values = {move: (slot, value) for slot, of in walk.live.told.items() for value, move in of.items()}
+    ways: dict[tuple[int, int, int], list[list[tuple[int, int]]]] = {}
+    for source, by, target in zip(reduced.sources, reduced.by, reduced.targets, strict=True):
+        *told, move = reduced.moves.each(by)
+        ways.setdefault((source, move, target), []).append([values[one] for one in told])
+
+    def has(situation: Situation, told: list[tuple[int, int]]) -> bool:
+        return all(situation[slot] == value for slot, value in told)
+
+    met = set()
+    for source, by, target in zip(plain.sources, plain.by, plain.targets, strict=True):
+        way = of_plain[source], by, of_plain[target]
+        if way[0] != way[2]:
+            met.add(way)
+            assert any(has(every[source], told) for told in ways[way])
+    assert met == ways.keys()
+    assert plain.breaches.keys() == reduced.breaches.keys()
+    assert (plain.taken, plain.entered) == (reduced.taken, reduced.entered)
+    broken = [[one.name for one in OF_THE_GRAPH if one.broken(Graph(g)).any()] for g in (plain, reduced)]
+    assert broken[0] == broken[1]
+
+
+def late(env: Any) -> bool:
+    """Say whether it is late."""
+    return bool(env["input"]["late"])
+
+
+def early(env: Any) -> bool:
+    """Say whether it is not."""
+    return not late(env)
+
+
+def lamps(guard: Any, initial: bool | None = None, **more: Any) -> Chart:
+    """Return a chart that looks at a live value now and then, and not in between."""
+    states = {
+        "A": {"after": {1.0: [{"target": "B", "guard": guard}, {"target": "DONE"}]}},
+        "B": {"after": {1.0: [{"target": "DONE", "guard": late}, {"target": "A"}]}},
+        "DONE": {},
+        "FAULT": {},
+    }
+    return chart(states, inputs={"late": {"type": BOOL, "initial": initial}}, **more)
+
+
+def test_one_situation_stands_for_all_values() -> None:
+    """Each state is one; where nothing is known yet it is another one."""
+    explorer = SituationExplorer(make_world(lamps(late), {}), BUILT_IN, Bounds(restarts=False))
+    assert explore(explorer).progress.situations == 2 * 3 - 1  # in B it is known
+    assert explore(explorer, open_values=False).progress.situations == 3 * 3 - 1
+
+
+def test_which_way_leads_on_may_depend_on_a_value() -> None:
+    """Each of two situations leads on by the other one, with one value each: the exact walk tells that."""
+    explorer = SituationExplorer(make_world(lamps(late), {}), BUILT_IN, Bounds(restarts=False))
+    silence = next(one for one in OF_THE_GRAPH if one.name == SILENCE)
+    assert silence.broken(Graph(explore(explorer))).any()
+    assert not silence.broken(Graph(explore(explorer, open_values=False))).any()
+    assert _proven(lamps(late), SILENCE).verdict is ProofVerdict.HOLDS
+
+
+def _proven(of: Chart, name: str) -> Proven:
+    proof = prove(make_world(of, {}), Bounds(restarts=False))
+    return next(one for one in proof.properties if one.name == name)
+
+
+@pytest.mark.parametrize(
+    ("guard", "moves"),
+    [(late, ("late = true", "time is up in A")), (early, ("time is up in A",))],
+)
+def test_what_must_be_told_is_part_of_the_story(guard: Any, moves: tuple[str, ...]) -> None:
+    """What is so already is not."""
+    never = {"never B": lambda env: not env["in_state"](["B"])}
+    found = _proven(lamps(guard, initial=False, invariants=never), "invariants")
+    assert found.verdict is ProofVerdict.BROKEN
+    assert found.moves == moves
+    assert found.steps is not None
