@@ -110,6 +110,19 @@ def test_which_way_leads_on_may_depend_on_a_value() -> None:
     assert _proven(lamps(late), SILENCE).verdict is ProofVerdict.HOLDS
 
 
+def test_a_doubt_that_remains_is_told() -> None:
+    """Where the exact walk is stopped; of steps everything was looked at."""
+    proof = prove(
+        make_world(lamps(late), {}),
+        Bounds(restarts=False),
+        lambda progress: "too many" if progress.situations > 5 else "",
+    )
+    verdicts = {one.name: one.verdict for one in proof.properties}
+    assert verdicts["no_execution_error"] is ProofVerdict.HOLDS
+    assert verdicts[SILENCE] is ProofVerdict.NOT_PROVEN
+    assert (proof.complete, proof.stopped) == (False, "too many")
+
+
 def _proven(of: Chart, name: str) -> Proven:
     proof = prove(make_world(of, {}), Bounds(restarts=False))
     return next(one for one in proof.properties if one.name == name)

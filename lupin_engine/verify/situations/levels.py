@@ -8,7 +8,7 @@ none is known.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -64,7 +64,7 @@ _SHARED = ("delta", "relevant", "taken", "entered", "fresh", "deadlines", "renam
 _SET = -1
 
 
-class Sources(NamedTuple):
+class Origins(NamedTuple):
     """Situations from which moves are made: slots by situations, with their numbers and marks.
 
     Of the slots that are `chosen` the value was open; the moves that are `made` have told them.
@@ -208,9 +208,10 @@ class Leads:
         self.certain = True
         self.used: list[int] = []
         self._places: dict[tuple[int, ...], int] = {}
-        #: Pairs of a place and an effect; by their numbers, what the effect is there, and what it opens.
+        #: Pairs of a place and an effect; by their numbers three each: what the effect is there, which slots
+        #: end with it, and which are asked for.
         self._pairs = SeenTable()
-        self._found, self._found_ends, self._found_asked = array("I"), array("I"), array("I")
+        self._found = array("I")
         self._dead: dict[tuple[int, ...], Dead] = {}
         #: Slots that are set or end together, each with what is left of its value; the first are none.
         self._ends: dict[tuple[tuple[int, int], ...], int] = {(): 0}
@@ -237,25 +238,19 @@ class Leads:
         names = dict(zip(numbers.tolist(), places, strict=True))
         for place, effect in zip(placed[new].tolist(), effects[new].tolist(), strict=True):
             self.used.append(effect)
-            for known, one in zip(
-                (self._found, self._found_ends, self._found_asked),
-                self._work_out(names[place], effect),
-                strict=True,
-            ):
-                known.append(one)
-        found, ends, asked = (
-            np.frombuffer(known, np.uint32)[at]
-            for known in (self._found, self._found_ends, self._found_asked)
-        )
-        return found, ends, asked
+            self._found.extend(self._work_out(names[place], effect))
+        settled, ends, asked = np.frombuffer(self._found, np.uint32).reshape(-1, 3)[at].T
+        return settled, ends, asked
+
+    def close(self, configuration: int, slots: Set[int]) -> None:
+        """Take notice that the values of these are not open in a configuration."""
+        self.certain = self._live.close(configuration, slots) and self.certain
 
     def unchosen(self, asked: NDArray[np.uint32], chosen: frozenset[int]) -> Iterator[tuple[int, Indices]]:
         """Yield slots whose values are to be chosen first, each with the transitions that ask for it."""
-        for slots, number in list(self._asked.items()):
-            left = slots - chosen
-            at = np.flatnonzero(asked == number) if left else ()
-            if len(at):
-                yield min(left), np.asarray(at)
+        first = np.array([min(slots - chosen, default=-1) for slots in self._asked], np.intp)[asked]
+        for slot in np.unique(first[first >= 0]).tolist():
+            yield slot, np.flatnonzero(first == slot)
 
     def _work_out(self, place: tuple[int, ...], number: int) -> tuple[int, int, int]:
         effect = self._effects.all[number]
@@ -330,9 +325,8 @@ class LevelWalk:
         self._leads = Leads(self.live, self._effects)
 
     def _nothing(self) -> Explored:
-        return Explored(
-            self._explorer.moves, told=tuple(map(tuple, (of.values() for of in self.live.told.values())))
-        )
+        told = tuple(tuple(values.values()) for values in self.live.told.values())
+        return Explored(self._explorer.moves, told=told)
 
     def run(self, goes_on: Callable[[ExplorationProgress], str]) -> Explored:
         """Look at everything; what is returned of a walk that is stopped is certain."""
@@ -408,7 +402,7 @@ class LevelWalk:
         order = np.argsort(block.rows[self._configuration], kind="stable")
         numbers = block.first + order
         rows, low, high = block.rows[:, order], block.low[order], block.high[order]
-        sources = Sources(block.depth, numbers, rows, low, high)
+        origins = Origins(block.depth, numbers, rows, low, high)
         every: list[tuple[Indices, NDArray[np.uint32], int]] = []
         for begin, part in self._parts(rows):
             for move, columns in self._possible(part):
@@ -417,7 +411,7 @@ class LevelWalk:
         effects = np.concatenate([each[1] for each in every])
         moves = np.repeat(np.array([each[2] for each in every], np.uint16), [len(each[0]) for each in every])
         self._found.progress.expanded += len(numbers)
-        self._go(sources, columns, moves, effects)
+        self._go(origins, columns, moves, effects)
 
     def _parts(self, rows: Rows) -> Iterator[tuple[int, LevelPart]]:
         """Yield the parts with one configuration each, with their places; such situations are neighbours."""
@@ -425,28 +419,28 @@ class LevelWalk:
         for begin, end in zip([0, *edges], [*edges, rows.shape[1]], strict=True):
             yield begin, LevelPart(rows[:, begin:end], self._marks)
 
-    def _choose(self, sources: Sources, columns: Indices, moves: NDArray[np.uint16], slot: int) -> None:
+    def _choose(self, origins: Origins, columns: Indices, moves: NDArray[np.uint16], slot: int) -> None:
         """Make some moves anew for each value of a slot that is open and asked for, where there is any."""
-        there = sources.rows[slot, columns] > 0
+        there = origins.rows[slot, columns] > 0
         for value, tell in ((0, ()), *((value, (move,)) for value, move in self.live.told[slot].items())):
             at = np.flatnonzero(there == (value > 0))
             if not len(at):
                 continue
             kept, of = np.unique(columns[at], return_inverse=True)
-            rows = sources.rows[:, kept]
+            rows = origins.rows[:, kept]
             change = self._marks[:, slot, rows[slot]] ^ self._marks[:, slot, value][:, None]
             rows[slot] = value
-            low, high = sources.low[kept] ^ change[0], sources.high[kept] ^ change[1]
-            chosen, made = sources.chosen | {slot}, (*sources.made, *tell)
-            those = Sources(sources.depth, sources.numbers[kept], rows, low, high, chosen, made)
+            low, high = origins.low[kept] ^ change[0], origins.high[kept] ^ change[1]
+            chosen, made = origins.chosen | {slot}, (*origins.made, *tell)
+            those = Origins(origins.depth, origins.numbers[kept], rows, low, high, chosen, made)
             self._go(those, of, moves[at], self._effects_of(those, of, moves[at]))
 
     def _effects_of(
-        self, sources: Sources, columns: Indices, moves: NDArray[np.uint16]
+        self, origins: Origins, columns: Indices, moves: NDArray[np.uint16]
     ) -> NDArray[np.uint32]:
         """Return the effects of moves, each in the situation of a column."""
         effects = np.zeros(len(columns), np.uint32)
-        for begin, part in self._parts(sources.rows):
+        for begin, part in self._parts(origins.rows):
             inside = np.flatnonzero((columns >= begin) & (columns < begin + part.rows.shape[1]))
             for move in np.unique(moves[inside]):
                 at = inside[moves[inside] == move]
@@ -454,38 +448,38 @@ class LevelWalk:
         return effects
 
     def _go(
-        self, sources: Sources, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
+        self, origins: Origins, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
     ) -> None:
         """Take in where some moves lead; `columns` are those of the situations."""
         known = self._effects
         used = len(self._leads.used)
-        self._close(sources.rows, columns, moves, effects)
-        effects, ends, asked = self._leads.settle(sources.rows, columns, effects)
+        self._close(origins.rows, columns, moves, effects)
+        effects, ends, asked = self._leads.settle(origins.rows, columns, effects)
         if self._certain is None and not self._leads.certain:
             self._look_ahead(used)
         done = np.ones(len(columns), np.bool_)
-        for slot, at in self._leads.unchosen(asked, sources.chosen):
+        for slot, at in self._leads.unchosen(asked, origins.chosen):
             done[at] = False
-            self._choose(sources, columns[at], moves[at], slot)
+            self._choose(origins, columns[at], moves[at], slot)
         columns, moves, ends = columns[done], moves[done], ends[done]
-        effects = known.ranked(sources.rows, columns, effects[done])
-        if sources.made:
+        effects = known.ranked(origins.rows, columns, effects[done])
+        if origins.made:
             every, of = np.unique(moves, return_inverse=True)
-            told = [self._explorer.moves.told_before(sources.made, int(move)) for move in every]
+            told = [self._explorer.moves.told_before(origins.made, int(move)) for move in every]
             moves = np.array(told, np.uint16)[of]
         found = self._found
         found.cut += known.cut(effects)
-        self._note_breaches(sources.depth, sources.numbers[columns], moves, effects)
+        self._note_breaches(origins.depth, origins.numbers[columns], moves, effects)
         low, high = known.marks(effects)
-        for slot, left, at, values in self._leads.ended(sources.rows, columns, ends):
+        for slot, left, at, values in self._leads.ended(origins.rows, columns, ends):
             for side, marks in enumerate((low, high)):
                 of = self._marks[side, slot]
                 marks[at] ^= of[values] ^ of[max(left, 0)]  # nothing has 0
         changing = (low | high) != 0
         columns, moves, effects, ends = columns[changing], moves[changing], effects[changing], ends[changing]
-        low, high = low[changing] ^ sources.low[columns], high[changing] ^ sources.high[columns]
+        low, high = low[changing] ^ origins.low[columns], high[changing] ^ origins.high[columns]
         targets, new = self._seen.numbers(low, high)
-        numbers = sources.numbers[columns].astype(np.uint32)
+        numbers = origins.numbers[columns].astype(np.uint32)
         leaves = targets != numbers  # with values that were told before, another one may be what changes
         found.sources.frombytes(numbers[leaves].tobytes())
         found.targets.frombytes(targets[leaves].tobytes())
@@ -493,20 +487,20 @@ class LevelWalk:
         found.advances += known.progressing(effects[leaves]).tobytes()
         progress = found.progress
         progress.transitions += self._looked_at
-        progress.depth = sources.depth
+        progress.depth = origins.depth
         self._looked_at = 0
         if len(new):
-            rows = sources.rows[:, columns[new]]
+            rows = origins.rows[:, columns[new]]
             known.apply(rows, effects[new])
-            for slot, left, at, _ in self._leads.ended(sources.rows, columns[new], ends[new]):
+            for slot, left, at, _ in self._leads.ended(origins.rows, columns[new], ends[new]):
                 if left != _SET:
                     rows[slot, at] = left
             self._add(
-                sources.depth + 1,
+                origins.depth + 1,
                 rows,
                 low[new],
                 high[new],
-                sources.numbers[columns[new]].tolist(),
+                origins.numbers[columns[new]].tolist(),
                 moves[new].tolist(),
             )
         progress.waiting = self._waiting.count
@@ -521,7 +515,7 @@ class LevelWalk:
                 at = np.flatnonzero(moves == move)
                 more = self._effects.changing_only(effects[at]) != self._effects.only(slot, value)
                 for configuration in np.unique(configurations[at][more]).tolist():
-                    self._leads.certain = self.live.close(configuration, {slot}) and self._leads.certain
+                    self._leads.close(configuration, {slot})
 
     def _add(
         self, depth: int, rows: Rows, low: Marks, high: Marks, parents: list[int], moves: list[int]
@@ -553,10 +547,7 @@ class LevelWalk:
         due = [moves.due(numbers) for numbers in sets]
         at_once = np.array([one.at_once for one in due], np.bool_)[of]
         if at_once.any():  # then nothing can be told
-            every = self.live.told.keys()
-            self._leads.certain = (
-                self.live.close(int(rows[self._configuration, 0]), every) and self._leads.certain
-            )
+            self._leads.close(int(rows[self._configuration, 0]), self.live.told.keys())
         later = np.flatnonzero(~at_once)
         if len(later):
             yield from ((move, later) for move in moves.everywhere)

@@ -85,7 +85,7 @@ class Liveness:
         return self.told.keys() - self._closed_everywhere - self._closed.get(configuration, set())
 
     def close(self, configuration: int, slots: Set[int]) -> bool:
-        """Take notice that these are not open in a configuration; say whether they were not known to be."""
+        """Take notice that these are not open in a configuration; say whether that was known."""
         closed = self._closed.setdefault(configuration, set())
         calm = slots <= closed
         closed.update(slots)
