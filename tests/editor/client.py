@@ -152,9 +152,11 @@ class Client:
         found: list[Message] = self.wait(wanted)["params"]["diagnostics"]
         return found
 
-    def until_found(self, path: Path) -> None:
-        """Wait until something is found in a file."""
-        self.wait(lambda message: _tells(message, path) and bool(message["params"]["diagnostics"]))
+    def until_found(self, path: Path) -> list[Message]:
+        """Wait until something is found in a file, and return it."""
+        told = self.wait(lambda message: _tells(message, path) and bool(message["params"]["diagnostics"]))
+        found: list[Message] = told["params"]["diagnostics"]
+        return found
 
     def last_diagnostics(self, path: Path) -> list[Message]:
         """Return the findings of a file that were told last: what comes before an answer was told before."""

@@ -235,7 +235,7 @@ def test_shows_a_counterexample_at_its_transition(opened: Client, missions: Path
     stands = "properties:\n  stands: {never: in_state('INSPECTING')}\n\nrequest:"
     text, found = edited(opened, path, "request:", stands)
     assert found == []
-    (shown,) = opened.diagnostics(path)
+    (shown,) = opened.until_found(path)  # what was found last stays until typing pauses
     start = shown["range"]["start"]
     assert text.splitlines()[start["line"]][start["character"] - 9 :] == "on_done: INSPECTING"
     assert shown["code"] == "broken-property"
@@ -246,10 +246,9 @@ def test_shows_a_counterexample_at_its_transition(opened: Client, missions: Path
     )
     opened.change(path, text.replace("in_state('INSPECTING')", "in_state('FAULT')"))
     while opened.diagnostics(path) != []:
-        continue  # what was found last stays until typing pauses
-    opened.change(path, text)
-    while len(opened.diagnostics(path)) != 1:
         continue
+    opened.change(path, text)
+    assert len(opened.until_found(path)) == 1
     file.unlink()
     opened.notify("workspace/didChangeWatchedFiles", {"changes": [{"uri": file.as_uri(), "type": 3}]})
     while opened.diagnostics(path) != []:
