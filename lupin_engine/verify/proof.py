@@ -136,17 +136,19 @@ def prove(
     def look(progress: ExplorationProgress) -> str:
         return str(explorer.growth or "") or goes_on(progress)
 
-    explored = exact = explore(explorer, look)
+    explored = explore(explorer, look)
     if explorer.growth is not None:
         explored.complete, explored.stopped = False, str(explorer.growth)
     judge = _Judge(explorer, explored)
     found = [judge.of_steps(one.name, one.says) for one in watched]
     if NO_EXCEPTION in explored.breaches:
         found.append(judge.of_steps(NO_EXCEPTION, "The engine completes every step."))
+    exact = explored
     if any(judge.broken.values()):
         # It may be so for none of the values that one situation stood for (see `Graph.leads_to`).
         exact = explore(explorer, look, open_values=False)
-    found += _Judge(explorer, exact).of_graph()
+        judge = _Judge(explorer, exact)
+    found += judge.of_graph()
     dead = unreached(world.chart, explored.taken, explored.entered) if explored.complete else ()
     return Proof(
         world.chart,

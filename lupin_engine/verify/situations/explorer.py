@@ -204,7 +204,7 @@ class SituationExplorer:
         if effect.deadlines is None:
             return effect
         known = self.table.value(slot, before) if before else frozenset()
-        ranks = ranks_after(known, effect.deadlines, effect.fresh, effect.renamed)
+        ranks = ranks_after(known, effect.deadlines, effect.fresh, dict(effect.renamed))
         after = self.table.number(slot, ranks) if ranks else 0
         delta = effect.delta if after == before else (*effect.delta, (slot, after))
         return replace(effect, delta=delta, deadlines=None)
@@ -268,10 +268,8 @@ class SituationExplorer:
     def without_idle(self, moves: Sequence[int]) -> list[int]:
         """Return moves without those that tell a live value what it is."""
         way = [situation for situation, _ in self.walk(moves)]
-        events = (self.moves.all[number].event for number in moves)
-        told = [event is not None and event.name == "value" for event in events]
-        found = zip(moves, told, way, way[1:], strict=False)
-        return [number for number, tells, before, after in found if not tells or before != after]
+        found = zip(moves, way, way[1:], strict=False)
+        return [n for n, before, after in found if before != after or not self.moves.all[n].tells_value]
 
     def _after(self, situation: Situation, effect: Effect) -> Situation:
         found = list(situation)

@@ -89,8 +89,7 @@ class Explored:
     they tell something of a target or of the mission; `flags` of a situation are from `Is`, `parents` and
     `parent_moves` lead back to the beginning. `breaches` are those of each property after the fewest moves.
     `relevant` counts the steps that properties are about, `cut` what is beyond the bounds. One that is not
-    `complete` was `stopped` for a reason. `told` are the moves that tell the values of each input that
-    may be open (see `liveness`).
+    `complete` was `stopped` for a reason.
     """
 
     moves: WorldMoves
@@ -109,7 +108,6 @@ class Explored:
     entered: set[str] = field(default_factory=set)
     complete: bool = False
     stopped: str = ""
-    told: tuple[tuple[int, ...], ...] = ()
 
     def take_in(self, effect: Effect) -> None:
         """Keep what an effect tells of the chart."""

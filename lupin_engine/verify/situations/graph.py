@@ -110,7 +110,8 @@ def _values_of(explored: Explored) -> tuple[np.uint64, NDArray[np.uint64]]:
     every = explored.moves.all
     chosen = {number: frozenset(move.made_of[:-1]) for number, move in enumerate(every) if move.made_of}
     asked = frozenset().union(*chosen.values())
-    told = [moves for moves in explored.told if asked.intersection(moves)]
+    inputs = (values.values() for values in explored.moves.told().values())
+    told = [moves for moves in inputs if asked.intersection(moves)]
     together = [frozenset(moves) for moves in itertools.islice(itertools.product(*told), _BITS + 1)]
     if len(together) > _BITS:
         together = [frozenset()]

@@ -242,8 +242,8 @@ class Leads:
         settled, ends, asked = np.frombuffer(self._found, np.uint32).reshape(-1, 3)[at].T
         return settled, ends, asked
 
-    def close(self, configuration: int, slots: Set[int]) -> None:
-        """Take notice that the values of these are not open in a configuration."""
+    def close(self, configuration: int | None, slots: Set[int]) -> None:
+        """Take notice that the values of these are not open in a configuration; None: in any."""
         self.certain = self._live.close(configuration, slots) and self.certain
 
     def unchosen(self, asked: NDArray[np.uint32], chosen: frozenset[int]) -> Iterator[tuple[int, Indices]]:
@@ -260,7 +260,7 @@ class Leads:
         self.certain = self._live.takes(place, effect, to) and self.certain
         for slot in self._live.told.keys() & delta.keys():
             if delta[slot] and delta[slot] not in self._live.told[slot]:
-                self.certain = self._live.close_everywhere(slot) and self.certain
+                self.close(None, {slot})
         dead, before = self._dead_at(to), self._dead_at(place)
         open_ = self._live.open(place[0])
         asked = frozenset(effect.needs & open_ | (open_ - dead.slots - delta.keys()))
@@ -316,17 +316,13 @@ class LevelWalk:
         """Have seen nothing; what was worked out stays."""
         self._seen = SeenTable()
         self._waiting = WaitingLine()
-        self._found = self._nothing()
+        self._found = Explored(self._explorer.moves)
         #: What was found until something was needed that was not live.
         self._certain: Explored | None = None
         self._found.progress.steps = self._steps
         self._looked_at = 0
         self.live.begin()
         self._leads = Leads(self.live, self._effects)
-
-    def _nothing(self) -> Explored:
-        told = tuple(tuple(values.values()) for values in self.live.told.values())
-        return Explored(self._explorer.moves, told=told)
 
     def run(self, goes_on: Callable[[ExplorationProgress], str]) -> Explored:
         """Look at everything; what is returned of a walk that is stopped is certain."""
@@ -374,8 +370,7 @@ class LevelWalk:
         """Keep what is certain. What follows is looked at only to learn what else is live."""
         self._certain = self._take_stock(used)
         progress = self._found.progress
-        self._found = self._nothing()
-        self._found.progress = replace(progress, levels=list(progress.levels))
+        self._found = Explored(self._explorer.moves, replace(progress, levels=list(progress.levels)))
 
     def _has_looked_ahead(self) -> bool:
         certain = self._certain

@@ -58,8 +58,8 @@ class Liveness:
         """
         self._on = on
         self.told = told if on else {}
-        self._closed: dict[int, set[int]] = {}
-        self._closed_everywhere: set[int] = set()
+        #: The inputs that are not open, by configuration; None: in any.
+        self._closed: dict[int | None, set[int]] = {}
         self._table = table
         keys = [("context", name) for name, of in chart.context.items() if of.type.kind == "text"]
         keys += [("history", name) for name in table.keys["history"]]
@@ -82,20 +82,13 @@ class Liveness:
 
     def open(self, configuration: int) -> Set[int]:
         """Return the slots of inputs whose values are open in a configuration."""
-        return self.told.keys() - self._closed_everywhere - self._closed.get(configuration, set())
+        return self.told.keys() - self._closed.get(None, set()) - self._closed.get(configuration, set())
 
-    def close(self, configuration: int, slots: Set[int]) -> bool:
-        """Take notice that these are not open in a configuration; say whether that was known."""
+    def close(self, configuration: int | None, slots: Set[int]) -> bool:
+        """Take notice that these are not open in a configuration, or in any; say whether that was known."""
         closed = self._closed.setdefault(configuration, set())
         calm = slots <= closed
         closed.update(slots)
-        self._is_void = self._is_void or not calm
-        return calm
-
-    def close_everywhere(self, slot: int) -> bool:
-        """Take notice that an input has values that nobody can tell; say whether that was known."""
-        calm = slot in self._closed_everywhere
-        self._closed_everywhere.add(slot)
         self._is_void = self._is_void or not calm
         return calm
 

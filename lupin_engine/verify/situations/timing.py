@@ -84,9 +84,9 @@ def _deadlines(
         armed = _by_name(running(explorer.table, situation))
         frozen = _by_name(explorer.table.get(situation, ("frozen", "")))
         fired = made[number - 1].timer if number else None
-        before, along = along, {}
+        before, along, renamed = along, {}, dict(effect.renamed)
         for name, one in before.items():
-            now = name_after(name, effect.renamed)
+            now = name_after(name, renamed)
             if now not in effect.fresh and now in (armed | frozen):
                 along[now] = one
                 continue

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -74,6 +74,11 @@ class WorldMove:
     event: Event | None = None
     timer: TimerName = ("", "", "")
     made_of: tuple[int, ...] = ()
+
+    @property
+    def tells_value(self) -> bool:
+        """Whether it tells a live value."""
+        return self.event is not None and self.event.name == "value"
 
 
 class Due(NamedTuple):
@@ -148,7 +153,7 @@ class WorldMoves:
         found: dict[int, dict[int, int]] = {}
         for number in self.everywhere:
             event = self.all[number].event
-            if event is None or event.name != "value":
+            if event is None or not self.all[number].tells_value:
                 continue
             specs = [i for i in self._table.relevance.chart.inputs.values() if i.value == event.data["name"]]
             if len(specs) == 1 and specs[0].freshness is None:
@@ -344,7 +349,7 @@ def ranks_after(
     before: frozenset[Rank],
     deadlines: Deadlines,
     fresh: frozenset[TimerName],
-    renamed: Sequence[tuple[str, str]],
+    renamed: Mapping[str, str],
 ) -> frozenset[Rank]:
     """Return which deadlines certainly come before which others after a step.
 
@@ -371,13 +376,12 @@ def ranks_after(
     return frozenset(pairs)
 
 
-def name_after(timer: TimerName, renamed: Sequence[tuple[str, str]]) -> TimerName:
+def name_after(timer: TimerName, renamed: Mapping[str, str]) -> TimerName:
     """Return what a deadline is called once attempts are renamed; `GONE` if another has its owner's name."""
     kind, owner, event = timer
-    named = dict(renamed)
-    if owner in named.values() and owner not in named:
+    if owner in renamed.values() and owner not in renamed:
         return GONE
-    return kind, named.get(owner, owner), event
+    return kind, renamed.get(owner, owner), event
 
 
 #: In place of the name of a deadline whose owner is gone.
