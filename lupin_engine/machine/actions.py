@@ -59,13 +59,14 @@ class ExecutableContent:
                 # The chart keeps its calls as long as it lives, so that an id means one of them.
                 action = compiled[id(call)] = CompiledAction(call, self._scope.chart)
             try:
-                self._run(action, state, trigger, step)
+                self.carry_out(action, state, trigger, step)
             except Exception as problem:
                 step.fail(state, f"{call.place}: {call.name}: {reason(problem)}")
                 return False
         return True
 
-    def _run(self, action: CompiledAction, state: str, trigger: Trigger, step: Macrostep) -> None:
+    def carry_out(self, action: CompiledAction, state: str, trigger: Trigger, step: Macrostep) -> None:
+        """Carry out one action, which may raise whatever its arguments raise."""
         scope = self._scope
         arguments = action.arguments.evaluate(scope.at(state, step.now, trigger))
         if action.data is not None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterable, Mapping, Sequence
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 from lupin_engine.chart.expressions.evaluation import Environment
 from lupin_engine.chart.model import Chart, Invariant, Kind, State, Timer, Transition, UsedMission
@@ -107,6 +107,9 @@ class Machine:
         "scope",
     )
 
+    #: What carries out its actions.
+    content: ClassVar[type[ExecutableContent]] = ExecutableContent
+
     def __init__(self, world: World, memory: Memory | None = None) -> None:
         """Make a machine that is not started.
 
@@ -117,7 +120,7 @@ class Machine:
         self.memory = memory or Memory()
         self._table: DispatchTable = dispatch_table(world.chart)
         self.scope = scope = EvaluationScope(world, self.memory)
-        self._content = ExecutableContent(scope, self._table.actions)
+        self._content = self.content(scope, self._table.actions)
         self._operations = Operations(scope, self._content, self._table.arguments)
         self._holds = Holds(scope, self._table.hold_reads, self._operations.suspend, self._content.resume)
         self._requests = Requests(scope, self._holds, self._table.structure)

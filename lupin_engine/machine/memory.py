@@ -113,6 +113,22 @@ class Attempt:
     answer: Event | None = None
 
 
+class ResourceClaim(NamedTuple):
+    """What an attempt uses; one that `waits` has not begun yet."""
+
+    attempt: str
+    uses: tuple[str, ...]
+    waits: bool
+
+
+def claim_of(attempt: Attempt) -> ResourceClaim | None:
+    """Return the claim of an attempt, if it uses anything or waits."""
+    waits = attempt.phase is Phase.WAITING
+    if attempt.phase is Phase.LOST or not (attempt.uses or waits):
+        return None
+    return ResourceClaim(attempt.id, attempt.uses, waits)
+
+
 @dataclass(slots=True)
 class CutShort:
     """What follows when an attempt that was cut short has ended, or does not say so in time.
@@ -222,6 +238,11 @@ class Memory:
         """Return a number that no attempt, invocation or timer had before."""
         self.next_id += 1
         return self.next_id
+
+    @property
+    def claims(self) -> list[ResourceClaim]:
+        """The claims of all attempts, in the order in which they were made."""
+        return [claim for claim in map(claim_of, self.attempts.values()) if claim is not None]
 
     @property
     def traversal(self) -> Traversal | None:

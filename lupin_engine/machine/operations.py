@@ -376,14 +376,12 @@ class Operations:
 
     def _before(self, attempt: Attempt) -> Attempt | None:
         """Return the earlier attempt that still uses what this one needs."""
-        needs = set(attempt.uses)
-        for other in self._scope.memory.attempts.values():
-            if other is attempt:
+        needs, memory = set(attempt.uses), self._scope.memory
+        for claim in memory.claims:
+            if claim.attempt == attempt.id:
                 break
-            if other.phase is not Phase.LOST and (
-                EVERYTHING in other.uses or not needs.isdisjoint(other.uses)
-            ):
-                return other
+            if EVERYTHING in claim.uses or not needs.isdisjoint(claim.uses):
+                return memory.attempts[claim.attempt]
         return None
 
     def _start(self, attempt: Attempt, step: Macrostep) -> None:
@@ -396,9 +394,8 @@ class Operations:
 
     def _start_waiting(self, step: Macrostep) -> bool:
         """Start the attempts whose resources have become free; say whether there were any."""
-        waiting = [found for found in self._scope.memory.attempts.values() if found.phase is Phase.WAITING]
-        if not waiting:
-            return False
+        memory = self._scope.memory
+        waiting = [memory.attempts[claim.attempt] for claim in memory.claims if claim.waits]
         free = [attempt for attempt in waiting if self._before(attempt) is None]
         for attempt in free:
             self._start(attempt, step)

@@ -284,8 +284,9 @@ def _hold_stops_all(passage: Passage) -> str | None:
 @_built_in("resources_exclude", "An operation begins only when the resource it needs is free.")
 def _resources_exclude(passage: Passage) -> str | None:
     attempts = passage.after.attempts
-    users = [found for found in attempts.values() if found.uses] if touched(attempts) else []
-    using = [found for found in users if found.phase not in (Phase.WAITING, Phase.LOST)]
+    if not any(found.uses for found in touched(attempts)):
+        return None
+    using = [attempts[claim.attempt] for claim in passage.after.claims if claim.uses and not claim.waits]
     for one in using:
         for other in using if one.phase is not Phase.CANCELLING else ():
             shared = [name for name in other.uses if name in one.uses or name == EVERYTHING]
