@@ -21,6 +21,7 @@ from lupin_engine.machine.scope import World
 from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step
 from lupin_engine.missions.selection import load_missions
+from lupin_engine.plugin.types import TEXT, list_of
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.simulation import Simulation
 from lupin_engine.verify.campaign import Campaign
@@ -30,11 +31,12 @@ from lupin_engine.verify.situations.found import ExplorationProgress
 from lupin_engine.verify.situations.levels import explore
 from lupin_engine.verify.situations.moves import told_move
 from lupin_engine.verify.situations.relevance import _sweeps_told_apart, elements_told_apart, is_orphan
-from lupin_engine.verify.situations.situation import TrackedMemory
+from lupin_engine.verify.situations.situation import CLAIMS, Situation, TrackedMemory
 from lupin_engine.verify.situations.timing import timed_run
+from lupin_engine.verify.situations.worlds import in_order
 from tests import shipped
 from tests.machine.charts import PAUSE, chart
-from tests.verify.toys import KeepingExplorer, explored, round_trip, wheels
+from tests.verify.toys import KeepingExplorer, explored, round_trip, search, wheels
 
 NO_CLOCK: dict[str, Any] = {
     "A": {"invoke": "nav.go", "on_done": "B", "on_error": "FAULT", "on": {"operator.skip_current": "B"}},
@@ -51,13 +53,94 @@ def test_wheels_are_counted() -> None:
     assert len(found.sources) == 3 * 6**3
 
 
-@pytest.mark.parametrize("of", [round_trip(), wheels(2, 5), chart(NO_CLOCK, holds={"pause": PAUSE})])
-def test_what_is_remembered_changes_nothing(of: Chart) -> None:
+@pytest.mark.parametrize(
+    ("of", "bounds"),
+    [
+        (round_trip(), {}),
+        (search(), {"targets": 1, "restarts": False}),
+        (wheels(2, 5), {}),
+        (chart(NO_CLOCK, holds={"pause": PAUSE}), {}),
+    ],
+)
+def test_what_is_remembered_changes_nothing(of: Chart, bounds: dict[str, Any]) -> None:
     """With every transition a step of the machine, the graph is the same."""
-    fast, slow = explored(of), explored(of, memo=False)
+    fast, slow = explored(of, **bounds), explored(of, memo=False, **bounds)
     assert fast.progress.steps <= slow.progress.steps
     assert fast.progress.situations == slow.progress.situations
     assert (fast.sources, fast.targets, fast.by) == (slow.sources, slow.targets, slow.by)
+
+
+def test_in_which_order_elements_answer_changes_nothing() -> None:
+    """Of answers that wait for a release, and of which nothing is kept, all orders lead to the same."""
+    explorer = KeepingExplorer(search(), targets=2, restarts=False)
+    sorted_ = explore(explorer, live=False)
+    numbers = {situation: number for number, situation in enumerate(explorer.situations)}
+    relevance, slot = explorer.relevance, explorer.table.index["deferred", ""]
+    states, relevance.keeps_nothing = relevance.keeps_nothing, frozenset()
+    plain = explore(explorer, live=False)
+    relevance.keeps_nothing = states
+    assert len(explorer.situations) > len(numbers)
+
+    def in_order_of(situation: Situation) -> int:
+        memory = TrackedMemory(explorer.table, situation)
+        assert len(memory.deferred) < 4  # and so it is looked at
+        in_order(memory)
+        number = dict(memory.changes()).get(slot, situation[slot])
+        return numbers[(*situation[:slot], number, *situation[slot + 1 :])]
+
+    to = [in_order_of(situation) for situation in explorer.situations]
+    assert set(to) == set(range(len(numbers)))
+    moves = {(to[s], by, to[t]) for s, by, t in zip(plain.sources, plain.by, plain.targets, strict=True)}
+    assert moves == set(zip(sorted_.sources, sorted_.by, sorted_.targets, strict=True))
+
+
+def test_what_only_a_variable_is_made_of_is_read_where_that_matters() -> None:
+    """The same graph, by fewer steps: after an abort nobody asks how many were found."""
+    aside, read = (KeepingExplorer(search(), targets=2, restarts=False) for _ in range(2))
+    read.table.reported = frozenset()
+    fast, slow = explore(aside), explore(read)
+    assert fast.progress.steps < slow.progress.steps
+    assert (fast.sources, fast.targets, fast.by) == (slow.sources, slow.targets, slow.by)
+
+
+def test_a_variable_that_cannot_be_set_is_found() -> None:
+    """Also where nobody reads it: for each value is seen whether there is a result."""
+
+    def one_is_too_many(env: Any) -> float:
+        return 1 / (1 - len(env["input"]["seen"]))
+
+    look = {"exit": [("set", {"found": one_is_too_many})], "on": {"operator.abort": "DONE"}}
+    back = {"target": "LOOK", "guard": lambda env: env["input"]["seen"]}
+    of = chart(
+        {"LOOK": look, "DONE": {"on": {"operator.reset": back}}, "FAULT": {}},
+        inputs={"seen": {"type": list_of(TEXT), "initial": []}},
+        context={"found": 0},
+    )
+    assert "no_execution_error" in explored(of, targets=2).breaches
+
+
+def both() -> Chart:
+    """Return a chart that drives and looks about, in whichever order, and drives and looks again."""
+    regions = {
+        "D": {"states": {"GO": {"invoke": "nav.go", "on_done": "GO", "on_error": "GO"}}},
+        "L": {"states": {"LOOK": {"invoke": "arm.look", "on_done": "LOOK", "on_error": "LOOK"}}},
+    }
+    return chart({"P": {"kind": "parallel", "states": regions}, "FAULT": {}}, holds={"pause": PAUSE})
+
+
+@pytest.mark.parametrize("of", [round_trip(), search(), both()])
+def test_claims_follow_from_attempts(of: Chart) -> None:
+    """What is kept of them beside the attempts is what the attempts say."""
+    explorer = KeepingExplorer(of)
+    assert explore(explorer, live=False).complete
+    table, seen = explorer.table, set()
+    for situation in explorer.situations:
+        known = tuple(table.get(situation, CLAIMS) or ())
+        names = table.get(situation, ("attempts", "")) or ()
+        attempts = {name: table.get(situation, ("attempts", name)) for name in names}
+        assert known == tuple(Memory(attempts=attempts).claims)
+        seen.add(known)
+    assert len(seen) > 3
 
 
 def test_a_restart_after_a_lost_order_is_looked_at_with_late_answers() -> None:

@@ -17,26 +17,34 @@ from lupin_engine.verify.situations.levels import LevelWalk, explore
 from lupin_engine.verify.situations.situation import Situation
 from tests import shipped
 from tests.machine.charts import chart
-from tests.verify.toys import KeepingExplorer, round_trip
+from tests.verify.toys import KeepingExplorer, round_trip, search
 
 SHORT = {"monitoring_sweeps": 1, "seed_climate_on_discovery": False}
 
 
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize(
-    ("of", "given", "restarts"),
+    ("of", "given", "bounds"),
     [
-        (round_trip(), {}, True),
-        (shipped.mission("inspection"), {}, True),
-        pytest.param(shipped.mission("exploration"), SHORT, False, marks=pytest.mark.proof),
+        (round_trip(), {}, {"targets": 1}),
+        (search(), {}, {"targets": 2, "restarts": False}),
+        (shipped.mission("inspection"), {}, {"targets": 1}),
+        pytest.param(
+            shipped.mission("exploration"),
+            SHORT,
+            {"targets": 1, "restarts": False},
+            marks=pytest.mark.proof,
+        ),
     ],
 )
-def test_what_is_not_told_apart_changes_nothing(of: Chart, given: dict[str, Any], restarts: bool) -> None:
+def test_what_is_not_told_apart_changes_nothing(
+    of: Chart, given: dict[str, Any], bounds: dict[str, Any]
+) -> None:
     """The plain walk, with the same left out, has the situations and transitions of the reduced one.
 
     Where values are told before a transition it is one of the situations that have these.
     """
-    explorer = KeepingExplorer(of, given, targets=1, restarts=restarts)
+    explorer = KeepingExplorer(of, given, **bounds)
     plain = explore(explorer, live=False)
     every = list(explorer.situations)
     walk = LevelWalk(explorer, memo=True, live=True)

@@ -7,6 +7,7 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import NOTHING
+from lupin_engine.plugin.types import TEXT, list_of
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
@@ -44,6 +45,33 @@ def wheels(regions: int, spokes: int) -> Chart:
         for r in range(regions)
     }
     return chart({"P": {"kind": "parallel", "states": inside}})
+
+
+def search() -> Chart:
+    """Return a chart that drives about while it reads what is seen, and counts that when it stops."""
+    seen = {"seen": {"type": list_of(TEXT), "initial": []}}
+    reads = {"do": "bridge.read", "items": lambda env: env["input"]["seen"], "timeout": 5.0, "limit": 4}
+    drives = {
+        "GO": {"invoke": {"do": "nav.go", "timeout": 60.0}, "on_done": "GO", "on_error": "STAY"},
+        "STAY": {"after": {1.0: "GO"}},
+    }
+    states = {
+        "LOOK": {
+            "kind": "parallel",
+            "exit": [("set", {"found": lambda env: len(env["input"]["seen"])})],
+            "on": {"operator.dock": "AGAIN", "operator.abort": "DONE"},
+            "states": {"D": {"states": drives}, "R": {"for_each": reads}},
+        },
+        "AGAIN": {"on": {"operator.reset": [{"target": "LOOK", "guard": found}, {"target": "DONE"}]}},
+        "DONE": {"on": {"operator.reset": "LOOK"}},
+        "FAULT": {},
+    }
+    return chart(states, inputs=seen, context={"found": 0}, holds={"pause": PAUSE}, codes={"paused": "p"})
+
+
+def found(env: Any) -> bool:
+    """Say whether something was found."""
+    return bool(env["context"]["found"] > 0)
 
 
 class KeepingExplorer(SituationExplorer):

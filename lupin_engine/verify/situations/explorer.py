@@ -14,12 +14,13 @@ from functools import partial
 from typing import Any, NamedTuple, cast
 
 from lupin_engine.errors import reason
-from lupin_engine.machine.event import Cancel, Report
+from lupin_engine.machine.actions import CompiledAction, ExecutableContent
+from lupin_engine.machine.event import Report, Trigger
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Attempt, Phase
 from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.scope import EvaluationScope, World
-from lupin_engine.machine.step import Step
+from lupin_engine.machine.step import Macrostep, Step
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.sim.simulation import label_of
@@ -40,6 +41,7 @@ from lupin_engine.verify.situations.memo import Rows
 from lupin_engine.verify.situations.relevance import Relevance, invokes
 from lupin_engine.verify.situations.situation import (
     CALM,
+    CLAIMS,
     COMPARED,
     FIRST_NEW,
     RANKS,
@@ -63,10 +65,11 @@ from lupin_engine.verify.situations.worlds import (
     forget_unwanted,
     in_order,
     ranks_after,
+    settled_claims,
 )
 
 #: Room for slots at the beginning.
-ROOM = 96
+ROOM = 128
 #: What the robot's clock always shows, in POSIX time: six in the morning of 2026-01-01, UTC.
 MORNING = 1767247200.0
 #: The property that no step raises an exception.
@@ -110,6 +113,7 @@ class SituationExplorer:
     def _begin(self) -> None:
         self.table = SlotTable(self.relevance, self._room, self.bounds.most_values)
         self.moves = WorldMoves(self.table, self.classes, self.bounds.owed, self.bounds.restarts)
+        self.table.reported = frozenset(self.moves.told())
 
     # -- one move -----------------------------------------------------------------------------------------
 
@@ -117,7 +121,7 @@ class SituationExplorer:
         """Return where every machine of the chart begins."""
         nothing = (0,) * self._room
         memory = TrackedMemory(self.table, nothing)
-        machine = Machine(self.world, memory)
+        machine = _TrackedMachine(self.world, memory)
         step = machine.start(0.0, None if self.world.calendar is None else MORNING)
         effect = self._effect_of(memory, machine, step, nothing, None)
         return self._after(nothing, effect), effect
@@ -125,11 +129,13 @@ class SituationExplorer:
     def step(self, situation: Situation, number: int) -> Effect:
         """Make the machine's own step.
 
-        Which deadlines come before which others is not in the effect: see `ranked`.
+        Which deadlines come before which others is not in the effect: see `ranks_after`.
         """
         memory = TrackedMemory(self.table, situation)
         effect = self._step(memory, situation, number)
-        return replace(effect, needs=memory.reads, sets=frozenset(memory.written - memory.values))
+        aside = tuple((self.table.index["context", name], slot) for name, (_, slot) in memory.aside.items())
+        sets = frozenset(memory.written - memory.values)
+        return replace(effect, needs=memory.reads, sets=sets, aside=aside)
 
     def _step(self, memory: TrackedMemory, situation: Situation, number: int) -> Effect:
         before = TrackedMemory(self.table, situation)
@@ -137,7 +143,7 @@ class SituationExplorer:
         move = self.moves.all[number]
         if move.timer[0] == OF_PROPERTY:
             return self._late(memory, situation, move.timer[1])
-        machine = Machine(self.world, memory)
+        machine = _TrackedMachine(self.world, memory)
         if move.timer[0] != "fresh":
             machine.trust(memory.fetch(self.table.index[CALM]))
         try:
@@ -145,7 +151,7 @@ class SituationExplorer:
                 if not is_idle(machine):
                     return _NOTHING
                 memory.take_over(successor(Machine(self.world, memory.plain()), self.world).memory)
-                machine = Machine(self.world, memory)
+                machine = _TrackedMachine(self.world, memory)
                 inputs, levels = (self.table.keys[field] for field in COMPARED)
                 with memory.unread("inputs", inputs), memory.unread("levels", levels):
                     step: Step | None = machine.go_on(0.0)
@@ -167,8 +173,7 @@ class SituationExplorer:
         before: TrackedMemory | None,
     ) -> Effect:
         watched, breaches, relevant = self._judge(memory, machine, step, before)
-        if step.event.name == "timer.cancel" or any(isinstance(c, Cancel) for c in step.commands):
-            forget_unwanted(memory, self.bounds.owed)
+        forget_unwanted(memory, self.bounds.owed)
         set_now = {(t[2], *t[3]) for timers in memory.looked_at_timers() for t in timers if t[1] >= FIRST_NEW}
         named = settle_names(memory)
         if any(not self.moves.is_within_bounds(name) for name in named.values()):
@@ -184,6 +189,8 @@ class SituationExplorer:
         if fresh or any(slot in delta for slot in slots):
             deadlines = Deadlines((*memory.timers, *deadlines_of(watched)), tuple(memory.frozen))
         self._set(delta, memory, CALM, machine.calm)
+        if memory.is_looked_at("attempts"):
+            self._set(delta, memory, CLAIMS, settled_claims(memory) or None)
         progress = any(isinstance(command, (Publish, Report)) for command in step.commands)
         renamed = tuple((old, new) for old, new in named.items() if "#" in new)
         return Effect(
@@ -198,16 +205,14 @@ class SituationExplorer:
             renamed,
         )
 
-    def ranked(self, effect: Effect, before: int) -> Effect:
-        """Return an effect with which deadlines come before which others, by what that was before."""
+    def ranks_after(self, effect: Effect, before: int) -> int:
+        """Return which deadlines come before which others after an effect, by that before it, as numbers."""
         slot = self.table.index[RANKS]
         if effect.deadlines is None:
-            return effect
+            return before
         known = self.table.value(slot, before) if before else frozenset()
         ranks = ranks_after(known, effect.deadlines, effect.fresh, dict(effect.renamed))
-        after = self.table.number(slot, ranks) if ranks else 0
-        delta = effect.delta if after == before else (*effect.delta, (slot, after))
-        return replace(effect, delta=delta, deadlines=None)
+        return self.table.number(slot, ranks) if ranks else 0
 
     def _due_now(self, situation: Situation, watched: Watched) -> set[TimerName]:
         """Return the deadlines of properties that are set in a step."""
@@ -272,9 +277,10 @@ class SituationExplorer:
         return [n for n, before, after in found if before != after or not self.moves.all[n].tells_value]
 
     def _after(self, situation: Situation, effect: Effect) -> Situation:
-        found = list(situation)
-        for slot, number in self.ranked(effect, situation[self.table.index[RANKS]]).delta:
+        found, ranks = list(situation), self.table.index[RANKS]
+        for slot, number in effect.delta:
             found[slot] = number
+        found[ranks] = self.ranks_after(effect, situation[ranks])
         return tuple(found)
 
     def make_room(self) -> None:
@@ -310,6 +316,44 @@ class SituationExplorer:
             if attempt.operation in self._moving and attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED):
                 found |= Is.MOVES
         return found
+
+
+class _TrackedContent(ExecutableContent):
+    """Carries out actions; what only a `set` reads does not count as read yet (see `TrackedMemory.aside`)."""
+
+    __slots__ = ()
+
+    def carry_out(self, action: CompiledAction, state: str, trigger: Trigger, step: Macrostep) -> None:
+        """Carry out an action; of a `set` see whether it does so whatever the value is that it reads."""
+        carry_out = partial(super().carry_out, action, state, trigger, step)
+        memory = self._scope.memory
+        if action.call.name != "set" or not isinstance(memory, TrackedMemory):
+            carry_out()
+            return
+        before, aside = frozenset(memory.values), len(memory.aside)
+        carry_out()
+        read = memory.values - before
+        slot = min(read, default=-1)
+        if read == {slot} and slot in memory.table.reported and len(memory.aside) == aside:
+            name = memory.table.names[slot][1]
+            value = memory.inputs[name]
+            try:
+                for other in memory.table.values(slot):
+                    dict.__setitem__(memory.inputs, name, other)
+                    carry_out()
+            except Exception:  # told in the situation with that value, so this one is of another kind
+                read.clear()
+            dict.__setitem__(memory.inputs, name, value)
+            carry_out()
+            if memory.values - before == read:
+                memory.put_aside(action.call.arguments, slot)
+
+
+class _TrackedMachine(Machine):
+    """A machine of which is known what its steps read."""
+
+    __slots__ = ()
+    content = _TrackedContent
 
 
 class _LazyGlance:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from lupin_engine.verify.situations.worlds import Deadlines, TimerName, WorldMoves
@@ -16,7 +16,9 @@ class Effect:
     `progress`: something was told of a target or of the mission. `fresh` are the deadlines that it sets,
     `deadlines` those that there are after it (None: as before), `renamed` the attempts that get another
     name. One that is `cut` is beyond the bounds. The step has read what it `needs` (see
-    `TrackedMemory.reads`); the slots that it `sets` it has written whatever they were.
+    `TrackedMemory.reads`); the slots that it `sets` it has written whatever they were. Of pairs that are
+    `aside` the first is a variable that it sets, the second what nothing but that variable was made of; it
+    counts as read only where the variable makes a difference.
     """
 
     delta: tuple[tuple[int, int], ...]
@@ -31,6 +33,12 @@ class Effect:
     cut: bool = False
     needs: frozenset[int] = frozenset()
     sets: frozenset[int] = frozenset()
+    aside: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def whole(self) -> Effect:
+        """The same with all that the step has read."""
+        return replace(self, needs=self.needs.union(slot for _, slot in self.aside), aside=())
 
 
 class Breach(NamedTuple):

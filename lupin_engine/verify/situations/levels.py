@@ -8,7 +8,7 @@ none is known.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lupin_engine.verify.situations.explorer import SituationExplorer
 from lupin_engine.verify.situations.found import Breach, Effect, ExplorationProgress, Explored
-from lupin_engine.verify.situations.liveness import Dead, Liveness
+from lupin_engine.verify.situations.liveness import Dead, Liveness, Place
 from lupin_engine.verify.situations.memo import Indices, LevelPart, MemoTable, Rows, marks_of
 from lupin_engine.verify.situations.seen import Block, Marks, SeenTable, WaitingLine
 from lupin_engine.verify.situations.situation import RANKS, Overflow
@@ -59,7 +59,7 @@ def explore(
 
 
 #: What many effects have in common.
-_SHARED = ("delta", "relevant", "taken", "entered", "fresh", "deadlines", "renamed", "needs", "sets")
+_SHARED = ("delta", "relevant", "taken", "entered", "fresh", "deadlines", "renamed", "needs", "sets", "aside")
 #: In place of what is left of the value of a slot: a step has set it, whatever it was.
 _SET = -1
 
@@ -92,17 +92,19 @@ class _Effects:
         #: What effects have, each once, as many have the same.
         self._shared: dict[Any, Any] = {}
         self._marks = marks
-        self._progress, self._cut, self._breaks, self._timed = (bytearray() for _ in range(4))
+        self._progress, self._cut, self._breaks = (bytearray() for _ in range(3))
         self._low, self._high = array("Q"), array("Q")
         self._starts, self._slots, self._values = array("I", [0]), array("H"), array("H")
         self._before = array("H")
         #: The slot and the value of an effect that does nothing else, as one number; 0: there is none.
         self._only = array("I")
         self._without: dict[tuple[int, tuple[tuple[int, int], ...]], int] = {}
-        self._ranks = explorer.table.index[RANKS]
-        #: Pairs of an effect and the ranks before it; by their numbers, what the effect is there.
+        #: Of each effect the number of what it does to deadlines; 0: nothing.
+        self._timing = array("I")
+        self._timings: dict[Any, int] = {None: 0}
+        #: Pairs of such a number and the ranks before; by their numbers, the ranks after.
         self._pairs = SeenTable()
-        self._ranked = array("I")
+        self._ranks_after = array("H")
 
     def add(self, effect: Effect, situation: Mapping[int, int]) -> int:
         """Keep an effect.
@@ -114,21 +116,22 @@ class _Effects:
             value = getattr(effect, name)
             setattr(effect, name, self._shared.setdefault(value, value))
         self.all.append(effect)
-        low, high = np.uint64(0), np.uint64(0)
+        low = high = 0
         for slot, value in effect.delta:
             for number in (value,) if slot in effect.sets else (situation[slot], value):
-                low ^= self._marks[0, slot, number]
-                high ^= self._marks[1, slot, number]
+                low ^= self._marks.item(0, slot, number)
+                high ^= self._marks.item(1, slot, number)
             self._slots.append(slot)
             self._values.append(value)
             self._before.append(situation[slot])
-        self._low.append(int(low))
-        self._high.append(int(high))
+        self._low.append(low)
+        self._high.append(high)
         self._starts.append(len(self._slots))
         self._progress.append(effect.progress)
         self._cut.append(effect.cut)
         self._breaks.append(bool(effect.breaches))
-        self._timed.append(effect.deadlines is not None)
+        timing = None if effect.deadlines is None else (effect.deadlines, effect.fresh, effect.renamed)
+        self._timing.append(self._timings.setdefault(timing, len(self._timings)))
         more = effect.breaches or effect.cut or effect.deadlines or len(effect.delta) != 1
         self._only.append(0 if more else self.only(*effect.delta[0]))
         return len(self.all) - 1
@@ -153,17 +156,16 @@ class _Effects:
         begin, end = self._starts[number], self._starts[number + 1]
         return dict(zip(self._slots[begin:end], self._before[begin:end], strict=True))
 
-    def ranked(self, rows: Rows, columns: Indices, effects: NDArray[np.uint32]) -> NDArray[np.uint32]:
-        """Return the effects of transitions with which deadlines come before which others after them."""
-        timed = np.flatnonzero(np.frombuffer(self._timed, np.bool_)[effects])
-        before = rows[self._ranks, columns[timed]].astype(np.uint64)
-        at, new = self._pairs.of_pairs(effects[timed].astype(np.uint64), before)
+    def ranks_after(self, before: NDArray[np.uint16], effects: NDArray[np.uint32]) -> NDArray[np.uint16]:
+        """Return which deadlines come before which others after transitions, by what that was before."""
+        timing = np.frombuffer(self._timing, np.uint32)[effects]
+        timed = np.flatnonzero(timing)
+        at, new = self._pairs.of_pairs(timing[timed].astype(np.uint64), before[timed].astype(np.uint64))
         for column in timed[new].tolist():
-            number, ranks = int(effects[column]), int(rows[self._ranks, columns[column]])
-            effect = self._explorer.ranked(self.all[number], ranks)
-            self._ranked.append(self.add(effect, {**self._values_before(number), self._ranks: ranks}))
-        found = effects.copy()
-        found[timed] = np.frombuffer(self._ranked, np.uint32)[at]
+            after = self._explorer.ranks_after(self.all[effects[column]], int(before[column]))
+            self._ranks_after.append(after)
+        found = before.copy()
+        found[timed] = np.frombuffer(self._ranks_after, np.uint16)[at]
         return found
 
     @staticmethod
@@ -207,12 +209,12 @@ class Leads:
         #: Whether all that steps needed so far was live.
         self.certain = True
         self.used: list[int] = []
-        self._places: dict[tuple[int, ...], int] = {}
-        #: Pairs of a place and an effect; by their numbers three each: what the effect is there, which slots
-        #: end with it, and which are asked for.
+        self._places: dict[Place, int] = {}
+        #: Pairs of a place and an effect; by their numbers four each: what the effect is there, which slots
+        #: end with it, which are asked for, and whether what is aside makes a difference.
         self._pairs = SeenTable()
         self._found = array("I")
-        self._dead: dict[tuple[int, ...], Dead] = {}
+        self._dead: dict[Place, Dead] = {}
         #: Slots that are set or end together, each with what is left of its value; the first are none.
         self._ends: dict[tuple[tuple[int, int], ...], int] = {(): 0}
         #: Slots of values that are open before effects and make a difference to them, or after them.
@@ -226,10 +228,12 @@ class Leads:
             rows[slot] = dead.left(slot, int(rows[slot, 0]))
         return rows
 
-    def settle(
-        self, rows: Rows, columns: Indices, effects: NDArray[np.uint32]
-    ) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint32]]:
-        """Return for transitions what they do, and the numbers of the slots that end, and that are asked."""
+    def settle(self, rows: Rows, columns: Indices, effects: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Return what is told of effects at places, for each transition. Shape: (4, transitions).
+
+        What they do, the numbers of the slots that end, and of those that are asked for, and whether what is
+        aside makes a difference.
+        """
         every, of = np.unique(rows[list(self._live.of_place)], axis=1, return_inverse=True)
         places = [self._live.place(values) for values in every.T.tolist()]
         numbers = np.array([self._places.setdefault(p, len(self._places)) for p in places], np.uint64)
@@ -239,8 +243,7 @@ class Leads:
         for place, effect in zip(placed[new].tolist(), effects[new].tolist(), strict=True):
             self.used.append(effect)
             self._found.extend(self._work_out(names[place], effect))
-        settled, ends, asked = np.frombuffer(self._found, np.uint32).reshape(-1, 3)[at].T
-        return settled, ends, asked
+        return np.frombuffer(self._found, np.uint32).reshape(-1, 4)[at].T
 
     def close(self, configuration: int | None, slots: Set[int]) -> None:
         """Take notice that the values of these are not open in a configuration; None: in any."""
@@ -252,11 +255,18 @@ class Leads:
         for slot in np.unique(first[first >= 0]).tolist():
             yield slot, np.flatnonzero(first == slot)
 
-    def _work_out(self, place: tuple[int, ...], number: int) -> tuple[int, int, int]:
+    def leaves_aside(self, situation: Sequence[int], effect: Effect) -> bool:
+        """Say whether what is aside in an effect makes no difference after it."""
+        place = self._live.place(situation[slot] for slot in self._live.of_place)
+        return self._dead_at(self._after(place, effect)).slots >= {slot for slot, _ in effect.aside}
+
+    def _after(self, place: Place, effect: Effect) -> Place:
+        delta, kept = dict(effect.delta), zip(self._live.of_place, place, strict=True)
+        return self._live.place(delta.get(slot, value) for slot, value in kept)
+
+    def _work_out(self, place: Place, number: int) -> tuple[int, int, int, bool]:
         effect = self._effects.all[number]
-        delta = dict(effect.delta)
-        kept = zip(self._live.of_place, place, strict=True)
-        to = self._live.place(delta.get(slot, value) for slot, value in kept)
+        delta, to = dict(effect.delta), self._after(place, effect)
         self.certain = self._live.takes(place, effect, to) and self.certain
         for slot in self._live.told.keys() & delta.keys():
             if delta[slot] and delta[slot] not in self._live.told[slot]:
@@ -272,9 +282,10 @@ class Leads:
             self._effects.without(number, dead),
             self._ends.setdefault(tuple(ends), len(self._ends)),
             self._asked.setdefault(asked, len(self._asked)),
+            not dead.slots >= {slot for slot, _ in effect.aside},
         )
 
-    def _dead_at(self, place: tuple[int, ...]) -> Dead:
+    def _dead_at(self, place: Place) -> Dead:
         found = self._dead.get(place)
         if found is None:
             found = self._dead[place] = self._live.dead(place)
@@ -302,9 +313,9 @@ class LevelWalk:
         self._memo_on = memo
         table = explorer.table
         self._marks = marks_of(table.room, explorer.bounds.most_values)
-        self._configuration = table.index["configuration", ""]
+        self._configuration, self._ranks = table.index["configuration", ""], table.index[RANKS]
         self._effects = _Effects(explorer, self._marks)
-        self._memo: dict[tuple[int, int], MemoTable] = {}
+        self._memo: dict[tuple[int, int, bool], MemoTable] = {}
         self._flags = MemoTable()
         told = explorer.moves.told() if open_values else {}
         self.live = Liveness(explorer.chart, table, told, live)
@@ -431,7 +442,7 @@ class LevelWalk:
             self._go(those, of, moves[at], self._effects_of(those, of, moves[at]))
 
     def _effects_of(
-        self, origins: Origins, columns: Indices, moves: NDArray[np.uint16]
+        self, origins: Origins, columns: Indices, moves: NDArray[np.uint16], whole: bool = False
     ) -> NDArray[np.uint32]:
         """Return the effects of moves, each in the situation of a column."""
         effects = np.zeros(len(columns), np.uint32)
@@ -439,7 +450,7 @@ class LevelWalk:
             inside = np.flatnonzero((columns >= begin) & (columns < begin + part.rows.shape[1]))
             for move in np.unique(moves[inside]):
                 at = inside[moves[inside] == move]
-                effects[at] = self._follow(part, columns[at] - begin, int(move))
+                effects[at] = self._follow(part, columns[at] - begin, int(move), whole)
         return effects
 
     def _go(
@@ -449,7 +460,12 @@ class LevelWalk:
         known = self._effects
         used = len(self._leads.used)
         self._close(origins.rows, columns, moves, effects)
-        effects, ends, asked = self._leads.settle(origins.rows, columns, effects)
+        settled = self._leads.settle(origins.rows, columns, effects)
+        partly = np.flatnonzero(settled[3])
+        if len(partly):
+            effects = self._effects_of(origins, columns[partly], moves[partly], whole=True)
+            settled[:, partly] = self._leads.settle(origins.rows, columns[partly], effects)
+        effects, ends, asked, _ = settled
         if self._certain is None and not self._leads.certain:
             self._look_ahead(used)
         done = np.ones(len(columns), np.bool_)
@@ -457,7 +473,9 @@ class LevelWalk:
             done[at] = False
             self._choose(origins, columns[at], moves[at], slot)
         columns, moves, ends = columns[done], moves[done], ends[done]
-        effects = known.ranked(origins.rows, columns, effects[done])
+        effects = effects[done]
+        before = origins.rows[self._ranks, columns]
+        ranks = known.ranks_after(before, effects)
         if origins.made:
             every, of = np.unique(moves, return_inverse=True)
             told = [self._explorer.moves.told_before(origins.made, int(move)) for move in every]
@@ -466,6 +484,9 @@ class LevelWalk:
         found.cut += known.cut(effects)
         self._note_breaches(origins.depth, origins.numbers[columns], moves, effects)
         low, high = known.marks(effects)
+        of_ranks = self._marks[:, self._ranks]
+        low ^= of_ranks[0, before] ^ of_ranks[0, ranks]
+        high ^= of_ranks[1, before] ^ of_ranks[1, ranks]
         for slot, left, at, values in self._leads.ended(origins.rows, columns, ends):
             for side, marks in enumerate((low, high)):
                 of = self._marks[side, slot]
@@ -487,6 +508,7 @@ class LevelWalk:
         if len(new):
             rows = origins.rows[:, columns[new]]
             known.apply(rows, effects[new])
+            rows[self._ranks] = ranks[changing][new]
             for slot, left, at, _ in self._leads.ended(origins.rows, columns[new], ends[new]):
                 if left != _SET:
                     rows[slot, at] = left
@@ -576,10 +598,12 @@ class LevelWalk:
         _, first, of = np.unique(packed, return_index=True, return_inverse=True)
         return [tuple(rows[list(slots), at].tolist()) for at in first], of
 
-    def _follow(self, part: LevelPart, columns: Indices, move: int) -> NDArray[np.uint32]:
-        """Return the effects of a move in some situations."""
-        self._looked_at += len(columns)
-        place = move, int(part.rows[self._configuration, 0])
+    def _follow(
+        self, part: LevelPart, columns: Indices, move: int, whole: bool = False
+    ) -> NDArray[np.uint32]:
+        """Return the effects of a move in some situations, with what is aside in them or as a `whole`."""
+        self._looked_at += 0 if whole else len(columns)
+        place = move, int(part.rows[self._configuration, 0]), whole
         known = self._memo.get(place)
         if known is None:
             known = self._memo[place] = MemoTable(self._memo_on)
@@ -588,6 +612,8 @@ class LevelWalk:
             situation = tuple(part.rows[:, column].tolist())
             effect = self._explorer.step(situation, move)
             self._count()
+            if effect.aside and (whole or not self._leads.leaves_aside(situation, effect)):
+                effect = effect.whole
             return self._effects.add(effect, dict(enumerate(situation))), effect.needs
 
         return known.results(part, columns, step)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Set
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,22 +42,39 @@ class LevelPart:
         self._of_slot = np.empty((2, 2 * len(rows), rows.shape[1]), np.uint64)
         self._filled: set[int] = set()
         self._of_slots: dict[frozenset[int], tuple[Marks, Marks]] = {}
+        nothing = np.zeros(rows.shape[1], np.uint64)
+        #: The slots whose marks were worked out last, and these.
+        self._last: tuple[frozenset[int], Marks, Marks] = frozenset(), nothing, nothing
 
     def key(self, slots: frozenset[int], columns: Indices) -> tuple[Marks, Marks]:
         """Return the marks of some slots in some columns."""
         found = self._of_slots.get(slots)
         if found is None:
-            for slot in slots - self._filled:
-                self._fill(slot)
             if _FEW * len(columns) < self.rows.shape[1]:
-                chosen = self._of_slot[:, np.array(list(slots), np.intp)[:, None], columns]
+                chosen = self._marks_of(slots)[:, np.array(list(slots), np.intp)[:, None], columns]
                 low, high = np.bitwise_xor.reduce(chosen, axis=1)
                 return low, high
-            low, high = np.bitwise_xor.reduce(self._of_slot[:, list(slots)], axis=1)
-            if len(self._of_slots) * len(low) > _MOST_KEPT:
+            if len(self._of_slots) * self.rows.shape[1] > _MOST_KEPT:
                 self._of_slots.clear()
-            found = self._of_slots[slots] = low, high
+            found = self._of_slots[slots] = self._key(slots)
         return found[0][columns], found[1][columns]
+
+    def _key(self, slots: frozenset[int]) -> tuple[Marks, Marks]:
+        """Return the marks of some slots everywhere, made of the last ones where few slots are others."""
+        last, low, high = self._last
+        others = slots ^ last
+        is_near = len(others) < len(slots)
+        others = others if is_near else slots
+        change = np.bitwise_xor.reduce(self._marks_of(others)[:, list(others)], axis=1)
+        found = (low ^ change[0], high ^ change[1]) if is_near else (change[0], change[1])
+        self._last = slots, *found
+        return found
+
+    def _marks_of(self, slots: Set[int]) -> NDArray[np.uint64]:
+        """Return the marks of all slots, where those of some are certainly filled in."""
+        for slot in slots - self._filled:
+            self._fill(slot)
+        return self._of_slot
 
     def _fill(self, slot: int) -> None:
         room = len(self.rows)
@@ -100,34 +117,37 @@ class MemoTable:
     def __init__(self, keeps: bool = True) -> None:
         """Make one that knows nothing; one that does not keep anything works everything out anew."""
         self._keeps = keeps
-        self._getters: list[_Getter] = []
+        self._getters: dict[frozenset[int], _Getter] = {}
 
     def results(self, part: LevelPart, columns: Indices, work_out: WorkOut) -> NDArray[np.uint32]:
         """Return the results for some columns of a part."""
         found = np.zeros(len(columns), np.uint32)
         left = np.arange(len(columns))
-        for getter in self._getters:
+        for getter in self._getters.values():
             known, results = getter.find(*part.key(getter.slots, columns[left]))
             found[left[known]] = results[known]
             left = left[~known]
             if not len(left):
                 return found
+        found[left] = self._worked_out(part, columns[left], work_out)
+        return found
+
+    def _worked_out(self, part: LevelPart, columns: Indices, work_out: WorkOut) -> NDArray[np.uint32]:
+        """Return the results for columns of which none is known."""
+        found = np.zeros(len(columns), np.uint32)
+        left = np.arange(len(columns))
+        keys: dict[frozenset[int], tuple[Marks, Marks]] = {}
         while len(left):
-            first = int(columns[left[0]])
-            result, reads = work_out(first)
+            result, reads = work_out(int(columns[left[0]]))
             same = np.arange(len(left)) == 0
             if self._keeps:
                 slots = frozenset(reads)
-                low, high = part.key(slots, columns[left])
+                if slots not in keys:
+                    keys[slots] = part.key(slots, columns)
+                low, high = (marks[left] for marks in keys[slots])
                 same = (low == low[0]) & (high == high[0])
-                self._getter(slots).add(int(low[0]), int(high[0]), result)
+                getter = self._getters.setdefault(slots, _Getter(slots))
+                getter.add(int(low[0]), int(high[0]), result)
             found[left[same]] = result
             left = left[~same]
         return found
-
-    def _getter(self, slots: frozenset[int]) -> _Getter:
-        for getter in self._getters:
-            if getter.slots == slots:
-                return getter
-        self._getters.append(_Getter(slots))
-        return self._getters[-1]

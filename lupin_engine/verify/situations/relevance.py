@@ -14,7 +14,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Compiled, Expression, Value
-from lupin_engine.chart.model import ActionCall, Chart, Invoke, State, Transition, every_call
+from lupin_engine.chart.model import ActionCall, Chart, ForEach, Invoke, State, Transition, every_call
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Attempt, Invocation, Phase, Reported, Timer, Traversal
 from lupin_engine.machine.operations import CANCELLED_CODE, EVERYTHING
@@ -89,6 +89,10 @@ class Relevance:
         #: The codes that something tells apart from all others; None where that is not seen.
         self.codes = codes_told_apart(chart)
         self._cause = {name: _reads_event(invoke) for name, invoke in invokes(chart)}
+        #: The states with a `for_each` that keeps nothing of how an element ends but that it was dealt with.
+        self.keeps_nothing = frozenset(
+            name for name, state in chart.states.items() if state.for_each and _keeps_nothing(state.for_each)
+        )
 
     @property
     def passengers(self) -> list[str]:
@@ -319,6 +323,14 @@ def _reads_event(invoke: Invoke) -> bool:
     values = [*invoke.arguments.values(), invoke.timeout]
     values += [retry.attempts, retry.backoff, retry.factor, retry.jitter] if retry else []
     return any(root == "event" for value in values for root, _ in reads(value))
+
+
+def _keeps_nothing(each: ForEach) -> bool:
+    """Say whether elements are not tried again, and their actions leave nothing in the memory."""
+    calls = [call.name for call in every_call((*each.on_done, *each.on_error))]
+    return each.invoke.retry is None and not any(
+        name in (*KEEPING, "raise") or name.startswith("itinerary.") for name in calls
+    )
 
 
 def heard_inputs(chart: Chart) -> set[str]:

@@ -14,11 +14,23 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import fields
+from operator import attrgetter
 from typing import Any
 
 from lupin_engine.errors import shortened
 from lupin_engine.machine.holds import all_holds
-from lupin_engine.machine.memory import Attempt, Memory, Phase, Timer
+from lupin_engine.machine.memory import (
+    Attempt,
+    CutShort,
+    Invocation,
+    Memory,
+    Phase,
+    ResourceClaim,
+    Timer,
+    Traversal,
+    claim_of,
+)
 from lupin_engine.verify.situations.relevance import Relevance, is_orphan, kind_of, orphan_kind
 
 #: The numbers of all slots; 0: there is nothing.
@@ -45,6 +57,8 @@ MORTAL = ("context", "request", "given", "itineraries", "history", "handled", "b
 #: What is no part of a memory: which deadlines certainly come before others, what is known to be false, and
 #: what the properties of authors remember.
 RANKS, CALM, WATCHED = ("ranks", ""), ("calm", ""), ("watched", "")
+#: The claims of attempts, which follow from these: few steps need more of them.
+CLAIMS = ("claims", "")
 #: What nothing but displays reads begins anew in every step; so does what was told before the mission, of
 #: which a registry may leave out whatever it likes: what counts of a report can be any list all the same.
 _IDLE: Mapping[str, Callable[[], Any]] = {
@@ -86,12 +100,13 @@ class SlotTable:
         self.names: list[SlotName] = []
         #: The slots whose values may be dead (see `liveness`).
         self.mortal: set[int] = set()
+        #: The slots of inputs of which all values are known beforehand.
+        self.reported: frozenset[int] = frozenset()
         self._numbers: list[dict[Hashable, int]] = []
         self._values: list[list[Any]] = []
         chart = relevance.chart
-        for name in (*WHOLE, *ORDERED, "held"):
-            self.slot((name, ""))
-        self.slot(RANKS), self.slot(CALM), self.slot(WATCHED)
+        for slot_name in (*((name, "") for name in (*WHOLE, *ORDERED, "held")), RANKS, CALM, WATCHED, CLAIMS):
+            self.slot(slot_name)
         states = chart.states.values()
         keys: dict[str, Iterable[str]] = {
             "context": chart.context,
@@ -131,8 +146,7 @@ class SlotTable:
         found = numbers.get(key)
         if found is None:
             found = numbers[key] = len(numbers) + 1
-            kept = value if _is_plain(value) else pickle.dumps(value, -1)
-            self._values[slot].append(kept)
+            self._values[slot].append(pickle.dumps(value, -1) if type(value) is Traversal else _copied(value))
             if found > self._most:
                 what = ".".join(filter(None, name))
                 raise TooMany(
@@ -141,13 +155,18 @@ class SlotTable:
         return found
 
     def value(self, slot: int, number: int) -> Any:
-        """Return a value that nobody else has."""
+        """Return a value that nobody else changes."""
         kept = self._values[slot][number]
-        return pickle.loads(kept) if type(kept) is bytes else kept
+        return pickle.loads(kept) if type(kept) is bytes else _copied(kept)
+
+    def values(self, slot: int) -> list[Any]:
+        """Return all values that a slot had so far."""
+        return [self.value(slot, number) for number in range(1, len(self._values[slot]))]
 
     def is_kept(self, slot: int, number: int, value: Any) -> bool:
-        """Say whether this is the very value that is kept, which nobody can have changed."""
-        return self._values[slot][number] is value
+        """Say whether a value is the same as one that is kept."""
+        kept = self._values[slot][number]
+        return kept is value or (type(kept) is type(value) and bool(kept == value))
 
     def get(self, situation: Situation, name: SlotName) -> Any:
         """Return what a slot is in a situation; None where there is nothing."""
@@ -155,14 +174,22 @@ class SlotTable:
         return self.value(self.index[name], number) if number else None
 
 
-_PLAIN = (str, int, float, bool, type(None), frozenset)
+def _copied(value: Any) -> Any:
+    """Return a value for somebody who may change it; values of the language are never changed themselves."""
+    copy = _COPIES.get(type(value))
+    return value if copy is None else copy(value)
 
 
-def _is_plain(value: Any) -> bool:
-    """Say whether nobody can change a value, so that all may have the same one."""
-    if isinstance(value, tuple):
-        return all(map(_is_plain, value))
-    return isinstance(value, _PLAIN)
+def _copier(of: type) -> Callable[[Any], Any]:
+    values = attrgetter(*(one.name for one in fields(of)))
+    return lambda value: of(*map(_copied, values(value)))
+
+
+_COPIES: Mapping[type, Callable[[Any], Any]] = {
+    list: list,
+    dict: dict,
+    **{of: _copier(of) for of in (Attempt, Invocation, CutShort)},
+}
 
 
 class TrackedMemory(Memory):
@@ -170,33 +197,26 @@ class TrackedMemory(Memory):
 
     A step depends on the slots in `values`, of which it has taken the value, and in `presence`, of which it
     has only looked whether there is anything. What it has `written` it has written whatever was there.
+    Variables that are `aside` were set, each to a value that was made of a slot that nothing else has read;
+    once one of them is read, so is that slot.
     """
 
-    __slots__ = ("presence", "situation", "table", "values", "written")
+    __slots__ = ("aside", "presence", "situation", "table", "values", "written")
 
     def __init__(self, table: SlotTable, situation: Situation) -> None:
         # Nothing of the fields is set here: what is not set is looked up.
         self.table = table
         self.situation = situation
+        self.aside: dict[str, tuple[Any, int]] = {}
         self.values: set[int] = set()
         self.presence: set[int] = set()
         self.written: set[int] = set()
 
     def __getattr__(self, name: str) -> Any:
-        if name in _IDLE:
-            found = _IDLE[name]()
-        elif name in ORDERED or name in UNORDERED:
-            found = TrackedDict(self, name)
-        elif name == "held":
-            found = TrackedHolds(self)
-        elif name in LISTS:
-            found = TrackedList(self, self.table.index[name, ""])
-        elif name in WHOLE:
-            found = self.fetch(self.table.index[name, ""])
-            if found is None:
-                found = _EMPTY.get(name, lambda: None)()
-        else:
+        make = _FIELDS.get(name)
+        if make is None:
             raise AttributeError(name)
+        found = make(self, name)
         setattr(self, name, found)
         return found
 
@@ -216,6 +236,39 @@ class TrackedMemory(Memory):
         """What the step depends on: slots, and after them the presence of slots."""
         room = self.table.room
         return frozenset(self.values).union(slot + room for slot in self.presence - self.values)
+
+    def put_aside(self, variables: Iterable[str], slot: int) -> None:
+        """Let variables that were set just now be made of an input that nothing else has read."""
+        self.values.discard(slot)
+        self.presence.add(slot)
+        dict.pop(self.inputs, self.table.names[slot][1])
+        for name in variables:
+            self.aside[name] = dict.pop(self.context, name), slot
+
+    def take_back(self, variable: str) -> Any:
+        """Return what a variable was set to, and remember that what it was made of was read."""
+        value, slot = self.aside.pop(variable)
+        self.values.add(slot)
+        dict.__setitem__(self.context, variable, value)
+        return value
+
+    @property
+    def claims(self) -> list[ResourceClaim]:
+        """The claims of all attempts, of which only those are looked up that the step has looked at."""
+        entries = self.attempts
+        assert isinstance(entries, TrackedDict)
+        before: tuple[ResourceClaim, ...] = self.fetch(self.table.index[CLAIMS]) or ()
+        found = {claim.attempt: claim for claim in before if claim.attempt not in entries.gone}
+        for name, attempt in dict.items(entries):
+            claim = claim_of(attempt)
+            if claim is None:
+                found.pop(name, None)
+                continue
+            if name not in found:
+                entries.in_order()
+            found[name] = claim
+        # Where nobody has asked for the order, none has come, gone, or got another name.
+        return [found[name] for name in (entries.order or found) if name in found]
 
     @property
     def target(self) -> str:
@@ -306,6 +359,8 @@ class TrackedMemory(Memory):
         for name in (*ORDERED, *UNORDERED):
             if self.is_set(name):
                 yield from self._entry_changes(name, object.__getattribute__(self, name))
+        for name, (value, _) in self.aside.items():
+            yield from self.change(index["context", name], value)
 
     def _entry_changes(self, name: str, entries: dict[str, Any]) -> Iterator[tuple[int, int]]:
         if not isinstance(entries, TrackedDict):  # put in place of the whole field
@@ -324,7 +379,7 @@ class TrackedMemory(Memory):
         for name, is_engaged in known.items():
             yield from self.change(self.table.index["held", name], is_engaged or None)
         if known:
-            yield from self.change(self.table.index["held", ""], any(True for _ in held) or None)
+            yield from self.change(self.table.index["held", ""], bool(held) or None)
 
     def change(self, slot: int, value: Any) -> Iterator[tuple[int, int]]:
         """Yield a slot with what it is now, unless it is known to be as it was."""
@@ -353,30 +408,40 @@ class TrackedHolds:
         self._memory = memory
         #: Those that were engaged or released.
         self.known: dict[str, bool] = {}
+        #: All that are engaged, once that was asked.
+        self._all: list[str] | None = None
 
     def __contains__(self, name: str) -> bool:
         known = self.known.get(name)
         return self._memory.has(self._memory.table.index["held", name]) if known is None else known
 
     def __iter__(self) -> Iterator[str]:
-        if self.known or self._memory.has(self._memory.table.index["held", ""]):
-            yield from (name for name in self._memory.table.keys["held"] if name in self)
+        return iter(self._engaged())
 
     def __bool__(self) -> bool:
-        if self.known:
-            return any(True for _ in self)
+        if self.known or self._all is not None:
+            return bool(self._engaged())
         return self._memory.has(self._memory.table.index["held", ""])
 
     def __getitem__(self, index: int) -> str:
-        return list(self)[index]
+        return self._engaged()[index]
+
+    def _engaged(self) -> list[str]:
+        if self._all is None:
+            some = self.known or self._memory.has(self._memory.table.index["held", ""])
+            self._all = [name for name in self._memory.table.keys["held"] if name in self] if some else []
+        return self._all
 
     def append(self, name: str) -> None:
         """Engage one."""
-        self.known[name] = True
+        self._set(name, True)
 
     def remove(self, name: str) -> None:
         """Release one."""
-        self.known[name] = False
+        self._set(name, False)
+
+    def _set(self, name: str, is_engaged: bool) -> None:
+        self.known[name], self._all = is_engaged, None
 
 
 class TrackedList(list[Any]):
@@ -457,6 +522,9 @@ class TrackedDict(dict[str, Any]):
         self.update(by)
         return self
 
+    def _is_aside(self, key: object) -> bool:
+        return self._field == "context" and key in self._memory.aside
+
     def in_order(self) -> list[str]:
         """Return the keys in their order, which is read with that."""
         if self._field in UNORDERED:
@@ -475,6 +543,8 @@ class TrackedDict(dict[str, Any]):
             self._all = True
 
     def __missing__(self, key: str) -> Any:
+        if self._is_aside(key):
+            return self._memory.take_back(key)
         if key in self.gone or self._all or not key:
             raise KeyError(key)
         found = self._memory.fetch(self._memory.table.slot((self._field, key)))
@@ -491,7 +561,7 @@ class TrackedDict(dict[str, Any]):
             return default
 
     def __contains__(self, key: object) -> bool:
-        if super().__contains__(key):
+        if super().__contains__(key) or self._is_aside(key):
             return True
         if key in self.gone or self._all or not key:
             return False
@@ -500,6 +570,8 @@ class TrackedDict(dict[str, Any]):
     def __setitem__(self, key: str, value: Any) -> None:
         if self._field in ORDERED and key not in self:
             self.in_order().append(key)
+        if self._is_aside(key):
+            del self._memory.aside[key]
         super().__setitem__(key, value)
         self.gone.discard(key)
 
@@ -579,6 +651,21 @@ class TrackedDict(dict[str, Any]):
         return super().items()
 
 
+def _whole(memory: TrackedMemory, name: str) -> Any:
+    found = memory.fetch(memory.table.index[name, ""])
+    return _EMPTY.get(name, lambda: None)() if found is None else found
+
+
+#: What stands for a field that is asked for.
+_FIELDS: Mapping[str, Callable[[TrackedMemory, str], Any]] = {
+    **dict.fromkeys(WHOLE, _whole),
+    **dict.fromkeys(LISTS, lambda memory, name: TrackedList(memory, memory.table.index[name, ""])),
+    **dict.fromkeys((*ORDERED, *UNORDERED), TrackedDict),
+    **{name: lambda _, name: _IDLE[name]() for name in _IDLE},
+    "held": lambda memory, _: TrackedHolds(memory),
+}
+
+
 # -- lasting names ---------------------------------------------------------------------------------------
 
 
@@ -618,6 +705,10 @@ def _attempt_names(memory: TrackedMemory, entries: TrackedDict) -> dict[str, str
     taken: set[str] | None = None
     changed = {name for name in entries.gone if is_orphan(name)}
     orphans: dict[str, str] = {}
+    # Whoever has the name that a new attempt gets needs another one.
+    passed_on = {f"{one.invocation}#0" for name, one in dict.items(entries) if name in current} - current
+    for name in passed_on:
+        entries.get(name)
     for name, attempt in list(dict.items(entries)):
         unwanted = attempt.phase in (Phase.CANCELLING, Phase.LOST)
         if name in current:
@@ -625,7 +716,7 @@ def _attempt_names(memory: TrackedMemory, entries: TrackedDict) -> dict[str, str
                 named[name] = f"{attempt.invocation}#0"
         elif unwanted and not is_waited_for(memory, attempt):
             orphans[name] = orphan_kind(attempt)
-        elif is_orphan(name) or (unwanted and (name.endswith("#0") or is_new(name))):
+        elif name in passed_on or is_orphan(name) or (unwanted and (name.endswith("#0") or is_new(name))):
             taken = set(entries.in_order()) if taken is None else taken
             count = next(n for n in range(1, len(taken) + 2) if f"{attempt.invocation}#{n}" not in taken)
             named[name] = f"{attempt.invocation}#{count}"

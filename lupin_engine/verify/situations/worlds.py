@@ -11,15 +11,16 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Any, NamedTuple
 
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import RESUMED, Event
+from lupin_engine.machine.event import ANSWERED, RESUMED, Event
 from lupin_engine.machine.inputs import WAITS
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Attempt, Phase, Reported, Timer
+from lupin_engine.machine.memory import Attempt, Phase, Reported, ResourceClaim, Timer
 from lupin_engine.machine.operations import CANCELLED_CODE
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.timers import Timers
@@ -33,6 +34,7 @@ from lupin_engine.verify.situations.situation import (
     Situation,
     SlotTable,
     TrackedDict,
+    TrackedList,
     TrackedMemory,
     is_waited_for,
 )
@@ -299,14 +301,12 @@ def forget_unwanted(memory: TrackedMemory, owed: int) -> None:
 
     All that can come of one is a late answer, and that is about no other. The engine itself gives none.
     """
+    for name in list(_were_waited_for(memory)):
+        memory.attempts.get(name)
     # Of those that the step has not looked at nothing has changed.
-    looked_at = memory.attempts.values() if owed else dict.values(memory.attempts)
-    inert = [
-        attempt.id
-        for attempt in looked_at
-        if (attempt.phase is Phase.LOST or (attempt.phase is Phase.CANCELLING and not attempt.uses))
-        and not is_waited_for(memory, attempt)
-    ]
+    inert = _inert(memory, dict.values(memory.attempts))
+    if inert and owed:
+        inert = _inert(memory, memory.attempts.values())
     own = [name for name in inert if is_builtin(memory.attempts[name].operation)]
     others = [name for name in inert if name not in own]
     for name in (*own, *others[: len(others) - owed]):
@@ -314,28 +314,58 @@ def forget_unwanted(memory: TrackedMemory, owed: int) -> None:
         Timers(memory).disarm("cancel", name)
 
 
+def _inert(memory: TrackedMemory, attempts: Iterable[Attempt]) -> list[str]:
+    """Return those of some attempts of which at most a late answer comes."""
+    over = (a for a in attempts if a.phase is Phase.LOST or (a.phase is Phase.CANCELLING and not a.uses))
+    return [attempt.id for attempt in over if not is_waited_for(memory, attempt)]
+
+
+def _were_waited_for(memory: TrackedMemory) -> Iterator[str]:
+    """Yield the attempts that the invocations have waited for that a step has looked at."""
+    invocations = memory.invocations
+    assert isinstance(invocations, TrackedDict)
+    for name in (*dict.keys(invocations), *invocations.gone):
+        before = memory.fetch(memory.table.slot(("invocations", name)))
+        if before is not None and before.cut is not None:
+            yield before.cut.attempt
+
+
 def in_order(memory: TrackedMemory) -> None:
     """Put entries in the same order wherever the machine does not look at it.
 
     Of attempts that stand beside each other only one that waits looks at those before it; of invocations only
-    those of the elements of one state have an order.
+    those of the elements of one state have an order. Answers of elements that wait for a release one after
+    the other have none, if nothing is kept of them (see `Relevance.keeps_nothing`).
     """
-    attempts, invocations = memory.attempts, memory.invocations
+    attempts, invocations, answers = memory.attempts, memory.invocations, memory.deferred
+    if not (isinstance(answers, TrackedList) and answers.is_unread):
+        beside = groupby(answers, lambda event: _element_of(event, memory.table.relevance.keeps_nothing))
+        answers[:] = [e for state, run in beside for e in (sorted(run, key=_attempt_of) if state else run)]
     assert isinstance(attempts, TrackedDict)
     assert isinstance(invocations, TrackedDict)
     if invocations.order is not None:
         invocations.order.sort(key=lambda name: name.partition("[")[0])
     if attempts.order is None:
         return
-    found: list[str] = []
-    run: list[str] = []
-    for name, attempt in attempts.items():
-        if attempt.phase is Phase.WAITING:
-            found += [*sorted(run), name]
-            run = []
-        else:
-            run.append(name)
-    attempts.order[:] = [*found, *sorted(run)]
+    waiting = {claim.attempt for claim in memory.claims if claim.waits}
+    runs = groupby(attempts.order, waiting.__contains__)
+    attempts.order[:] = [name for waits, run in runs for name in (run if waits else sorted(run))]
+
+
+def settled_claims(memory: TrackedMemory) -> tuple[ResourceClaim, ...]:
+    """Return the claims of attempts in the same order as `in_order` has the attempts."""
+    runs = groupby(memory.claims, lambda claim: claim.waits)
+    return tuple(claim for waits, run in runs for claim in (run if waits else sorted(run)))
+
+
+def _attempt_of(event: Event) -> str:
+    return str(event.data.get("attempt", ""))
+
+
+def _element_of(event: Event, states: Set[str]) -> str:
+    """Return the state whose element an answer is of, if it is one of these states; '' otherwise."""
+    state, is_element, _ = _attempt_of(event).partition("[")
+    return state if is_element and event.name == ANSWERED and state in states else ""
 
 
 class Deadlines(NamedTuple):
