@@ -326,10 +326,11 @@ class _TrackedContent(ExecutableContent):
     def carry_out(self, action: CompiledAction, state: str, trigger: Trigger, step: Macrostep) -> None:
         """Carry out an action; of a `set` see whether it does so whatever the value is that it reads."""
         carry_out = partial(super().carry_out, action, state, trigger, step)
-        memory = self._scope.memory
-        if action.call.name != "set" or not isinstance(memory, TrackedMemory):
+        if action.call.name != "set":
             carry_out()
             return
+        memory = self._scope.memory
+        assert isinstance(memory, TrackedMemory)
         before, aside = frozenset(memory.values), len(memory.aside)
         carry_out()
         read = memory.values - before
@@ -341,7 +342,7 @@ class _TrackedContent(ExecutableContent):
                 for other in memory.table.values(slot):
                     dict.__setitem__(memory.inputs, name, other)
                     carry_out()
-            except Exception:  # told in the situation with that value, so this one is of another kind
+            except Exception:  # the step with that value tells it, so the value makes a difference
                 read.clear()
             dict.__setitem__(memory.inputs, name, value)
             carry_out()

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import ANSWERED, RESUMED, Event
@@ -39,6 +39,7 @@ from lupin_engine.verify.situations.situation import (
     is_waited_for,
 )
 
+_Entry = TypeVar("_Entry", str, ResourceClaim)
 #: A deadline: its kind, its owner and the event that it makes there.
 TimerName = tuple[str, str, str]
 #: Two deadlines of which the first certainly comes before the second.
@@ -348,14 +349,17 @@ def in_order(memory: TrackedMemory) -> None:
     if attempts.order is None:
         return
     waiting = {claim.attempt for claim in memory.claims if claim.waits}
-    runs = groupby(attempts.order, waiting.__contains__)
-    attempts.order[:] = [name for waits, run in runs for name in (run if waits else sorted(run))]
+    attempts.order[:] = _sorted_between(attempts.order, waiting.__contains__)
 
 
 def settled_claims(memory: TrackedMemory) -> tuple[ResourceClaim, ...]:
     """Return the claims of attempts in the same order as `in_order` has the attempts."""
-    runs = groupby(memory.claims, lambda claim: claim.waits)
-    return tuple(claim for waits, run in runs for claim in (run if waits else sorted(run)))
+    return tuple(_sorted_between(memory.claims, lambda claim: claim.waits))
+
+
+def _sorted_between(entries: Iterable[_Entry], stays: Callable[[_Entry], bool]) -> list[_Entry]:
+    """Return entries where those that stay are in their places, and what is between them is sorted."""
+    return [one for keeps, run in groupby(entries, stays) for one in (run if keeps else sorted(run))]
 
 
 def _attempt_of(event: Event) -> str:
