@@ -49,32 +49,31 @@ def all_holds(chart: Chart) -> Mapping[str, Hold]:
 
 @dataclass(slots=True)
 class HoldChanges:
-    """The holds that a request engages and releases; `refused` is the first code that speaks against it."""
+    """The holds that a request engages and releases; `refused` is the first code that speaks against it.
+
+    Those that it releases need not be engaged.
+    """
 
     engages: list[str] = field(default_factory=list)
     releases: list[str] = field(default_factory=list)
     refused: str = ""
 
 
-def passes(rule: Transition, held: Iterable[str]) -> bool:
-    """Say whether holds let a transition through."""
-    return all(hold in rule.during or hold in rule.releases or _lets_out(rule, hold) for hold in held)
-
-
-def _lets_out(rule: Transition, hold: str) -> bool:
-    """Say whether a transition releases one of the engine's own holds: somebody asks for it."""
-    asked = bool(rule.releases) and rule.refuse is None and (rule.event or "").startswith("operator.")
-    return asked and hold in OWN_HOLDS
+def passes(rule: Transition, memory: Memory) -> bool:
+    """Say whether the engaged holds let a transition through."""
+    return not memory.is_any_beside((*rule.during, *released_by(rule)))
 
 
 def released_by(rule: Transition) -> tuple[str, ...]:
-    """Return the holds that a transition releases, the engine's own with them."""
-    return (*rule.releases, *(hold for hold in OWN_HOLDS if _lets_out(rule, hold)))
+    """Return the holds that a transition releases: the engine's own with them where somebody asks for it."""
+    asked = bool(rule.releases) and rule.refuse is None and (rule.event or "").startswith("operator.")
+    return (*rule.releases, *(OWN_HOLDS if asked else ()))
 
 
-def blocking_hold(rule: Transition, held: Iterable[str]) -> str | None:
-    """Return the first of some holds that does not let a transition through."""
-    return next((hold for hold in held if not passes(rule, (hold,))), None)
+def blocking_hold(rule: Transition, memory: Memory, released: Iterable[str] = ()) -> str | None:
+    """Return the first engaged hold that keeps a transition back; those `released` before do not count."""
+    blocking = memory.engaged_beside((*rule.during, *released_by(rule), *released))
+    return blocking[0] if blocking else None
 
 
 def is_held_back(memory: Memory, invoke: Invoke) -> bool:
@@ -82,7 +81,7 @@ def is_held_back(memory: Memory, invoke: Invoke) -> bool:
     if not memory.held:
         return False
     return invoke.operation.on_hold is OnHold.CANCEL or (
-        not OWN_HOLDS.keys().isdisjoint(memory.held) and invoke.name.partition(".")[0] != BUILTIN
+        memory.is_any_engaged(OWN_HOLDS) and invoke.name.partition(".")[0] != BUILTIN
     )
 
 
@@ -156,15 +155,15 @@ class Holds:
             scope.timers.freeze(step.now)
             self._suspend(step)
 
-    def release(self, name: str, step: Macrostep) -> None:
-        """Release a hold if it is engaged; after the last one what it stopped goes on."""
-        held = self._scope.memory.held
-        if name not in held:
+    def release(self, names: Iterable[str], step: Macrostep) -> None:
+        """Release those of some holds that are engaged; after the last one what it stopped goes on."""
+        memory = self._scope.memory
+        if not memory.held:
             return
-        held.remove(name)
+        for name in memory.release(names):
+            step.note(f"hold {name} released")
         self._scope.touch(HELD)
-        step.note(f"hold {name} released")
-        if not held:
+        if not memory.held:
             self._scope.timers.thaw(step.now)
             self._resume(step)
 
@@ -177,19 +176,25 @@ class Holds:
         return found
 
     def _ask(self, hold: Hold, request: str, found: HoldChanges, step: Macrostep) -> str:
-        releases = request in hold.release
-        engaged = (releases or request == hold.engage) and hold.name in self._scope.memory.held
-        if releases and engaged:
-            if not self._allows(hold.release_guard, step):
+        engages = request == hold.engage
+        engaged = engages and hold.name in self._scope.memory.held
+        if request in hold.release and (engaged or not engages):
+            if self._keeps(hold, step):
                 return hold.code
             found.releases.append(hold.name)
-        elif request == hold.engage:
+        elif engages:
             if engaged:
                 return hold.code
             if not self._allows(hold.engage_guard, step):
                 return hold.engage_code or hold.code
             found.engages.append(hold.name)
         return ""
+
+    def _keeps(self, hold: Hold, step: Macrostep) -> bool:
+        """Say whether a hold is engaged that its guard does not release; where it does, nobody need know."""
+        guard, unheard = hold.release_guard, Macrostep(step.event, step.now)
+        is_engaged = not self._allows(guard, unheard) and hold.name in self._scope.memory.held
+        return is_engaged and not self._allows(guard, step)
 
     def _allows(self, guard: Expression | None, step: Macrostep) -> bool:
         return guard is None or self._scope.check(guard, "", step)

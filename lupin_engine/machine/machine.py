@@ -291,7 +291,7 @@ class Machine:
             return
         if held:
             offered = self._active.candidates(event.name)
-            if not all(passes(rule, held) for rules in offered for rule in rules):
+            if not all(passes(rule, self.memory) for rules in offered for rule in rules):
                 defer(self.memory, event, step)
                 return
         elif len(self._active.known) < MAX_MICROSTEPS:
@@ -340,9 +340,10 @@ class Machine:
 
     def _came_to(self, state: str, about: str) -> None:
         """Take what an `at` leads to; during a hold it waits, unless all that listens may pass."""
-        event, held = about.partition(" ")[0], self.memory.held
+        event, memory = about.partition(" ")[0], self.memory
         self._wall.came_to(state, about, self._step)
-        if held and not all(passes(r, held) for some in self._active.rules_of(state, event) for r in some):
+        rules = [rule for some in self._active.rules_of(state, event) for rule in some]
+        if memory.held and not all(passes(rule, memory) for rule in rules):
             self._wall.defer(state, event, self._step)
         else:
             self._step.queue.append(InternalEvent(event, state))
@@ -484,7 +485,7 @@ class Machine:
         scope.doubtful = False
         for offered in levels.offered:
             for rule in offered:
-                if (rule.event and not inputs.holds(rule.event)) or (held and not passes(rule, held)):
+                if (rule.event and not inputs.holds(rule.event)) or (held and not passes(rule, self.memory)):
                     continue
                 if rule.guard is None or scope.check(rule.guard, rule.source, step, step.bound):
                     chosen.append(rule)
@@ -512,8 +513,8 @@ class Machine:
         if found.rules:
             step.bound = found.trigger
             self._take(found.rules, found.trigger)
-        for name in found.releases:
-            self._holds.release(name, step)
+        if found.releases:
+            self._holds.release(found.releases, step)
         for name in found.engages:
             self._holds.engage(all_holds(self.chart)[name], step)
 
@@ -663,8 +664,8 @@ class Machine:
             step.entered += plan.entered
         else:
             step.taken, step.exited, step.entered = plan.taken, plan.exited, plan.entered
-        for name in plan.releases:
-            self._holds.release(name, step)
+        if plan.releases:
+            self._holds.release(plan.releases, step)
         if not active.passing:
             target = memory.target if memory.itineraries else ""
             moment = Moment(active.label, active.phase, target) if target else active.moment

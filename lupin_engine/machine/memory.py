@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -243,6 +243,25 @@ class Memory:
     def claims(self) -> list[ResourceClaim]:
         """The claims of all attempts, in the order in which they were made."""
         return [claim for claim in map(claim_of, self.attempts.values()) if claim is not None]
+
+    def is_any_engaged(self, holds: Iterable[str]) -> bool:
+        """Say whether one of some holds is engaged."""
+        return any(hold in self.held for hold in holds)
+
+    def is_any_beside(self, holds: Container[str]) -> bool:
+        """Say whether a hold is engaged that is not among some."""
+        return any(hold not in holds for hold in self.held)
+
+    def engaged_beside(self, holds: Container[str]) -> list[str]:
+        """Return the engaged holds that are not among some."""
+        return [hold for hold in self.held if hold not in holds]
+
+    def release(self, holds: Iterable[str]) -> list[str]:
+        """Release some holds, of which any may be engaged; return those that were."""
+        released = [hold for hold in self.held if hold in holds]
+        for hold in released:
+            self.held.remove(hold)
+        return released
 
     @property
     def traversal(self) -> Traversal | None:

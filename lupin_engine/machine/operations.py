@@ -463,7 +463,7 @@ class Operations:
         """
         state = self._scope.chart.states.get(attempt.invocation)
         rules = [rule for rule in state.transitions if rule.event == _ENDS[kind]] if state else []
-        return bool(rules) and all(passes(rule, self._scope.memory.held) for rule in rules)
+        return bool(rules) and all(passes(rule, self._scope.memory) for rule in rules)
 
     def _drop(self, kind: str, attempt: str, step: Macrostep) -> None:
         if kind in ("done", "failed"):

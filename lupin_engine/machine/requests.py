@@ -43,7 +43,8 @@ BY_OPERATOR, BY_DEFAULT = {"by": "operator"}, {"by": "default"}
 class Resolution:
     """What a request would do: transitions, holds, the request's values; or why it is refused.
 
-    `trigger` is what its transitions see; `releases` are the engaged holds that it or one of them releases.
+    `trigger` is what its transitions see; `releases` are the holds that it or one of them releases, engaged
+    or not.
     """
 
     trigger: Trigger
@@ -78,8 +79,7 @@ class Requests:
         code = code or holds.refused
         released = [hold for rule in found.rules for hold in released_by(rule)]
         found.engages = tuple(holds.engages)
-        held = self._scope.memory.held
-        found.releases = tuple(hold for hold in held if hold in holds.releases or hold in released)
+        found.releases = (*holds.releases, *released)
         targets = (self._scope.chart.states[rule.target] for rule in found.rules if rule.target is not None)
         found.starts = any(target.slot for target in targets)
         broken = self._broken() if found.starts else None
@@ -91,7 +91,8 @@ class Requests:
         elif found.starts and not dry:
             env = self._scope.see("", step, found.trigger)
             found.values, found.refusal = read_request(self._scope.world, event.data, env)
-        if found.refusal is None and not (found.rules or found.engages or found.releases):
+        changes = found.rules or found.engages or self._scope.memory.is_any_engaged(found.releases)
+        if found.refusal is None and not changes:
             found.refusal = self._impossible(event)
         return found
 
@@ -106,13 +107,12 @@ class Requests:
         self, name: str, trigger: Trigger, active: Configuration, released: Sequence[str], step: Macrostep
     ) -> tuple[tuple[Transition, ...], str]:
         """Return the transitions that answer a request, or none and the code of the first refusal."""
-        staying = [hold for hold in self._scope.memory.held if hold not in released]
         chosen = []
         for offered in active.candidates(name):
             rule = next((r for r in offered if self._is_enabled(r, trigger, step)), None)
             if rule is None:
                 continue
-            hold = blocking_hold(rule, staying)
+            hold = blocking_hold(rule, self._scope.memory, released)
             if rule.refuse is not None or hold is not None:
                 return (), rule.refuse or all_holds(self._scope.chart)[hold or ""].code
             chosen.append(rule)
@@ -199,7 +199,7 @@ def consider(
     scope: EvaluationScope, rule: Transition, step: Macrostep, trigger: Trigger = NO_TRIGGER
 ) -> Considered:
     """Return what keeps a transition from being taken, or that nothing does."""
-    blocking = blocking_hold(rule, scope.memory.held) or ""
+    blocking = blocking_hold(rule, scope.memory) or ""
     if rule.guard is None:
         return Considered(rule.id, rule.place, "", holds=True, held=blocking)
     source, parts = rule.guard.source, rule.guard.parts or ((rule.guard.source, rule.guard.evaluate),)
@@ -422,7 +422,8 @@ class Explainer:
         if found.refusal is not None:
             return Possibility(event.name, possible=False, refusal=found.refusal)
         taken = tuple(rule.id for rule in found.rules)
-        return Possibility(event.name, True, taken, found.engages, found.releases)
+        releases = tuple(hold for hold in self._scope.memory.held if hold in found.releases)
+        return Possibility(event.name, True, taken, found.engages, releases)
 
     def _request(self, name: str, now: float) -> Possibility:
         found = self.request(Event(name), now, dry=True)

@@ -22,7 +22,7 @@ from transitions.extensions.nesting import HierarchicalMachine, NestedState, Nes
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.chart.semantics import EXECUTION_ERROR, FAULT, Semantics, matches
 from lupin_engine.machine.actions import CompiledAction
-from lupin_engine.machine.holds import all_holds
+from lupin_engine.machine.holds import all_holds, released_by
 from lupin_engine.machine.scope import CONFIGURATION, HELD, OPERATIONS, REQUEST, Arguments, Reads
 from lupin_engine.machine.step import Moment
 
@@ -329,7 +329,7 @@ class Microstep:
     ) -> None:
         self.rules = rules
         self.active_rules = tuple(rule for rule in rules if rule.actions or rule.code is not None)
-        self.releases = tuple(dict.fromkeys(hold for rule in rules for hold in rule.releases))
+        self.releases = tuple(dict.fromkeys(hold for rule in rules for hold in released_by(rule)))
         self.exits = tuple(left for left in exits if _has_work_at_exit(left[0]))
         self.entries = tuple(entered for entered in entries if _has_work_at_entry(entered[0]))
         self.between = between

@@ -143,6 +143,16 @@ def test_a_hold_whose_release_cannot_be_judged_stays() -> None:
     assert bench.machine.view.held == ("pause",)
 
 
+def test_a_release_of_what_is_not_engaged_is_not_judged() -> None:
+    """So a mistake in its guard is not told then."""
+    holds = {"pause": PAUSE, "stop": {**PAUSE, "engage": "input.estop", "release_guard": fails}}
+    inputs = {"estop": {"value": "robot.estop", "initial": False}}
+    bench = Bench(chart({"A": {}}, holds=holds, inputs=inputs))
+    bench.send("operator.pause")
+    step = bench.send("operator.resume")
+    assert (step.accepted, step.notes) == (True, ("hold pause released",))
+
+
 @pytest.mark.parametrize("delay", [math.inf, math.nan])
 @pytest.mark.parametrize("word", ["after", "budget"])
 def test_a_time_that_no_clock_shows_is_an_error(word: str, delay: float) -> None:

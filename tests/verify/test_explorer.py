@@ -36,7 +36,7 @@ from lupin_engine.verify.situations.timing import timed_run
 from lupin_engine.verify.situations.worlds import in_order
 from tests import shipped
 from tests.machine.charts import PAUSE, chart
-from tests.verify.toys import KeepingExplorer, explored, round_trip, search, wheels
+from tests.verify.toys import KeepingExplorer, explored, round_trip, search, two_holds, wheels
 
 NO_CLOCK: dict[str, Any] = {
     "A": {"invoke": "nav.go", "on_done": "B", "on_error": "FAULT", "on": {"operator.skip_current": "B"}},
@@ -60,6 +60,7 @@ def test_wheels_are_counted() -> None:
         (search(), {"targets": 1, "restarts": False}),
         (wheels(2, 5), {}),
         (chart(NO_CLOCK, holds={"pause": PAUSE}), {}),
+        (two_holds(), {}),
     ],
 )
 def test_what_is_remembered_changes_nothing(of: Chart, bounds: dict[str, Any]) -> None:
@@ -67,6 +68,16 @@ def test_what_is_remembered_changes_nothing(of: Chart, bounds: dict[str, Any]) -
     fast, slow = explored(of, **bounds), explored(of, memo=False, **bounds)
     assert fast.progress.steps <= slow.progress.steps
     assert fast.progress.situations == slow.progress.situations
+    assert (fast.sources, fast.targets, fast.by) == (slow.sources, slow.targets, slow.by)
+
+
+def test_which_hold_is_released_makes_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A request that releases all of them asks only whether one is engaged; the graph is the same."""
+    fast = explored(two_holds())
+    for name in ("is_any_engaged", "is_any_beside", "engaged_beside", "release"):
+        monkeypatch.setattr(TrackedMemory, name, getattr(Memory, name))
+    slow = explored(two_holds())
+    assert fast.progress.steps < slow.progress.steps
     assert (fast.sources, fast.targets, fast.by) == (slow.sources, slow.targets, slow.by)
 
 

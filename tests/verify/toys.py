@@ -7,7 +7,7 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import NOTHING
-from lupin_engine.plugin.types import TEXT, list_of
+from lupin_engine.plugin.types import BOOL, TEXT, list_of
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
@@ -32,6 +32,10 @@ ROUND: dict[str, Any] = {
 }
 
 
+#: Lets go of a pause and goes even while a stop is pressed.
+ABORT = {"target": "B", "releases": ["pause"], "during": ["stop"]}
+
+
 def round_trip() -> Chart:
     """Return the chart of `ROUND`, with a hold."""
     return chart(ROUND, holds={"pause": PAUSE}, codes={"paused": "paused"})
@@ -45,6 +49,18 @@ def wheels(regions: int, spokes: int) -> Chart:
         for r in range(regions)
     }
     return chart({"P": {"kind": "parallel", "states": inside}})
+
+
+def two_holds() -> Chart:
+    """Return a chart that drives, with two holds that one request releases."""
+    stop = {"engage": "input.stop", "release": ("operator.resume",), "code": "paused"}
+    stop["release_guard"] = lambda env: not env["input"]["stop"]
+    drive = {"invoke": "nav.go", "on_done": "A", "on_error": "B", "on": {"operator.abort": ABORT}}
+    return chart(
+        {"A": drive, "B": {"on": {"operator.reset": {"target": "A", "during": ["stop"]}}}, "FAULT": {}},
+        inputs={"stop": {"type": BOOL, "initial": False}},
+        holds={"pause": PAUSE, "stop": stop},
+    )
 
 
 def search() -> Chart:

@@ -12,7 +12,7 @@ one fires next is not read off it but chosen (see `worlds`). So clock values app
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
 from operator import attrgetter
@@ -269,6 +269,33 @@ class TrackedMemory(Memory):
             found[name] = claim
         # Where nobody has asked for the order, none has come, gone, or got another name.
         return [found[name] for name in (entries.order or found) if name in found]
+
+    def is_any_engaged(self, holds: Iterable[str]) -> bool:
+        """Say whether one of some holds is engaged: where no other one is, no matter which."""
+        holds = tuple(holds)
+        others = self._other_holds(holds)
+        if self.held and len(others) < len(holds) and not any(name in self.held for name in others):
+            return True
+        return bool(self.held) and super().is_any_engaged(holds)
+
+    def is_any_beside(self, holds: Container[str]) -> bool:
+        """Say whether a hold is engaged that is not among some, which are not looked at."""
+        others = self._other_holds(holds)
+        every = len(others) == len(self.table.keys["held"])
+        return bool(self.held) and (every or any(name in self.held for name in others))
+
+    def engaged_beside(self, holds: Container[str]) -> list[str]:
+        """Return the engaged holds that are not among some, which are not looked at."""
+        return [name for name in self._other_holds(holds) if name in self.held] if self.held else []
+
+    def _other_holds(self, holds: Container[str]) -> list[str]:
+        return [name for name in self.table.keys["held"] if name not in holds]
+
+    def release(self, holds: Iterable[str]) -> list[str]:
+        """Release some holds, of which it makes no difference which were engaged; so nothing is returned."""
+        for name in holds:
+            self.held.remove(name)
+        return []
 
     @property
     def target(self) -> str:
