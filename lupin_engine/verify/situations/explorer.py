@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, cast
 
@@ -134,8 +134,12 @@ class SituationExplorer:
         memory = TrackedMemory(self.table, situation)
         effect = self._step(memory, situation, number)
         aside = tuple((self.table.index["context", name], slot) for name, (_, slot) in memory.aside.items())
-        sets = frozenset(memory.written - memory.values)
-        return replace(effect, needs=memory.reads, sets=sets, aside=aside)
+        effect.needs, effect.sets, effect.aside = (
+            memory.reads,
+            frozenset(memory.written - memory.values),
+            aside,
+        )
+        return effect
 
     def _step(self, memory: TrackedMemory, situation: Situation, number: int) -> Effect:
         before = TrackedMemory(self.table, situation)
@@ -149,7 +153,7 @@ class SituationExplorer:
         try:
             if move.event is LOADED:
                 if not is_idle(machine):
-                    return _NOTHING
+                    return _nothing()
                 memory.take_over(successor(Machine(self.world, memory.plain()), self.world).memory)
                 machine = _TrackedMachine(self.world, memory)
                 inputs, levels = (self.table.keys[field] for field in COMPARED)
@@ -157,7 +161,11 @@ class SituationExplorer:
                     step: Step | None = machine.go_on(0.0)
             else:
                 step = self.moves.carry_out(machine, memory, move)
-            return _CUT if step is None else self._effect_of(memory, machine, step, situation, before)
+            return (
+                _nothing(cut=True)
+                if step is None
+                else self._effect_of(memory, machine, step, situation, before)
+            )
         except (Overflow, TooMany):
             raise
         except Exception as problem:  # a defect of the engine, or of a plugin: told like what it breaks
@@ -177,8 +185,9 @@ class SituationExplorer:
         set_now = {(t[2], *t[3]) for timers in memory.looked_at_timers() for t in timers if t[1] >= FIRST_NEW}
         named = settle_names(memory)
         if any(not self.moves.is_within_bounds(name) for name in named.values()):
-            return _CUT
+            return _nothing(cut=True)
         in_order(memory)
+        claims = settled_claims(memory) if memory.is_looked_at("attempts") else None
         delta = dict(memory.changes())
         fresh = {(kind, named.get(owner, owner), event) for kind, owner, event in set_now if kind != "at"}
         if len(self.properties) > len(BUILT_IN):
@@ -189,8 +198,8 @@ class SituationExplorer:
         if fresh or any(slot in delta for slot in slots):
             deadlines = Deadlines((*memory.timers, *deadlines_of(watched)), tuple(memory.frozen))
         self._set(delta, memory, CALM, machine.calm)
-        if memory.is_looked_at("attempts"):
-            self._set(delta, memory, CLAIMS, settled_claims(memory) or None)
+        if claims is not None:
+            self._set(delta, memory, CLAIMS, claims or None)
         progress = any(isinstance(command, (Publish, Report)) for command in step.commands)
         renamed = tuple((old, new) for old, new in named.items() if "#" in new)
         return Effect(
@@ -396,8 +405,8 @@ class _Those:
 
 _OF_VISITS = ("closed_once",)
 _OF_REQUESTS = ("refusals_have_reasons",)
-_CUT = Effect((), (), frozenset(), (), (), progress=False, cut=True)
 
 
-#: A move that does nothing.
-_NOTHING = Effect((), (), frozenset(), (), (), progress=False)
+def _nothing(cut: bool = False) -> Effect:
+    """Return the effect of a move that does nothing, or that the bounds leave out."""
+    return Effect((), (), frozenset(), (), (), progress=False, cut=cut)

@@ -483,9 +483,8 @@ class TrackedList(list[Any]):
         self.is_unread = True
 
     def _load(self) -> None:
-        if self.is_unread:
-            self.is_unread = False
-            super().extend(self._memory.fetch(self._slot) or ())
+        self.is_unread = False
+        super().extend(self._memory.fetch(self._slot) or ())
 
     def __bool__(self) -> bool:
         return self._memory.has(self._slot) if self.is_unread else super().__len__() > 0
@@ -500,7 +499,8 @@ def _loading(name: str) -> Any:
     usual = getattr(list, name)
 
     def method(self: TrackedList, *arguments: Any) -> Any:
-        self._load()
+        if self.is_unread:
+            self._load()
         return usual(self, *arguments)
 
     return method

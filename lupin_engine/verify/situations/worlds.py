@@ -334,27 +334,29 @@ def _were_waited_for(memory: TrackedMemory) -> Iterator[str]:
 def in_order(memory: TrackedMemory) -> None:
     """Put entries in the same order wherever the machine does not look at it.
 
-    Of attempts that stand beside each other only one that waits looks at those before it; of invocations only
-    those of the elements of one state have an order. Answers of elements that wait for a release one after
-    the other have none, if nothing is kept of them (see `Relevance.keeps_nothing`).
+    Of invocations only those of the elements of one state have an order. Answers of elements that wait for a
+    release one after the other have none, if nothing is kept of them (see `Relevance.keeps_nothing`).
     """
-    attempts, invocations, answers = memory.attempts, memory.invocations, memory.deferred
+    invocations, answers = memory.invocations, memory.deferred
     if not (isinstance(answers, TrackedList) and answers.is_unread):
         beside = groupby(answers, lambda event: _element_of(event, memory.table.relevance.keeps_nothing))
         answers[:] = [e for state, run in beside for e in (sorted(run, key=_attempt_of) if state else run)]
-    assert isinstance(attempts, TrackedDict)
     assert isinstance(invocations, TrackedDict)
     if invocations.order is not None:
         invocations.order.sort(key=lambda name: name.partition("[")[0])
-    if attempts.order is None:
-        return
-    waiting = {claim.attempt for claim in memory.claims if claim.waits}
-    attempts.order[:] = _sorted_between(attempts.order, waiting.__contains__)
 
 
 def settled_claims(memory: TrackedMemory) -> tuple[ResourceClaim, ...]:
-    """Return the claims of attempts in the same order as `in_order` has the attempts."""
-    return tuple(_sorted_between(memory.claims, lambda claim: claim.waits))
+    """Put attempts in the same order wherever the machine does not look at it; return their claims.
+
+    Of attempts that stand beside each other only one that waits looks at those before it.
+    """
+    attempts, claims = memory.attempts, memory.claims
+    assert isinstance(attempts, TrackedDict)
+    if attempts.order is not None:
+        waiting = {claim.attempt for claim in claims if claim.waits}
+        attempts.order[:] = _sorted_between(attempts.order, waiting.__contains__)
+    return tuple(_sorted_between(claims, lambda claim: claim.waits))
 
 
 def _sorted_between(entries: Iterable[_Entry], stays: Callable[[_Entry], bool]) -> list[_Entry]:
