@@ -404,6 +404,6 @@ def test_lists_are_as_long_as_a_condition_tells_them_apart(monkeypatch: pytest.M
     short = explored(of, targets=2, restarts=False)
     monkeypatch.setattr(classes, "elements_told_apart", lambda *_: math.inf)
     long = explored(of, targets=2, restarts=False)
-    assert short.progress.situations < long.progress.situations
+    assert short.progress.transitions < long.progress.transitions
     assert (short.taken, short.entered, short.breaches) == (long.taken, long.entered, long.breaches)
     assert set(short.flags) == set(long.flags)

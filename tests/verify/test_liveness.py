@@ -16,8 +16,8 @@ from lupin_engine.verify.situations.graph import OF_THE_GRAPH, SILENCE, Graph
 from lupin_engine.verify.situations.levels import LevelWalk, explore
 from lupin_engine.verify.situations.situation import Situation
 from tests import shipped
-from tests.machine.charts import chart
-from tests.verify.toys import KeepingExplorer, round_trip, search
+from tests.machine.charts import PAUSE, chart
+from tests.verify.toys import KeepingExplorer, explored, round_trip, search
 
 SHORT = {"monitoring_sweeps": 1, "seed_climate_on_discovery": False}
 
@@ -107,6 +107,15 @@ def test_one_situation_stands_for_all_values() -> None:
     explorer = SituationExplorer(make_world(lamps(late), {}), BUILT_IN, Bounds(restarts=False))
     assert explore(explorer).progress.situations == 2 * 3 - 1  # in B it is known
     assert explore(explorer, open_values=False).progress.situations == 3 * 3 - 1
+
+
+def test_a_value_that_leads_on_is_open_under_a_hold() -> None:
+    """There nothing follows from it before the release."""
+    states = {"A": {"always": {"target": "B", "guard": late}}, "B": {}, "FAULT": {}}
+    of = chart(states, inputs={"late": {"type": BOOL, "initial": False}}, holds={"pause": PAUSE})
+    assert explored(of, restarts=False).progress.situations == 4
+    exact = explore(KeepingExplorer(of, restarts=False), open_values=False)
+    assert exact.progress.situations == 5  # B does not look at it
 
 
 def test_which_way_leads_on_may_depend_on_a_value() -> None:

@@ -209,7 +209,8 @@ class Leads:
         #: Whether all that steps needed so far was live.
         self.certain = True
         self.used: list[int] = []
-        self._places: dict[Place, int] = {}
+        #: Places, each with the slots whose value was chosen there.
+        self._places: dict[tuple[Place, Set[int]], int] = {}
         #: Pairs of a place and an effect; by their numbers four each: what the effect is there, which slots
         #: end with it, which are asked for, and whether what is aside makes a difference.
         self._pairs = SeenTable()
@@ -228,26 +229,29 @@ class Leads:
             rows[slot] = dead.left(slot, int(rows[slot, 0]))
         return rows
 
-    def settle(self, rows: Rows, columns: Indices, effects: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    def settle(self, origins: Origins, columns: Indices, effects: NDArray[np.uint32]) -> NDArray[np.uint32]:
         """Return what is told of effects at places, for each transition. Shape: (4, transitions).
 
         What they do, the numbers of the slots that end, and of those that are asked for, and whether what is
         aside makes a difference.
         """
-        every, of = np.unique(rows[list(self._live.of_place)], axis=1, return_inverse=True)
-        places = [self._live.place(values) for values in every.T.tolist()]
+        every, of = np.unique(origins.rows[list(self._live.of_place)], axis=1, return_inverse=True)
+        places = [(self._live.place(values), origins.chosen) for values in every.T.tolist()]
         numbers = np.array([self._places.setdefault(p, len(self._places)) for p in places], np.uint64)
         placed: Marks = numbers[of.ravel()[columns]]
         at, new = self._pairs.of_pairs(placed, effects.astype(np.uint64))
         names = dict(zip(numbers.tolist(), places, strict=True))
-        for place, effect in zip(placed[new].tolist(), effects[new].tolist(), strict=True):
+        for number, effect in zip(placed[new].tolist(), effects[new].tolist(), strict=True):
             self.used.append(effect)
-            self._found.extend(self._work_out(names[place], effect))
+            place, chosen = names[number]
+            self._found.extend(self._work_out(place, chosen, effect))
         return np.frombuffer(self._found, np.uint32).reshape(-1, 4)[at].T
 
-    def close(self, configuration: int | None, slots: Set[int]) -> None:
-        """Take notice that the values of these are not open in a configuration; None: in any."""
-        self.certain = self._live.close(configuration, slots) and self.certain
+    def close(self, rows: Rows, columns: Indices, slots: Set[int]) -> None:
+        """Take notice that the values of these are not open at places like those of some situations."""
+        held, configuration = (rows[slot, columns].astype(np.uint32) for slot in self._live.of_head)
+        for head in np.unique(held << 16 | configuration).tolist():
+            self.certain = self._live.close(divmod(head, 1 << 16), slots) and self.certain
 
     def unchosen(self, asked: NDArray[np.uint32], chosen: frozenset[int]) -> Iterator[tuple[int, Indices]]:
         """Yield slots whose values are to be chosen first, each with the transitions that ask for it."""
@@ -264,17 +268,17 @@ class Leads:
         delta, kept = dict(effect.delta), zip(self._live.of_place, place, strict=True)
         return self._live.place(delta.get(slot, value) for slot, value in kept)
 
-    def _work_out(self, place: Place, number: int) -> tuple[int, int, int, bool]:
+    def _work_out(self, place: Place, chosen: Set[int], number: int) -> tuple[int, int, int, bool]:
         effect = self._effects.all[number]
         delta, to = dict(effect.delta), self._after(place, effect)
         self.certain = self._live.takes(place, effect, to) and self.certain
         for slot in self._live.told.keys() & delta.keys():
             if delta[slot] and delta[slot] not in self._live.told[slot]:
-                self.close(None, {slot})
+                self.certain = self._live.close(None, {slot}) and self.certain
         dead, before = self._dead_at(to), self._dead_at(place)
-        open_ = self._live.open(place[0])
+        open_ = self._live.open(place)
         asked = frozenset(effect.needs & open_ | (open_ - dead.slots - delta.keys()))
-        were = before.slots - asked
+        were = before.slots - asked - chosen
         ending = sorted((dead.slots - were | dead.gone - before.gone) - delta.keys())
         ends = [(slot, _SET) for slot in sorted(effect.sets & delta.keys())]
         ends += [(slot, dead.left(slot, 1)) for slot in ending]
@@ -460,11 +464,11 @@ class LevelWalk:
         known = self._effects
         used = len(self._leads.used)
         self._close(origins.rows, columns, moves, effects)
-        settled = self._leads.settle(origins.rows, columns, effects)
+        settled = self._leads.settle(origins, columns, effects)
         partly = np.flatnonzero(settled[3])
         if len(partly):
             effects = self._effects_of(origins, columns[partly], moves[partly], whole=True)
-            settled[:, partly] = self._leads.settle(origins.rows, columns[partly], effects)
+            settled[:, partly] = self._leads.settle(origins, columns[partly], effects)
         effects, ends, asked, _ = settled
         if self._certain is None and not self._leads.certain:
             self._look_ahead(used)
@@ -526,13 +530,11 @@ class LevelWalk:
         self, rows: Rows, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
     ) -> None:
         """Take notice of values that are not open: what is told does not change them, or more than them."""
-        configurations = rows[self._configuration, columns]
         for slot, values in self.live.told.items():
             for value, move in values.items():
                 at = np.flatnonzero(moves == move)
                 more = self._effects.changing_only(effects[at]) != self._effects.only(slot, value)
-                for configuration in np.unique(configurations[at][more]).tolist():
-                    self._leads.close(configuration, {slot})
+                self._leads.close(rows, columns[at[more]], {slot})
 
     def _add(
         self, depth: int, rows: Rows, low: Marks, high: Marks, parents: list[int], moves: list[int]
@@ -564,7 +566,7 @@ class LevelWalk:
         due = [moves.due(numbers) for numbers in sets]
         at_once = np.array([one.at_once for one in due], np.bool_)[of]
         if at_once.any():  # then nothing can be told
-            self._leads.close(int(rows[self._configuration, 0]), self.live.told.keys())
+            self._leads.close(rows, np.flatnonzero(at_once), self.live.told.keys())
         later = np.flatnonzero(~at_once)
         if len(later):
             yield from ((move, later) for move in moves.everywhere)

@@ -7,9 +7,10 @@ some it does not matter either whether there is anything, unless that is read: t
 Once a step turns out to need something that is not live at its place, that is made live there, and at all
 places from which it comes unwritten; then the walk begins anew. Whether a key is live follows from the
 configuration.
-A live value is open in a configuration if whatever is told there changes that value and nothing else. As it
-may be told at any moment, one situation stands for all of its values there: it is not live, and a move that
-reads it is made for each (see `LevelWalk`). That, too, is at first assumed, and given up where it is not so.
+A live value is open in a configuration, under a hold or without one, if whatever is told there changes that
+value and nothing else. As it may be told at any moment, one situation stands for all of its values there: it
+is not live, and a move that reads it is made for each (see `LevelWalk`). That, too, is at first assumed, and
+given up where it is not so.
 So in the walk that gets to its end every step needs live slots alone, and what is live after it was live
 before, or is set by it: situations that agree in all live slots are bisimilar.
 """
@@ -26,8 +27,10 @@ from lupin_engine.verify.situations.situation import SlotTable
 #: Fields of which entries that are not live are empty. Others are not: with a live value that is not known,
 #: say, a machine goes other ways than with any that is.
 FADING = ("history", "handled", "budgets", "given", "itineraries")
-#: Values of the configuration and of the keys.
+#: Whether there is a hold, and the values of the configuration and of the keys; the first two are the head.
 Place = tuple[int, ...]
+Head = tuple[int, ...]
+_HEAD = 2
 
 
 class Dead(NamedTuple):
@@ -58,15 +61,16 @@ class Liveness:
         """
         self._on = on
         self.told = told if on else {}
-        #: The inputs that are not open, by configuration; None: in any.
-        self._closed: dict[int | None, set[int]] = {}
+        #: The inputs that are not open, by the head of places; None: in any.
+        self._closed: dict[Head | None, set[int]] = {}
         self._table = table
         keys = [("context", name) for name, of in chart.context.items() if of.type.kind == "text"]
         keys += [("history", name) for name in table.keys["history"]]
         self._keys = tuple(table.index[key] for key in keys)
         self._key_set = frozenset(self._keys)
-        #: The slots whose values make a place: the configuration, and the keys.
-        self.of_place = (table.index["configuration", ""], *self._keys)
+        #: The slots whose values make a place, and those of its head.
+        self.of_head = (table.index["held", ""], table.index["configuration", ""])
+        self.of_place = (*self.of_head, *self._keys)
         self._of_effects: dict[
             tuple[frozenset[int], frozenset[int]], tuple[frozenset[int], frozenset[int], frozenset[int]]
         ] = {}
@@ -80,13 +84,13 @@ class Liveness:
             self._of_slots = _Flow()
         self._is_void = False
 
-    def open(self, configuration: int) -> Set[int]:
-        """Return the slots of inputs whose values are open in a configuration."""
-        return self.told.keys() - self._closed.get(None, set()) - self._closed.get(configuration, set())
+    def open(self, place: Place) -> Set[int]:
+        """Return the slots of inputs whose values are open at a place."""
+        return self.told.keys() - self._closed.get(None, set()) - self._closed.get(place[:_HEAD], set())
 
-    def close(self, configuration: int | None, slots: Set[int]) -> bool:
-        """Take notice that these are not open in a configuration, or in any; say whether that was known."""
-        closed = self._closed.setdefault(configuration, set())
+    def close(self, head: Head | None, slots: Set[int]) -> bool:
+        """Take notice that these are not open at places with a head (None: any); say whether it was known."""
+        closed = self._closed.setdefault(head, set())
         calm = slots <= closed
         closed.update(slots)
         self._is_void = self._is_void or not calm
@@ -96,29 +100,29 @@ class Liveness:
         """Return the slots that are not live at a place."""
         if not self._on:
             return Dead()
-        room, live = self._table.room, self._of_keys.live(place[:1]) | self._of_slots.live(place)
-        dead = self._table.mortal - live | self.open(place[0])
+        room, live = self._table.room, self._of_keys.live(place[1:_HEAD]) | self._of_slots.live(place[1:])
+        dead = self._table.mortal - live | self.open(place)
         fading = (slot for slot in dead if self._table.names[slot][0] in FADING)
         return Dead(dead, frozenset(slot for slot in fading if slot + room not in live))
 
     def place(self, values: Iterable[int]) -> Place:
         """Return the place with these values of `of_place`, without what is not live."""
-        configuration, *keys = values
+        place = tuple(values)
         if not self._on:
-            return (configuration, *keys)
-        live = self._of_keys.live((configuration,))
-        named = zip(self._keys, keys, strict=True)
-        return (configuration, *(value if slot in live else 0 for slot, value in named))
+            return place
+        head, live = place[:_HEAD], self._of_keys.live(place[1:_HEAD])
+        named = zip(self._keys, place[_HEAD:], strict=True)
+        return (*head, *(value if slot in live else 0 for slot, value in named))
 
     def takes(self, place: Place, effect: Effect, to: Place) -> bool:
         """Take notice of a step between places; say whether everything that it needs is live."""
         if not self._on:
             return True
         of_keys, needs, sets = self._split(effect)
-        open_ = self.open(place[0])
-        calm = self._of_keys.takes(place[:1], to[:1], of_keys, sets)
+        open_ = self.open(place)
+        calm = self._of_keys.takes(place[1:_HEAD], to[1:_HEAD], of_keys, sets)
         self._is_void = self._is_void or not calm
-        return self._of_slots.takes(place, to, needs - open_, sets | open_) and calm
+        return self._of_slots.takes(place[1:], to[1:], needs - open_, sets | open_) and calm
 
     def _split(self, effect: Effect) -> tuple[frozenset[int], frozenset[int], frozenset[int]]:
         """Return which keys and which other slots an effect needs, and what it sets, presences with them."""
