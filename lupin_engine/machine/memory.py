@@ -198,6 +198,7 @@ class Memory:
     `broken` names the invariants that do not hold. `wall` is how far the robot's clock, in POSIX time, is
     ahead of the caller's; nobody may have told. `reached` are the dates on which each state has dealt with
     each time of day of its `at`: those of a mission's states in this mission.
+    What steps want to know of claims and holds has methods of its own, so that a proof knows what was asked.
     """
 
     configuration: tuple[str, ...] = ()
