@@ -1,6 +1,6 @@
 """What proofs cost: situations, transitions, steps of the machine, seconds of processor, and memory.
 
-    .venv/bin/python benchmarks/proofs.py                      # the table in docs/proof.md
+    .venv/bin/python benchmarks/proofs.py                      # those of the table in docs/proof.md
     .venv/bin/python benchmarks/proofs.py --only exploration   # of one mission
     .venv/bin/python benchmarks/proofs.py --apart              # with all situations told apart
 
@@ -21,6 +21,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from lupin_engine.machine.scope import World
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.runtime.setup import make_world
@@ -67,12 +68,7 @@ def measured(case: Case, apart: bool) -> dict[str, float]:
     """Make a proof, or a walk with all situations told apart, and return its figures."""
     world = make_world(load_missions([case.mission], load_catalog()).chart, case.parameters)
     begun = time.process_time()
-    progress = walked(SituationExplorer(world, properties_of(world.chart), case.bounds)) if apart else None
-    if progress is None:
-        proof = prove(world, case.bounds)
-        assert proof.complete, proof.stopped
-        assert not proof.broken, f"{case} is broken"
-        progress = proof.progress
+    progress = (walked if apart else proven)(world, case.bounds)
     return {
         "situations": progress.situations,
         "transitions": progress.transitions,
@@ -82,8 +78,17 @@ def measured(case: Case, apart: bool) -> dict[str, float]:
     }
 
 
-def walked(explorer: SituationExplorer) -> ExplorationProgress:
+def proven(world: World, bounds: Bounds) -> ExplorationProgress:
+    """Prove everything, with the graph."""
+    proof = prove(world, bounds)
+    assert proof.complete, proof.stopped
+    assert not proof.broken, [one.name for one in proof.broken]
+    return proof.progress
+
+
+def walked(world: World, bounds: Bounds) -> ExplorationProgress:
     """Look at all situations, or at so many, with nothing left out that could be told apart."""
+    explorer = SituationExplorer(world, properties_of(world.chart), bounds)
     found = explore(explorer, lambda progress: "enough" if progress.situations > MOST else "", live=False)
     assert found.complete or found.stopped == "enough", found.stopped
     return found.progress

@@ -192,9 +192,11 @@ class Holds:
 
     def _keeps(self, hold: Hold, step: Macrostep) -> bool:
         """Say whether a hold is engaged that its guard does not release; where it does, nobody need know."""
-        guard, unheard = hold.release_guard, Macrostep(step.event, step.now)
-        is_engaged = not self._allows(guard, unheard) and hold.name in self._scope.memory.held
-        return is_engaged and not self._allows(guard, step)
+        guard = hold.release_guard
+        if guard is None or self._allows(guard, Macrostep(step.event, step.now)):
+            return False
+        # What keeps the guard from being true is told only where that matters.
+        return hold.name in self._scope.memory.held and not self._allows(guard, step)
 
     def _allows(self, guard: Expression | None, step: Macrostep) -> bool:
         return guard is None or self._scope.check(guard, "", step)

@@ -143,8 +143,8 @@ def test_a_hold_whose_release_cannot_be_judged_stays() -> None:
     assert bench.machine.view.held == ("pause",)
 
 
-def test_a_release_of_what_is_not_engaged_is_not_judged() -> None:
-    """So a mistake in its guard is not told then."""
+def test_a_mistake_in_the_release_of_what_is_not_engaged_is_not_told() -> None:
+    """A request that releases two holds has to do with the one that is engaged."""
     holds = {"pause": PAUSE, "stop": {**PAUSE, "engage": "input.estop", "release_guard": fails}}
     inputs = {"estop": {"value": "robot.estop", "initial": False}}
     bench = Bench(chart({"A": {}}, holds=holds, inputs=inputs))

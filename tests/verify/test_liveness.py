@@ -114,7 +114,7 @@ def test_a_value_that_leads_on_is_open_under_a_hold() -> None:
     states = {"A": {"always": {"target": "B", "guard": late}}, "B": {}, "FAULT": {}}
     of = chart(states, inputs={"late": {"type": BOOL, "initial": False}}, holds={"pause": PAUSE})
     assert explored(of, restarts=False).progress.situations == 4
-    exact = explore(KeepingExplorer(of, restarts=False), open_values=False)
+    exact = explored(of, open_values=False, restarts=False)
     assert exact.progress.situations == 5  # B does not look at it
 
 

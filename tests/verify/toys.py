@@ -107,9 +107,9 @@ class KeepingExplorer(SituationExplorer):
         self.situations += map(tuple, rows.T.tolist())
 
 
-def explored(of: Chart, memo: bool = True, **bounds: Any) -> Explored:
+def explored(of: Chart, memo: bool = True, open_values: bool = True, **bounds: Any) -> Explored:
     """Return what is found in a chart."""
-    return explore(KeepingExplorer(of, **bounds), memo=memo)
+    return explore(KeepingExplorer(of, **bounds), memo=memo, open_values=open_values)
 
 
 def broken(of: Chart, **bounds: Any) -> set[str]:

@@ -134,11 +134,8 @@ class SituationExplorer:
         memory = TrackedMemory(self.table, situation)
         effect = self._step(memory, situation, number)
         aside = tuple((self.table.index["context", name], slot) for name, (_, slot) in memory.aside.items())
-        effect.needs, effect.sets, effect.aside = (
-            memory.reads,
-            frozenset(memory.written - memory.values),
-            aside,
-        )
+        effect.needs, effect.aside = memory.reads, aside
+        effect.sets = frozenset(memory.written - memory.values)
         return effect
 
     def _step(self, memory: TrackedMemory, situation: Situation, number: int) -> Effect:
@@ -161,11 +158,9 @@ class SituationExplorer:
                     step: Step | None = machine.go_on(0.0)
             else:
                 step = self.moves.carry_out(machine, memory, move)
-            return (
-                _nothing(cut=True)
-                if step is None
-                else self._effect_of(memory, machine, step, situation, before)
-            )
+            if step is None:
+                return _nothing(cut=True)
+            return self._effect_of(memory, machine, step, situation, before)
         except (Overflow, TooMany):
             raise
         except Exception as problem:  # a defect of the engine, or of a plugin: told like what it breaks

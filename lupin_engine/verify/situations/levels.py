@@ -210,7 +210,7 @@ class Leads:
         self.certain = True
         self.used: list[int] = []
         #: Places, each with the slots whose value was chosen there.
-        self._places: dict[tuple[Place, Set[int]], int] = {}
+        self._places: dict[tuple[Place, frozenset[int]], int] = {}
         #: Pairs of a place and an effect; by their numbers four each: what the effect is there, which slots
         #: end with it, which are asked for, and whether what is aside makes a difference.
         self._pairs = SeenTable()
@@ -268,7 +268,7 @@ class Leads:
         delta, kept = dict(effect.delta), zip(self._live.of_place, place, strict=True)
         return self._live.place(delta.get(slot, value) for slot, value in kept)
 
-    def _work_out(self, place: Place, chosen: Set[int], number: int) -> tuple[int, int, int, bool]:
+    def _work_out(self, place: Place, chosen: frozenset[int], number: int) -> tuple[int, int, int, bool]:
         effect = self._effects.all[number]
         delta, to = dict(effect.delta), self._after(place, effect)
         self.certain = self._live.takes(place, effect, to) and self.certain

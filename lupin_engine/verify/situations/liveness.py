@@ -28,6 +28,7 @@ from lupin_engine.verify.situations.situation import SlotTable
 #: say, a machine goes other ways than with any that is.
 FADING = ("history", "handled", "budgets", "given", "itineraries")
 #: Whether there is a hold, and the values of the configuration and of the keys; the first two are the head.
+#: What is live does not depend on the hold, what is open depends on the head alone.
 Place = tuple[int, ...]
 Head = tuple[int, ...]
 _HEAD = 2
