@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import signal
@@ -790,3 +791,16 @@ def test_both_profiles_discover_alike() -> None:
     parts = [ElementTree.parse(file).find(f".//{name}") for file in (THIS_MACHINE, OPEN)]
     one, other = (ElementTree.tostring(part) for part in parts if part is not None)
     assert one == other
+
+
+@pytest.mark.parametrize("reach", ["LOCALHOST", "SUBNET"])
+def test_what_the_middleware_complains_of_is_no_line_of_our_output(reach: str, ros_domain: int) -> None:
+    """Otherwise it stands among the lines of JSON of `lupin run --json`."""
+    port = Path(f"/dev/shm/fastrtps_port{7411 + 250 * ros_domain}")  # of the first participant of a domain
+    port.unlink(missing_ok=True)  # a process that was killed may have left it
+    program = "from lupin_engine.ros.adapter.node import RosNode; RosNode('alone').close()"
+    command, environment = [sys.executable, "-c", program], {**os.environ, RANGE: reach}
+    with open(f"{port}_el", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
+    assert (done.stdout, f"Failed init_port {port.name}" in done.stderr) == ("", True)
