@@ -42,7 +42,7 @@ from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Action, Argument, Code, OnHold, Operation
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import ANY, BOOL, NUMBER, within
+from lupin_engine.plugin.types import ANY, BOOL, NUMBER, TEXT, within
 from lupin_engine.runtime.clock import calendar_of
 from lupin_greenhouse.profile import PROFILE
 
@@ -318,7 +318,10 @@ def chart(
         states=Builder().build(root),
         missions={name: _mission(name, fields) for name, fields in (missions or {}).items()},
         holds={name: _hold(name, fields) for name, fields in (holds or {}).items()},
-        context={name: Variable(name, ANY, value(start), PLACE) for name, start in (context or {}).items()},
+        context={
+            name: Variable(name, TEXT if isinstance(start, str) else ANY, value(start), PLACE)
+            for name, start in (context or {}).items()
+        },
         inputs={name: _input(name, fields) for name, fields in (inputs or {}).items()},
         codes={
             "paused": Code("paused", "paused by the operator", Severity.INFO),

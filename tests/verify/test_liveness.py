@@ -118,6 +118,27 @@ def test_a_value_that_leads_on_is_open_under_a_hold() -> None:
     assert exact.progress.situations == 5  # B does not look at it
 
 
+def test_what_is_live_after_one_text_alone_is_not_live_where_another_one_is_set() -> None:
+    """The number is looked at in B after `left` only: of A, LEFT and B after `left` there are two each."""
+
+    def counts(env: Any) -> bool:
+        return bool(env["context"]["way"] == "left" and env["context"]["n"] > 0)
+
+    other = {"do": [("set", {"n": lambda env: 1 - env["context"]["n"]})]}
+    to_b = {
+        way: {"target": "B", "do": [("set", {"way": lambda _, way=way: way})]} for way in ("left", "right")
+    }
+    states = {
+        "A": {"on": {"operator.resume": other, "operator.dock": "LEFT", "operator.skip_current": "RIGHT"}},
+        "LEFT": {"on": {"operator.reset": to_b["left"]}},
+        "RIGHT": {"on": {"operator.reset": to_b["right"]}},
+        "B": {"on": {"operator.abort": [{"target": "A", "guard": counts}, {"target": "RIGHT"}]}},
+        "FAULT": {},
+    }
+    found = explored(chart(states, context={"way": "left", "n": 0}), restarts=False)
+    assert found.progress.situations == 2 + 2 + 2 + 1 + 1
+
+
 def test_which_way_leads_on_may_depend_on_a_value() -> None:
     """Each of two situations leads on by the other one, with one value each: the exact walk tells that."""
     explorer = SituationExplorer(make_world(lamps(late), {}), BUILT_IN, Bounds(restarts=False))

@@ -26,8 +26,6 @@ from lupin_engine.verify.situations.situation import RANKS, Overflow
 _TOGETHER = 1 << 15
 #: Of so many breaches of one property, all after as many moves, the one with the fewest faults is told.
 _MOST_BREACHES = 1000
-#: So many times as many situations as are certain are looked at before the walk begins anew.
-_AHEAD = 8
 #: Between two looks at the clock and the budget: so many steps of the machine.
 _PACE = 512
 
@@ -81,6 +79,10 @@ class Origins(NamedTuple):
 
 class _Stopped(Exception):
     """It was said that the exploration stops; the text says why."""
+
+
+class _MoreIsLive(Exception):
+    """A step needs something that was not live: the walk begins anew."""
 
 
 class _Effects:
@@ -201,14 +203,14 @@ class _Effects:
 
 
 class Leads:
-    """What effects do where something is not live after them; `used` are those met in this walk, in order."""
+    """What effects do where something is not live after them; `used` are those met in this walk."""
 
     def __init__(self, live: Liveness, effects: _Effects) -> None:
         self._live = live
         self._effects = effects
-        #: Whether all that steps needed so far was live.
+        #: Whether all that steps needed so far was live, and all values were open that were taken to be.
         self.certain = True
-        self.used: list[int] = []
+        self.used: set[int] = set()
         #: Places, each with the slots whose value was chosen there.
         self._places: dict[tuple[Place, frozenset[int]], int] = {}
         #: Pairs of a place and an effect; by their numbers four each: what the effect is there, which slots
@@ -242,7 +244,7 @@ class Leads:
         at, new = self._pairs.of_pairs(placed, effects.astype(np.uint64))
         names = dict(zip(numbers.tolist(), places, strict=True))
         for number, effect in zip(placed[new].tolist(), effects[new].tolist(), strict=True):
-            self.used.append(effect)
+            self.used.add(effect)
             place, chosen = names[number]
             self._found.extend(self._work_out(place, chosen, effect))
         return np.frombuffer(self._found, np.uint32).reshape(-1, 4)[at].T
@@ -332,8 +334,6 @@ class LevelWalk:
         self._seen = SeenTable()
         self._waiting = WaitingLine()
         self._found = Explored(self._explorer.moves)
-        #: What was found until something was needed that was not live.
-        self._certain: Explored | None = None
         self._found.progress.steps = self._steps
         self._looked_at = 0
         self.live.begin()
@@ -352,7 +352,7 @@ class LevelWalk:
         return farthest
 
     def _run(self) -> Explored:
-        """Look at everything, or until something is needed that is not live, and a little ahead."""
+        """Look at everything, or until something is needed that is not live."""
         situation, self._first = self._explorer.initial()
         self._found.breaches = {name: [Breach(name, 0, -1, text)] for name, text in self._first.breaches}
         rows = self._leads.first(np.array([situation], np.uint16).T)
@@ -360,36 +360,22 @@ class LevelWalk:
         low, high = LevelPart(rows, self._marks).key(every, np.arange(1))
         self._seen.numbers(low, high)
         self._add(0, rows, low, high, [0], [-1])
-        stopped = ""
+        found = self._found
         try:
             self._count()
-            while self._waiting.count and not self._has_looked_ahead():
+            while self._waiting.count:
                 self._look()
                 self._expand(self._together())
+            found.complete = True
+        except _MoreIsLive:
+            pass
         except _Stopped as why:
-            stopped = str(why)
+            found.stopped = str(why)
         except KeyboardInterrupt:
-            stopped = "interrupted"
-        found = self._certain or self._take_stock(len(self._leads.used))
-        found.stopped, found.complete = stopped, not stopped and self._certain is None
+            found.stopped = "interrupted"
+        for one in (self._first, *(self._effects.all[number] for number in self._leads.used)):
+            found.take_in(one)
         return found
-
-    def _take_stock(self, used: int) -> Explored:
-        """Return what was found, with what the first effects that were met tell of the chart."""
-        met = dict.fromkeys(self._leads.used[:used])
-        for one in (self._first, *(self._effects.all[number] for number in met)):
-            self._found.take_in(one)
-        return self._found
-
-    def _look_ahead(self, used: int) -> None:
-        """Keep what is certain. What follows is looked at only to learn what else is live."""
-        self._certain = self._take_stock(used)
-        progress = self._found.progress
-        self._found = Explored(self._explorer.moves, replace(progress, levels=list(progress.levels)))
-
-    def _has_looked_ahead(self) -> bool:
-        certain = self._certain
-        return certain is not None and self._found.progress.situations > _AHEAD * certain.progress.situations
 
     def _look(self) -> None:
         why = self._goes_on(self._found.progress)
@@ -462,16 +448,15 @@ class LevelWalk:
     ) -> None:
         """Take in where some moves lead; `columns` are those of the situations."""
         known = self._effects
-        used = len(self._leads.used)
         self._close(origins.rows, columns, moves, effects)
         settled = self._leads.settle(origins, columns, effects)
         partly = np.flatnonzero(settled[3])
         if len(partly):
             effects = self._effects_of(origins, columns[partly], moves[partly], whole=True)
             settled[:, partly] = self._leads.settle(origins, columns[partly], effects)
+        if not self._leads.certain:
+            raise _MoreIsLive
         effects, ends, asked, _ = settled
-        if self._certain is None and not self._leads.certain:
-            self._look_ahead(used)
         done = np.ones(len(columns), np.bool_)
         for slot, at in self._leads.unchosen(asked, origins.chosen):
             done[at] = False

@@ -77,13 +77,20 @@ class Liveness:
         ] = {}
         self._of_keys = _Flow()
         self._of_slots = _Flow()
-        self._is_void = False
+        #: The steps that were met, in this walk and before.
+        self._met: dict[_Met, None] = {}
+        #: The configurations in which a key became live in this walk.
+        self._split: set[int] = set()
 
     def begin(self) -> None:
-        """Prepare for a new walk: what was learnt is void if places or values had to be told apart since."""
-        if self._is_void:
-            self._of_slots = _Flow()
-        self._is_void = False
+        """Prepare for a new walk: work out anew what is live, as fewer values may be open now.
+
+        If a place has become several, nobody knows to which of them its steps belong: they are forgotten.
+        """
+        known = (one for one in self._met if self._split.isdisjoint((one.place[1], one.to[1])))
+        self._met, self._split, self._of_slots = dict.fromkeys(known), set(), _Flow()
+        for one in self._met:
+            self._take(one)
 
     def open(self, place: Place) -> Set[int]:
         """Return the slots of inputs whose values are open at a place."""
@@ -94,7 +101,6 @@ class Liveness:
         closed = self._closed.setdefault(head, set())
         calm = slots <= closed
         closed.update(slots)
-        self._is_void = self._is_void or not calm
         return calm
 
     def dead(self, place: Place) -> Dead:
@@ -119,13 +125,19 @@ class Liveness:
         """Take notice of a step between places; say whether everything that it needs is live."""
         if not self._on:
             return True
-        of_keys, needs, sets = self._split(effect)
-        open_ = self.open(place)
-        calm = self._of_keys.takes(place[1:_HEAD], to[1:_HEAD], of_keys, sets)
-        self._is_void = self._is_void or not calm
-        return self._of_slots.takes(place[1:], to[1:], needs - open_, sets | open_) and calm
+        of_keys, needs, sets = self._parts(effect)
+        one = _Met(place, to, needs, sets)
+        self._met[one] = None
+        split = self._of_keys.takes(place[1:_HEAD], to[1:_HEAD], of_keys, sets)
+        self._split.update(configuration for (configuration,) in split)
+        return not (self._take(one) or split)
 
-    def _split(self, effect: Effect) -> tuple[frozenset[int], frozenset[int], frozenset[int]]:
+    def _take(self, one: _Met) -> set[Place]:
+        """Take notice of the other slots of a step; return where one was not live that is needed."""
+        open_ = self.open(one.place)
+        return self._of_slots.takes(one.place[1:], one.to[1:], one.needs - open_, one.sets | open_)
+
+    def _parts(self, effect: Effect) -> tuple[frozenset[int], frozenset[int], frozenset[int]]:
         """Return which keys and which other slots an effect needs, and what it sets, presences with them."""
         found = self._of_effects.get((effect.needs, effect.sets))
         if found is None:
@@ -137,6 +149,15 @@ class Liveness:
             found = of_keys, frozenset(needs - of_keys), sets
             self._of_effects[effect.needs, effect.sets] = found
         return found
+
+
+class _Met(NamedTuple):
+    """A step between places: which slots but for keys it needs, and which it sets."""
+
+    place: Place
+    to: Place
+    needs: frozenset[int]
+    sets: frozenset[int]
 
 
 _NOTHING: Set[int] = frozenset()
@@ -155,22 +176,22 @@ class _Flow:
     def live(self, place: Place) -> Set[int]:
         return self._live.get(place, _NOTHING)
 
-    def takes(self, place: Place, to: Place, needs: frozenset[int], sets: frozenset[int]) -> bool:
-        """Take notice of a step; say whether everything was live that is needed."""
+    def takes(self, place: Place, to: Place, needs: frozenset[int], sets: frozenset[int]) -> set[Place]:
+        """Take notice of a step; return the places at which more is live than was."""
         if place != to:
             self._edges.setdefault(to, {})[place, sets] = None
         needed = needs.union(self.live(to) - sets) - self.live(place)
-        return not needed or not self._grow(place, needed)
+        return self._grow(place, needed) if needed else set()
 
-    def _grow(self, place: Place, more: frozenset[int]) -> bool:
-        """Make slots live at a place and wherever they come from; say whether one was not."""
+    def _grow(self, place: Place, more: frozenset[int]) -> set[Place]:
+        """Make slots live at a place and wherever they come from; return where one was not."""
         waiting = [(place, more)]
-        grown = False
+        grown = set()
         while waiting:
             at, slots = waiting.pop()
             new = slots - self._live.setdefault(at, set())
             if new:
-                grown = True
+                grown.add(at)
                 self._live[at] |= new
                 waiting += [(source, new - sets) for source, sets in self._edges.get(at, ())]
         return grown
