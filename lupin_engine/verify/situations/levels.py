@@ -77,6 +77,19 @@ class Origins(NamedTuple):
     made: tuple[int, ...] = ()
 
 
+class Moved(NamedTuple):
+    """Transitions: the columns of their origins, their moves, what these do, and which slots end."""
+
+    columns: Indices
+    moves: NDArray[np.uint16]
+    effects: NDArray[np.uint32]
+    ends: NDArray[np.uint32]
+
+    def at(self, which: Indices | NDArray[np.bool_]) -> Moved:
+        """Return some of them."""
+        return Moved(self.columns[which], self.moves[which], self.effects[which], self.ends[which])
+
+
 class _Stopped(Exception):
     """It was said that the exploration stops; the text says why."""
 
@@ -447,8 +460,26 @@ class LevelWalk:
         self, origins: Origins, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
     ) -> None:
         """Take in where some moves lead; `columns` are those of the situations."""
-        known = self._effects
         self._close(origins.rows, columns, moves, effects)
+        effects, ends, asked = self._settle(origins, columns, moves, effects)
+        done = np.ones(len(columns), np.bool_)
+        for slot, at in self._leads.unchosen(asked, origins.chosen):
+            done[at] = False
+            self._choose(origins, columns[at], moves[at], slot)
+        moves = self._told_before(origins, moves[done])
+        every = Moved(columns[done], moves, effects[done], ends[done])
+        self._found.cut += self._effects.cut(every.effects)
+        self._note_breaches(origins.depth, origins.numbers[every.columns], moves, every.effects)
+        self._take_in(origins, every)
+
+    def _settle(
+        self, origins: Origins, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
+    ) -> NDArray[np.uint32]:
+        """Return what moves do, the slots that end, and those that are asked for. Shape: (3, moves).
+
+        Raises:
+            _MoreIsLive: not everything is live that they need.
+        """
         settled = self._leads.settle(origins, columns, effects)
         partly = np.flatnonzero(settled[3])
         if len(partly):
@@ -456,60 +487,63 @@ class LevelWalk:
             settled[:, partly] = self._leads.settle(origins, columns[partly], effects)
         if not self._leads.certain:
             raise _MoreIsLive
-        effects, ends, asked, _ = settled
-        done = np.ones(len(columns), np.bool_)
-        for slot, at in self._leads.unchosen(asked, origins.chosen):
-            done[at] = False
-            self._choose(origins, columns[at], moves[at], slot)
-        columns, moves, ends = columns[done], moves[done], ends[done]
-        effects = effects[done]
-        before = origins.rows[self._ranks, columns]
-        ranks = known.ranks_after(before, effects)
-        if origins.made:
-            every, of = np.unique(moves, return_inverse=True)
-            told = [self._explorer.moves.told_before(origins.made, int(move)) for move in every]
-            moves = np.array(told, np.uint16)[of]
-        found = self._found
-        found.cut += known.cut(effects)
-        self._note_breaches(origins.depth, origins.numbers[columns], moves, effects)
-        low, high = known.marks(effects)
-        of_ranks = self._marks[:, self._ranks]
-        low ^= of_ranks[0, before] ^ of_ranks[0, ranks]
-        high ^= of_ranks[1, before] ^ of_ranks[1, ranks]
-        for slot, left, at, values in self._leads.ended(origins.rows, columns, ends):
-            for side, marks in enumerate((low, high)):
-                of = self._marks[side, slot]
-                marks[at] ^= of[values] ^ of[max(left, 0)]  # nothing has 0
+        return settled[:3]
+
+    def _told_before(self, origins: Origins, moves: NDArray[np.uint16]) -> NDArray[np.uint16]:
+        """Return moves with those that told values before them."""
+        if not origins.made:
+            return moves
+        every, of = np.unique(moves, return_inverse=True)
+        told = [self._explorer.moves.told_before(origins.made, int(move)) for move in every]
+        return np.array(told, np.uint16)[of]
+
+    def _take_in(self, origins: Origins, every: Moved) -> None:
+        """Take in the transitions that change something, and the situations to which they are the first."""
+        ranks = self._effects.ranks_after(origins.rows[self._ranks, every.columns], every.effects)
+        low, high = self._change(origins.rows, every, ranks)
         changing = (low | high) != 0
-        columns, moves, effects, ends = columns[changing], moves[changing], effects[changing], ends[changing]
-        low, high = low[changing] ^ origins.low[columns], high[changing] ^ origins.high[columns]
+        every, ranks = every.at(changing), ranks[changing]
+        low, high = low[changing] ^ origins.low[every.columns], high[changing] ^ origins.high[every.columns]
         targets, new = self._seen.numbers(low, high)
-        numbers = origins.numbers[columns].astype(np.uint32)
+        numbers = origins.numbers[every.columns].astype(np.uint32)
         leaves = targets != numbers  # with values that were told before, another one may be what changes
+        found, progress = self._found, self._found.progress
         found.sources.frombytes(numbers[leaves].tobytes())
         found.targets.frombytes(targets[leaves].tobytes())
-        found.by.frombytes(moves[leaves].tobytes())
-        found.advances += known.progressing(effects[leaves]).tobytes()
-        progress = found.progress
+        found.by.frombytes(every.moves[leaves].tobytes())
+        found.advances += self._effects.progressing(every.effects[leaves]).tobytes()
         progress.transitions += self._looked_at
         progress.depth = origins.depth
         self._looked_at = 0
         if len(new):
-            rows = origins.rows[:, columns[new]]
-            known.apply(rows, effects[new])
-            rows[self._ranks] = ranks[changing][new]
-            for slot, left, at, _ in self._leads.ended(origins.rows, columns[new], ends[new]):
-                if left != _SET:
-                    rows[slot, at] = left
+            first = every.at(new)
+            rows = self._rows_after(origins.rows, first, ranks[new])
             self._add(
-                origins.depth + 1,
-                rows,
-                low[new],
-                high[new],
-                origins.numbers[columns[new]].tolist(),
-                moves[new].tolist(),
+                origins.depth + 1, rows, low[new], high[new], numbers[new].tolist(), first.moves.tolist()
             )
         progress.waiting = self._waiting.count
+
+    def _change(self, rows: Rows, every: Moved, ranks: NDArray[np.uint16]) -> tuple[Marks, Marks]:
+        """Return what transitions change of the marks of their origins."""
+        low, high = self._effects.marks(every.effects)
+        of_ranks, before = self._marks[:, self._ranks], rows[self._ranks, every.columns]
+        low ^= of_ranks[0, before] ^ of_ranks[0, ranks]
+        high ^= of_ranks[1, before] ^ of_ranks[1, ranks]
+        for slot, left, at, values in self._leads.ended(rows, every.columns, every.ends):
+            for side, marks in enumerate((low, high)):
+                of = self._marks[side, slot]
+                marks[at] ^= of[values] ^ of[max(left, 0)]  # nothing has 0
+        return low, high
+
+    def _rows_after(self, origins: Rows, every: Moved, ranks: NDArray[np.uint16]) -> Rows:
+        """Return the situations after transitions."""
+        rows = origins[:, every.columns]
+        self._effects.apply(rows, every.effects)
+        rows[self._ranks] = ranks
+        for slot, left, at, _ in self._leads.ended(origins, every.columns, every.ends):
+            if left != _SET:
+                rows[slot, at] = left
+        return rows
 
     def _close(
         self, rows: Rows, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
