@@ -95,7 +95,7 @@ class _Stopped(Exception):
 
 
 class _MoreIsLive(Exception):
-    """A step needs something that was not live: the walk begins anew."""
+    """Something was needed that was not live, or a value is not open: the walk begins anew."""
 
 
 class _Effects:
@@ -216,7 +216,7 @@ class _Effects:
 
 
 class Leads:
-    """What effects do where something is not live after them; `used` are those met in this walk."""
+    """What effects do where something is not live after them; `used` are those certainly met."""
 
     def __init__(self, live: Liveness, effects: _Effects) -> None:
         self._live = live
@@ -257,9 +257,10 @@ class Leads:
         at, new = self._pairs.of_pairs(placed, effects.astype(np.uint64))
         names = dict(zip(numbers.tolist(), places, strict=True))
         for number, effect in zip(placed[new].tolist(), effects[new].tolist(), strict=True):
-            self.used.add(effect)
             place, chosen = names[number]
             self._found.extend(self._work_out(place, chosen, effect))
+        if self.certain:
+            self.used.update(effects[new].tolist())
         return np.frombuffer(self._found, np.uint32).reshape(-1, 4)[at].T
 
     def close(self, rows: Rows, columns: Indices, slots: Set[int]) -> None:
@@ -478,7 +479,7 @@ class LevelWalk:
         """Return what moves do, the slots that end, and those that are asked for. Shape: (3, moves).
 
         Raises:
-            _MoreIsLive: not everything is live that they need.
+            _MoreIsLive: not everything is live that they need, or open that was taken to be.
         """
         settled = self._leads.settle(origins, columns, effects)
         partly = np.flatnonzero(settled[3])
