@@ -98,6 +98,17 @@ class _MoreIsLive(Exception):
     """Something was needed that was not live, or a value is not open: the walk begins anew."""
 
 
+def _groups(rows: Rows, slots: tuple[int, ...]) -> tuple[list[tuple[int, ...]], Indices]:
+    """Return the different values of some slots, and which of them each situation has."""
+    packed = np.zeros(rows.shape[1], np.uint64)
+    for number, slot in enumerate(slots):
+        if number >= 4 and number % 2 == 0:  # make room for two more values of 16 bits
+            packed = np.unique(packed, return_inverse=True)[1].astype(np.uint64)
+        packed = (packed << np.uint64(16)) | rows[slot]
+    _, first, of = np.unique(packed, return_index=True, return_inverse=True)
+    return [tuple(rows[list(slots), at].tolist()) for at in first], of
+
+
 class _Effects:
     """All effects, by number, as far as the walk needs them in arrays."""
 
@@ -250,10 +261,10 @@ class Leads:
         What they do, the numbers of the slots that end, and of those that are asked for, and whether what is
         aside makes a difference.
         """
-        every, of = np.unique(origins.rows[list(self._live.of_place)], axis=1, return_inverse=True)
-        places = [(self._live.place(values), origins.chosen) for values in every.T.tolist()]
+        every, of = _groups(origins.rows, self._live.of_place)
+        places = [(self._live.place(values), origins.chosen) for values in every]
         numbers = np.array([self._places.setdefault(p, len(self._places)) for p in places], np.uint64)
-        placed: Marks = numbers[of.ravel()[columns]]
+        placed: Marks = numbers[of[columns]]
         at, new = self._pairs.of_pairs(placed, effects.astype(np.uint64))
         names = dict(zip(numbers.tolist(), places, strict=True))
         for number, effect in zip(placed[new].tolist(), effects[new].tolist(), strict=True):
@@ -582,7 +593,7 @@ class LevelWalk:
     def _possible(self, part: LevelPart) -> Iterator[tuple[int, Indices]]:
         """Yield the moves that are possible, each with the columns of the situations in which it is."""
         moves, rows = self._explorer.moves, part.rows
-        sets, of = self._groups(rows, moves.slots_of_timers)
+        sets, of = _groups(rows, moves.slots_of_timers)
         due = [moves.due(numbers) for numbers in sets]
         at_once = np.array([one.at_once for one in due], np.bool_)[of]
         if at_once.any():  # then nothing can be told
@@ -610,15 +621,6 @@ class LevelWalk:
                         found.setdefault(move, []).append(these)
         for move, parts in found.items():
             yield move, np.sort(np.concatenate(parts))
-
-    @staticmethod
-    def _groups(rows: Rows, slots: tuple[int, ...]) -> tuple[list[tuple[int, ...]], Indices]:
-        """Return the different values of some slots, and which of them each situation has."""
-        packed = np.zeros(rows.shape[1], np.uint64)
-        for slot in slots:
-            packed = (packed << np.uint64(16)) | rows[slot]
-        _, first, of = np.unique(packed, return_index=True, return_inverse=True)
-        return [tuple(rows[list(slots), at].tolist()) for at in first], of
 
     def _follow(
         self, part: LevelPart, columns: Indices, move: int, whole: bool = False

@@ -79,7 +79,9 @@ class LevelPart:
     def _fill(self, slot: int) -> None:
         room = len(self.rows)
         values = self.rows[slot] if slot < room else np.minimum(self.rows[slot - room], 1)
-        self._of_slot[:, slot] = self._marks[:, slot, values]
+        of_values = self._marks[:, slot]
+        # With "clip" the marks go where they belong at once: "raise" copies them once more.
+        of_values.take(values.astype(np.intp), axis=1, out=self._of_slot[:, slot], mode="clip")
         self._filled.add(slot)
 
 
