@@ -311,7 +311,7 @@ def script_of(recording: RunRecord, mission: str, promise: str, chart: Chart, di
     happenings = _Happenings(chart, recording, digits)
     asked = [step for step in recording.steps if step.event.name == START]
     before = [step for step in recording.steps if step.accepted is not None or step.event.name == "value"]
-    starts = before[:1] == asked[:1] and bool(asked[0].accepted)
+    starts = bool(asked and asked[0].accepted) and before[0] is asked[0]
     parts: dict[str, Any] = {
         "scenario": promise,
         "mission": mission,

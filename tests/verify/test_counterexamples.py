@@ -73,6 +73,21 @@ def test_a_breach_becomes_a_scenario_that_fails(tmp_path: Path, capsys: pytest.C
         assert main(["test", str(tmp_path / f"planted.{name}.scenario.yaml")]) == 0
 
 
+def test_a_breach_before_anybody_asked_becomes_a_scenario(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A mission that begins by itself may break a property before the first request, value or answer."""
+    lifecycle = "lifecycle: ByItself\nstates:\n  ALL: {slot: mission, on_done: ALL}\n"
+    (tmp_path / "lifecycle.yaml").write_text(lifecycle, encoding="utf-8")
+    mission = tmp_path / "begun.yaml"
+    never = "mission: Begun\nproperties: {never_a: {never: \"in_state('A')\"}}\n"
+    mission.write_text(f"{never}states: {{A: {{after: {{1 s: done}}}}, done: {{type: final}}}}\n")
+    assert main(["prove", str(mission), "--targets", "0", "--no-restarts"]) == 1
+    assert "0.0 s  ✗ never_a: in_state('A') became true; it must never be" in capsys.readouterr().out
+    assert main(["test", str(tmp_path / "begun.never_a.scenario.yaml")]) == 1
+    assert "violated: never_a" in capsys.readouterr().out
+
+
 def test_a_breach_is_told_with_the_place_as_elsewhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
