@@ -109,6 +109,11 @@ class Campaign:
         self.parameters = {**rates.parameters, **parameters}
         self.world: World = make_world(loaded.chart, self.parameters)
         self.properties: tuple[Property, ...] = properties_of(loaded.chart)
+        #: All that is watched, with its sentence.
+        self.watched = {
+            **{one.name: one.says for one in self.properties},
+            STANDSTILL: "No mission runs in a cycle that takes no time.",
+        }
         self._pool = pool_of(self.world, rates.script.mission)
         #: Where the files stood that were read, and where they are at home: what is told names the latter.
         self.folders = ("", "")
@@ -119,6 +124,11 @@ class Campaign:
     def chart(self) -> Chart:
         """The chart of the mission."""
         return self.loaded.chart
+
+    @property
+    def begins_on_request(self) -> bool:
+        """Whether a mission of the chart begins when it is asked for, and not by itself."""
+        return any(rule.event == START for rule in self.rules.values())
 
     @property
     def can_be_taken(self) -> int:
@@ -145,9 +155,12 @@ class Campaign:
             monitor.end(run.seconds)
             into.ended[run.view.lifecycle] += 1
         except Standstill as problem:
-            monitor.breaches[STANDSTILL] = simulation.steps[-1], str(problem)
+            # The step that does not end says the same as an execution error: it is told once.
+            others = {name: one for name, one in monitor.breaches.items() if one[1] != str(problem)}
+            monitor.breaches = {**others, STANDSTILL: (simulation.steps[-1], str(problem))}
         into.seconds += simulation.now
         into.relevant.update(monitor.relevant)
+        into.relevant[STANDSTILL] += len(simulation.steps)
         self._count(simulation.steps, seed, into)
         for name, text, step in monitor.told:
             into.violated[name] += 1

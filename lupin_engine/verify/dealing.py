@@ -7,8 +7,10 @@ lost with its worker is dealt out again, so no seed is lost.
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import (
@@ -23,7 +25,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import islice
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +58,7 @@ class CampaignTask:
     files: tuple[tuple[str, bytes], ...] = field(repr=False)
     rates: bytes = field(default=b"", repr=False)
     rates_file: str = ""
-    parameters: tuple[tuple[str, Any], ...] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)  # lists may be in it
     version: str = __version__
 
 
@@ -79,7 +81,7 @@ def _unpacked(task: CampaignTask) -> Campaign:
         rates = default_rates(loaded.chart)
         if task.rates:
             rates = read_rates(Path(folder) / task.rates_file, loaded.chart)
-        campaign = Campaign(loaded, rates, dict(task.parameters))
+        campaign = Campaign(loaded, rates, task.parameters)
         campaign.folders = (folder, task.folder)
         return campaign
 
@@ -119,15 +121,16 @@ def make_task(loaded: LoadedMissions, rates: Path | None, parameters: Mapping[st
         tuple((short[name], content) for name, content in loaded.sources.items()),
         rates.read_bytes() if rates is not None else b"",
         "rates.yaml",
-        tuple(sorted(parameters.items())),
+        dict(parameters),
     )
 
 
 class WorkerProcesses(ProcessPoolExecutor):
     """Processes of this computer, which leave a Ctrl-C to the one that deals out, and end with it at once."""
 
-    def __init__(self, workers: int) -> None:
-        super().__init__(workers, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
+    def __init__(self, workers: int, begin: Callable[..., None] | None = None, *arguments: Any) -> None:
+        """Make some, each of which calls `begin` first."""
+        super().__init__(workers, get_context("spawn"), _begin, (begin, *arguments))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End; with `cancel_futures` what is under way is not waited for either."""
@@ -137,12 +140,28 @@ class WorkerProcesses(ProcessPoolExecutor):
             process.terminate()
 
 
+def _begin(begin: Callable[..., None] | None, *arguments: Any) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    if begin is not None:
+        begin(*arguments)
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that began it is gone, however that ended: nobody else would."""
+    parent = parent_process()
+    assert parent is not None, "workers are begun by another process"
+    parent.join()
+    os._exit(1)
+
+
 @dataclass
 class Dealer:
     """Deals the seeds of a campaign out; `found` is the sum of the batches that came back, in any order.
 
     `executors` makes an executor, and another one where that is broken; without it this process does the
-    work. `told` is called after each batch.
+    work. `broken` are the errors of a batch that is lost. `told` is called after each batch; all of it
+    `took` so long (s).
     """
 
     campaign: Campaign
@@ -153,18 +172,28 @@ class Dealer:
     task: CampaignTask | None = None
     found: CampaignSum = field(default_factory=CampaignSum)
     lost: int = 0
+    took: float = 0.0
+    broken: tuple[type[BaseException], ...] = (BrokenExecutor,)
 
     def run(self) -> CampaignSum:
-        """Run all seeds; after a KeyboardInterrupt `found` has those that came back.
+        """Run all seeds; after an error or a KeyboardInterrupt `found` has those that came back.
 
         Raises:
             LupinError: a batch was lost again and again, or a worker cannot run it.
         """
+        began = time.perf_counter()
+        try:
+            self._run()
+        finally:
+            self.took = time.perf_counter() - began
+        return self.found
+
+    def _run(self) -> None:
         batches = (range(at, min(at + BATCH, self.seeds)) for at in range(0, self.seeds, BATCH))
         if self.executors is None or self.task is None:
             for batch in batches:
                 self._take(run_seeds(self.campaign, batch))
-            return self.found
+            return
         left: Iterator[_Dealt] = ((batch, 1) for batch in batches)
         while lost := self._deal(left):
             self.lost += len(lost)
@@ -172,7 +201,6 @@ class Dealer:
             if any(tries > TRIES for _, tries in again):
                 raise LupinError(f"the seeds {lost[0][0].start} to {lost[0][0].stop - 1} end every worker")
             left = _chain(again, left)
-        return self.found
 
     def _take(self, batch: CampaignSum) -> None:
         self.found.add(batch)
@@ -194,7 +222,7 @@ class Dealer:
                     dealt = out.pop(future)
                     try:
                         self._take(future.result())
-                    except BrokenExecutor:
+                    except self.broken:
                         lost.append(dealt)
             return [*lost, *out.values()]
         finally:

@@ -1,7 +1,7 @@
 """A run that violates a property as a scenario that does so too, with as little in it as can be.
 
 The run is written as a scenario of what was recorded up to the violation. Then whatever can be left out is
-left out, as long as the same property is violated: targets, faults of servers, happenings, digits.
+left out, as long as the same property is violated: targets, faults of servers, happenings, settings, digits.
 """
 
 from __future__ import annotations
@@ -32,7 +32,6 @@ from lupin_engine.sim.simulation import (
     Script,
     SetClock,
     Tell,
-    is_named,
 )
 from lupin_engine.verify.properties import STANDSTILL
 
@@ -83,15 +82,19 @@ class Minimiser:
         name = mission_name(self._mission, self._file, self._missions)
         for digits in _DIGITS:
             parts = script_of(recording, name, self._promise, chart, digits)
-            parts |= {"request": script.request, "when": list(_happened(script, recording.steps, digits))}
+            when = list(_happened(script, recording.steps[-1].time, digits))
+            parts |= {"request": script.request, "when": when}
             parts["limit"] = f"{math.ceil(recording.steps[-1].time) + 1} s"
             parts.pop("start", None)
             if self._name == STANDSTILL:
                 parts = self._standing(parts, recording.steps)
-            if self._run(parts) is not None:
+            run = self._violating(parts)
+            never = {one.number for one in run.unfired} if run is not None else set()
+            parts["when"] = [one for number, one in enumerate(when) if number not in never]
+            if run is not None and self._run(parts) is not None:
                 break
         else:
-            raise UsageError(f"the run of seed {recording.seed} does not violate {self._name} as a scenario")
+            raise UsageError(f"no scenario was written: as a scenario the run does not violate {self._name}")
         parts = dict(self._smaller(parts))
         run = self._run(parts)
         assert run is not None, "what was kept violates the property"
@@ -122,12 +125,16 @@ class Minimiser:
         return yaml_text({**kept, **({"mocks": mocks} if mocks else {}), "expect": expected})
 
     def _run(self, parts: Parts) -> Run | None:
+        """Run a scenario; None when it does not violate the property, or not everything in it happens."""
+        run = self._violating(parts)
+        return run if run is not None and not run.unfired else None
+
+    def _violating(self, parts: Parts) -> Run | None:
         """Run a scenario; None when it does not violate the property, or cannot be run."""
         self.tries += 1
         with suppress(LupinError):
-            text = self._text(parts, {})
-            run = load_scenario_text(text, self._file, self._missions).run()
-            if not run.unfired and any(name == self._name for _, name, _ in run.violated):
+            run = load_scenario_text(self._text(parts, {}), self._file, self._missions).run()
+            if any(name == self._name for _, name, _ in run.violated):
                 return run
         return None
 
@@ -135,9 +142,9 @@ class Minimiser:
         before: Parts = {}
         while parts != before and self.tries < self._most:
             before = parts
-            for candidates in (_fewer_targets, _plainer, _earlier):
-                parts = self._first(parts, candidates)
             parts = self._fewer_pieces(parts)
+            for candidates in (_plainer, _earlier):
+                parts = self._first(parts, candidates)
         return parts
 
     def _first(self, parts: Parts, candidates: Callable[[Parts], Iterable[Parts]]) -> Parts:
@@ -154,13 +161,13 @@ class Minimiser:
         return parts
 
     def _fewer_pieces(self, parts: Parts) -> Parts:
-        """Leave out faults and happenings, first many at once, then each (delta debugging)."""
+        """Leave out targets, faults and happenings, first many at once, then each (delta debugging)."""
         size = max(1, len(_pieces(parts)) // 2)
         while size and self.tries < self._most:
             at = 0
             while at < len(_pieces(parts)) and self.tries < self._most:
                 fewer = _without(parts, _pieces(parts)[at : at + size])
-                if self._run(fewer) is not None:
+                if fewer != parts and self._run(fewer) is not None:
                     parts = fewer
                 else:
                     at += size
@@ -168,11 +175,10 @@ class Minimiser:
         return parts
 
 
-def _happened(script: Script, steps: Sequence[Step], digits: int) -> Iterator[dict[str, Any]]:
-    """Yield what a script lets happen in some steps, as scenarios write it."""
-    entered = {name for step in steps for name in step.entered}
+def _happened(script: Script, until: float, digits: int) -> Iterator[dict[str, Any]]:
+    """Yield what a script may let happen until a time (s), as scenarios write it."""
     for one in script.happenings:
-        if one.after > steps[-1].time or (one.state and not any(is_named(e, one.state) for e in entered)):
+        if one.after > until:
             continue
         nth = {"nth": one.nth or "every"} if one.nth != 1 else {}
         start = {"on": one.state} if one.state else {"start_of": one.operation} if one.operation else None
@@ -207,22 +213,31 @@ def _after(candidates: Iterable[Parts], index: int) -> Iterator[Parts]:
             yield candidate
 
 
-#: A fault of a mock, or something that happens: `mocks` and the numbers of mock and outcome, `when` and one.
-_Piece = tuple[str, int, int]
+#: An element of a list that is asked for, a fault of a mock, or something that happens: which part of a
+#: scenario, the name of the field or the number in the part, and the number of the element or outcome.
+_Piece = tuple[str, str | int, int]
 
 
 def _pieces(parts: Parts) -> list[_Piece]:
+    lists = {name: given for name, given in parts.get("request", {}).items() if isinstance(given, list)}
+    elements = [("request", name, index) for name, given in lists.items() for index in range(len(given))]
     mocks = [
         ("mocks", number, index)
         for number, mock in enumerate(parts.get("mocks", ()))
         for index, outcome in enumerate(mock["then"])
         if outcome != "done"
     ]
-    return [*mocks, *(("when", number, 0) for number in range(len(parts.get("when", ()))))]
+    return [*elements, *mocks, *(("when", number, 0) for number in range(len(parts.get("when", ()))))]
 
 
 def _without(parts: Parts, pieces: Sequence[_Piece]) -> Parts:
     gone = set(pieces)
+    request = {
+        name: [one for i, one in enumerate(given) if ("request", name, i) not in gone] or given[:1]
+        if isinstance(given, list)
+        else given
+        for name, given in parts.get("request", {}).items()
+    }
     mocks = []
     for number, mock in enumerate(parts.get("mocks", ())):
         then = ["done" if ("mocks", number, i) in gone else one for i, one in enumerate(mock["then"])]
@@ -230,20 +245,16 @@ def _without(parts: Parts, pieces: Sequence[_Piece]) -> Parts:
             then.pop()
         mocks += [{**mock, "then": then}] if then else []
     when = [one for number, one in enumerate(parts.get("when", ())) if ("when", number, 0) not in gone]
-    return {**parts, "mocks": mocks, "when": when}
-
-
-def _fewer_targets(parts: Parts) -> Iterator[Parts]:
-    """Yield the scenario with fewer elements in the lists of its request."""
-    for field, given in parts.get("request", {}).items():
-        for number in range(1, len(given)) if isinstance(given, list) else ():
-            yield {**parts, "request": {**parts["request"], field: given[:number]}}
+    return {**parts, "request": request, "mocks": mocks, "when": when}
 
 
 def _plainer(parts: Parts) -> Iterator[Parts]:
-    """Yield the scenario with one fault or time that says less."""
+    """Yield the scenario without a setting, and with one fault or time that says less."""
     if parts.get("seed"):
         yield {**parts, "seed": 0}
+    yield {key: said for key, said in parts.items() if key != "clock"}
+    for name in parts.get("parameters", {}):
+        yield {**parts, "parameters": {key: said for key, said in parts["parameters"].items() if key != name}}
     yield {
         **parts,
         "mocks": [{**mock, "then": list(map(_untimed, mock["then"]))} for mock in parts.get("mocks", ())],

@@ -10,7 +10,7 @@ import copyreg
 import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import get_context
@@ -25,6 +25,7 @@ from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.narration import shorten
+from lupin_engine.verify.dealing import WorkerProcesses
 from lupin_engine.verify.proof import Proof, prove
 from lupin_engine.verify.situations.classes import parameter_classes
 from lupin_engine.verify.situations.explorer import Bounds
@@ -106,7 +107,7 @@ def prove_tasks(
     context = get_context("spawn")
     stop = context.Event()
     news = context.SimpleQueue()
-    with ProcessPoolExecutor(workers, context, _begin, (stop, news, seconds, began)) as pool:
+    with WorkerProcesses(workers, _begin, stop, news, seconds, began) as pool:
         # Processes that begin leave a Ctrl-C to this one from their first moment on.
         usual = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
@@ -174,7 +175,6 @@ _began = 0.0
 def _begin(stop: Event, news: SimpleQueue[ProofNews], seconds: float | None, began: float) -> None:
     global _stop, _news, _seconds, _began
     _stop, _news, _seconds, _began = stop, news, seconds, began
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who dealt out says when to stop
     copyreg.pickle(MappingProxyType, lambda found: (_unchanging, (dict(found),)))
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import select
 import shutil
 import signal
+import subprocess
+import sys
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
@@ -15,7 +19,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.cli.main import main
-from lupin_engine.errors import ChartError
+from lupin_engine.errors import ChartError, LupinError
 from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.contract import Operation
@@ -88,6 +92,13 @@ def test_a_seed_is_the_same_wherever_it_is_run(tmp_path: Path) -> None:
     assert here.missions > 6
     assert here.violated == {}
     assert {len(rule) > 0 for rule in here.transitions} == {True}
+
+
+def test_a_setting_may_be_a_list(tmp_path: Path) -> None:
+    """For workers as for this process."""
+    loaded, given = made(tmp_path).loaded, {"tag_sequence": ["1", "2"]}
+    campaign = Campaign(loaded, default_rates(loaded.chart), given)
+    assert facts(run_batch(make_task(loaded, None, given), range(1))) == facts(run_seeds(campaign, range(1)))
 
 
 def test_a_worker_with_other_files_is_told(tmp_path: Path) -> None:
@@ -167,6 +178,29 @@ class Breaks(Executor):
         return future
 
 
+#: Makes a worker, tells which process that is, and waits.
+WAITS = """\
+import os, sys
+from lupin_engine.verify.dealing import WorkerProcesses
+if __name__ == "__main__":
+    pool = WorkerProcesses(1)
+    print(pool.submit(os.getpid).result(), flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_workers_end_with_the_process_that_began_them(tmp_path: Path) -> None:
+    """However that ends: nobody else would end them."""
+    (tmp_path / "waits.py").write_text(WAITS, encoding="utf-8")
+    command = [sys.executable, str(tmp_path / "waits.py")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        worker = os.pidfd_open(int(process.stdout.readline()))
+        process.kill()
+    assert select.select([worker], [], [], 20.0)[0] == [worker], "it has ended"
+    os.close(worker)
+
+
 def test_seeds_that_end_every_worker_are_told(tmp_path: Path) -> None:
     """Not for ever."""
     campaign = made(tmp_path)
@@ -177,8 +211,8 @@ def test_seeds_that_end_every_worker_are_told(tmp_path: Path) -> None:
 
 
 def test_what_is_violated_becomes_a_small_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Which fails by the same property, and holds without the defect."""
-    campaign = made(tmp_path)
+    """Which fails by the same property, and holds without the defect; what never happened is not in it."""
+    campaign = made(tmp_path, f"{RATES}when:\n  - {{on: DONE, nth: 50, request: operator.pause}}\n")
     with monkeypatch.context() as defect:
         defect.setattr(Itineraries, "close_rest", lambda *_: None)
         found = run_seeds(campaign, range(10))
@@ -293,6 +327,63 @@ def test_the_verb_tells_what_was_looked_at(tmp_path: Path, capsys: pytest.Captur
     assert lines[-1].startswith("3 seeds, ")
 
 
+def test_an_interruption_while_scenarios_are_written_tells_what_was_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All seeds have been run by then."""
+
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Itineraries, "close_rest", lambda *_: None)
+    monkeypatch.setattr(Minimiser, "text", interrupted)
+    (tmp_path / "rates.yaml").write_text(RATES, encoding="utf-8")
+    rates = str(tmp_path / "rates.yaml")
+    command = ["campaign", "inspection", "--seeds", "10", "--jobs", "1", "--rates", rates]
+    assert main([*command, "--out", str(tmp_path)]) == 130
+    told = capsys.readouterr().out
+    assert "all_closed is violated at " in told
+    assert told.endswith("interrupted while scenarios were made smaller; not all of them were written\n")
+    assert main([*command, "--json"]) == 130
+    record = json.loads(capsys.readouterr().out)
+    assert (record["seeds"], record["interrupted"]) == (10, True)
+    assert [(one["scenario"], one["why_none"]) for one in record["violated"]] == [(None, "interrupted")]
+    watched = {one["name"]: one["looked_at"] for one in record["properties"]}
+    assert watched[STANDSTILL] == record["steps"]
+
+
+def test_what_came_back_is_told_before_an_error(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cluster may go in the middle of a campaign."""
+
+    def gone(dealer: Dealer) -> None:
+        dealer.found.seeds = 20
+        raise LupinError("the Dask scheduler at tcp://host:1 does not answer any more")
+
+    monkeypatch.setattr(Dealer, "_run", gone)
+    assert main(["campaign", "inspection", "--quiet"]) == 2
+    told = capsys.readouterr()
+    assert told.out.startswith("20 seeds, 0 missions, ")
+    assert told.err == "lupin: the Dask scheduler at tcp://host:1 does not answer any more\n"
+
+
+def test_a_campaign_without_a_mission_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A mission that is refused, or not asked for, shows nothing."""
+    (tmp_path / "rates.yaml").write_text("campaign: none\nlimit: 0 s\n", encoding="utf-8")
+    command = ["campaign", "inspection", "--seeds", "2", "--jobs", "1"]
+    assert main([*command, "--rates", str(tmp_path / "rates.yaml")]) == 2
+    assert capsys.readouterr().err == (
+        "lupin: in 2 seeds no mission began: nothing asked for one within the limit;"
+        " give it a longer 'limit', or look at 'when'\n"
+    )
+    assert main([*command, "--set", "tag_sequence=9999"]) == 2
+    assert (
+        "in 2 seeds no mission began: mission.start was refused: unknown tag '9999'"
+        in capsys.readouterr().err
+    )
+
+
 def test_wrong_use_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -303,6 +394,12 @@ def test_wrong_use_is_told(
         f"lupin: no file '{tmp_path}/no.yaml'; without --rates everything goes wrong now and then",
         "--set: unknown parameter 'nav_timeout'; did you mean 'nav_timeout_s'?",
     ]
+    assert main(["campaign", "inspection", "--out", "/proc/none"]) == 2
+    told = "lupin: --out: cannot make the folder '/proc/none': No such file or directory\n"
+    assert capsys.readouterr().err == told
+    assert main(["campaign", "inspection", "--cluster", "host:8786"]) == 2
+    told = "lupin: --cluster: 'host:8786' is no address of a Dask scheduler; write tcp://HOST:PORT\n"
+    assert capsys.readouterr().err == told
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
     monkeypatch.setattr("lupin_engine.cli.verbs.proofs.campaign.SCHEDULER_S", 0.5)
     assert main(["campaign", "inspection", "--cluster", "tcp://127.0.0.1:9"]) == 2

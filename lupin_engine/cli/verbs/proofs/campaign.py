@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time
 from collections.abc import Callable
-from concurrent.futures import Executor
+from concurrent.futures import CancelledError, Executor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from lupin_engine.cli import options
 from lupin_engine.cli.exit_codes import BROKEN, INTERRUPTED, not_done
 from lupin_engine.cli.files import write_text
-from lupin_engine.errors import Problems, UsageError
+from lupin_engine.errors import LupinError, Problems, UsageError
 from lupin_engine.plugin.registry import load_catalog
 
 if TYPE_CHECKING:
@@ -24,6 +25,19 @@ if TYPE_CHECKING:
 
 #: How long the scheduler of a cluster has to answer, in seconds.
 SCHEDULER_S = 10.0
+#: What the address of a scheduler looks like: of another one Dask tells only when its time is over.
+_ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://\S+:\d+")
+
+
+class Written(NamedTuple):
+    """The scenario of a violation, found by so many runs; without a file `why` says why there is none."""
+
+    file: Path | None
+    tries: int = 0
+    why: str = ""
+
+    def __str__(self) -> str:
+        return self.why if self.file is None else f"{self.file}, by {self.tries} runs"
 
 
 @click.command(short_help="Run a mission in thousands of random worlds.")
@@ -73,31 +87,70 @@ def campaign(
     from lupin_engine.verify.dealing import Dealer, WorkerProcesses, make_task
 
     found = _campaign(mission, rates, settings)
+    _make_folder(out)
     workers = min(jobs or os.cpu_count() or 1, seeds)
     dealer = Dealer(found, seeds, workers=workers)
-    if cluster or workers > 1:
-        dealer.executors = _cluster(cluster, dealer) if cluster else lambda: WorkerProcesses(workers)
+    if cluster is not None or workers > 1:
+        dealer.executors = (
+            (lambda: WorkerProcesses(workers)) if cluster is None else _cluster(cluster, dealer)
+        )
         dealer.task = make_task(found.loaded, rates, found.parameters)
-    began, interrupted = time.perf_counter(), False
-    try:
-        with _progress(dealer, show=not quiet and not as_json):
-            dealer.run()
-    except KeyboardInterrupt:
-        interrupted = True
-    took = time.perf_counter() - began
-    written = {
-        violation.name: _write(found, violation, out)
-        for violation in dealer.found.first.values()
-        if not interrupted
-    }
+    written, stopped = _run(found, dealer, out, show=not quiet and not as_json)
+    interrupted = isinstance(stopped, KeyboardInterrupt)
     if as_json:
-        record = _record(found, dealer, took, written)
+        record = _record(found, dealer, written)
         click.echo(json.dumps({**record, "interrupted": interrupted}, default=str))
     else:
-        _tell(found, dealer.found, took, written, quiet)
-        if interrupted:
-            click.echo(f"interrupted after {dealer.found.seeds} of {seeds} seeds; the rest was not looked at")
-    return INTERRUPTED if interrupted else BROKEN if dealer.found.first else 0
+        _tell(found, dealer, written, quiet)
+    if isinstance(stopped, LupinError):
+        raise stopped
+    if interrupted:
+        if not as_json:
+            click.echo(_told_interruption(dealer))
+        return INTERRUPTED
+    if not dealer.found.missions and not dealer.found.first and found.begins_on_request:
+        raise UsageError(f"in {seeds} seeds no mission began: {_why_none_began(found)}")
+    return BROKEN if dealer.found.first else 0
+
+
+def _run(
+    campaign: Campaign, dealer: Dealer, out: Path, show: bool
+) -> tuple[dict[str, Written], BaseException | None]:
+    """Run all seeds, and write the scenarios; return these, and what it was stopped by."""
+    written: dict[str, Written] = {}
+    try:
+        with _progress(dealer, show):
+            dealer.run()
+        for violation in dealer.found.first.values():
+            written[violation.name] = _write(campaign, violation, out)
+    except (KeyboardInterrupt, LupinError) as stopped:
+        return written, stopped
+    return written, None
+
+
+def _told_interruption(dealer: Dealer) -> str:
+    if dealer.found.seeds < dealer.seeds:
+        return f"interrupted after {dealer.found.seeds} of {dealer.seeds} seeds; the rest was not looked at"
+    return "interrupted while scenarios were made smaller; not all of them were written"
+
+
+def _make_folder(out: Path) -> None:
+    """Make the folder of scenarios before there is one: from it the mission has its name."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise UsageError(f"--out: cannot make the folder {str(out)!r}: {problem.strerror}") from None
+
+
+def _why_none_began(campaign: Campaign) -> str:
+    """Return why the mission of the first seed did not begin."""
+    from lupin_engine.verify.campaign import CampaignSum
+
+    run = campaign.run(0, CampaignSum())
+    refused = [step.refusal for step in run.history.refused if step.refusal] if run is not None else []
+    if not refused:
+        return "nothing asked for one within the limit; give it a longer 'limit', or look at 'when'"
+    return f"mission.start was refused: {refused[0].text}"
 
 
 def _campaign(mission: str, rates: Path | None, settings: tuple[str, ...]) -> Campaign:
@@ -121,8 +174,11 @@ def _campaign(mission: str, rates: Path | None, settings: tuple[str, ...]) -> Ca
 
 def _cluster(address: str, dealer: Dealer) -> Callable[[], Executor]:
     """Return what makes an executor of a Dask cluster."""
+    if not _ADDRESS.fullmatch(address):
+        raise UsageError(f"--cluster: {address!r} is no address of a Dask scheduler; write tcp://HOST:PORT")
     try:
         from distributed import Client
+        from distributed.scheduler import KilledWorker
     except ImportError:
         raise UsageError("--cluster needs Dask: pip install 'lupin-engine[cluster]'") from None
     try:
@@ -130,8 +186,13 @@ def _cluster(address: str, dealer: Dealer) -> Callable[[], Executor]:
     except (OSError, ValueError) as problem:
         raise UsageError(f"no Dask scheduler answers at {address!r}: {problem}") from None
     dealer.workers = max(1, len(client.scheduler_info()["workers"]))
+    dealer.broken = (*dealer.broken, KilledWorker, CancelledError)
+    if not client.scheduler_info()["workers"]:
+        click.echo(f"the scheduler at {address} has no workers yet: it begins with the first one", err=True)
 
     def executor() -> Executor:
+        if client.status != "running":
+            raise LupinError(f"the Dask scheduler at {address} does not answer any more")
         made: Executor = client.get_executor(pure=False)
         return made
 
@@ -162,33 +223,31 @@ def _progress(dealer: Dealer, show: bool) -> Any:
     return bar
 
 
-def _write(campaign: Campaign, violation: Violation, out: Path) -> str:
-    """Write a violation as a scenario, as small as can be; return the file, or why there is none."""
+def _write(campaign: Campaign, violation: Violation, out: Path) -> Written:
+    """Write a violation as a scenario, as small as can be."""
     from lupin_engine.sim import SUFFIX
     from lupin_engine.sim.scenario import Missions
     from lupin_engine.verify.minimise import Minimiser
 
     file = out / f"{violation.name}_{violation.seed}{SUFFIX}"
-    says = {one.name: one.says for one in campaign.properties}
     missions, mission = Missions(campaign.chart.catalog), campaign.loaded.files[0]
-    minimiser = Minimiser(violation.name, says.get(violation.name, violation.text), file, mission, missions)
+    minimiser = Minimiser(violation.name, campaign.watched[violation.name], file, mission, missions)
     try:
         text = minimiser.text(campaign.recorded(violation), campaign.script(violation.seed))
     except UsageError as problem:
-        return str(problem)
-    out.mkdir(parents=True, exist_ok=True)
+        return Written(None, minimiser.tries, str(problem))
     write_text(file, text)
-    return f"{file}, by {minimiser.tries} runs"
+    return Written(file, minimiser.tries)
 
 
-def _tell(campaign: Campaign, found: CampaignSum, took: float, written: dict[str, str], quiet: bool) -> None:
+def _tell(campaign: Campaign, dealer: Dealer, written: dict[str, Written], quiet: bool) -> None:
+    found = dealer.found
     if not quiet:
-        width = max(len(one.name) for one in campaign.properties)
+        width = max(map(len, campaign.watched))
         click.echo(f"{'property':{width}}  looked at  violated by")
-        for one in campaign.properties:
-            violated = f"{found.violated[one.name]} seeds" if found.violated[one.name] else "-"
-            looked = found.relevant[one.name] or "never"
-            click.echo(f"{one.name:{width}}  {looked:>9}  {violated}")
+        for name in campaign.watched:
+            violated = f"{found.violated[name]} seeds" if found.violated[name] else "-"
+            click.echo(f"{name:{width}}  {found.relevant[name] or 'never':>9}  {violated}")
         _tell_coverage(campaign, found)
     for violation in found.first.values():
         when = f"at {violation.time:.1f} s of seed {violation.seed}"
@@ -199,7 +258,7 @@ def _tell(campaign: Campaign, found: CampaignSum, took: float, written: dict[str
     rate = found.missions / max(found.processor, 1e-9)
     click.echo(
         f"{found.seeds} seeds, {found.missions} missions, {days:.1f} days of operation, {found.steps} steps"
-        f" in {took:.1f} s: {rate:.0f} missions a second of processor"
+        f" in {dealer.took:.1f} s: {rate:.0f} missions a second of processor"
     )
 
 
@@ -215,7 +274,7 @@ def _tell_coverage(campaign: Campaign, found: CampaignSum) -> None:
     )
 
 
-def _record(campaign: Campaign, dealer: Dealer, took: float, written: dict[str, str]) -> dict[str, Any]:
+def _record(campaign: Campaign, dealer: Dealer, written: dict[str, Written]) -> dict[str, Any]:
     found = dealer.found
     return {
         "mission": campaign.rates.script.mission,
@@ -224,27 +283,30 @@ def _record(campaign: Campaign, dealer: Dealer, took: float, written: dict[str, 
         "seeds": found.seeds,
         "missions": found.missions,
         "steps": found.steps,
-        "virtual_seconds": found.seconds,
-        "took": took,
+        "virtual_seconds": round(found.seconds, 3),  # sums of fractions depend on their order
+        "took": dealer.took,
         "processor": found.processor,
         "lost_batches": dealer.lost,
         "properties": [
             {
-                "name": one.name,
-                "says": one.says,
-                "looked_at": found.relevant[one.name],
-                "violated_by": found.violated[one.name],
+                "name": name,
+                "says": says,
+                "looked_at": found.relevant[name],
+                "violated_by": found.violated[name],
             }
-            for one in campaign.properties
+            for name, says in campaign.watched.items()
         ],
-        "violated": [
-            {**vars(violation), "scenario": written.get(violation.name, "")}
-            for violation in found.first.values()
-        ],
-        "ended": dict(found.ended),
+        "violated": [{**vars(one), **_record_of(written.get(one.name))} for one in found.first.values()],
+        "ended": dict(sorted(found.ended.items())),
         "transitions": dict(sorted(found.transitions.items())),
         "never_taken": [rule.id for rule in campaign.never_taken(found)],
         "pairs": len(found.pairs),
         "last_new_pair": found.last_new,
         "chance_of_new_pair": found.chance_of_new,
     }
+
+
+def _record_of(written: Written | None) -> dict[str, Any]:
+    if written is None:
+        return {"scenario": None, "why_none": "interrupted"}
+    return {"scenario": written.file, "why_none": written.why}
