@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,15 @@ from lupin_engine.verify.situations.timing import timed_run
 from lupin_engine.verify.situations.worlds import in_order
 from tests import shipped
 from tests.machine.charts import PAUSE, chart
-from tests.verify.toys import KeepingExplorer, explored, round_trip, search, two_holds, wheels
+from tests.verify.toys import (
+    KeepingExplorer,
+    explored,
+    random_mission,
+    round_trip,
+    search,
+    two_holds,
+    wheels,
+)
 
 NO_CLOCK: dict[str, Any] = {
     "A": {"invoke": "nav.go", "on_done": "B", "on_error": "FAULT", "on": {"operator.skip_current": "B"}},
@@ -254,22 +263,24 @@ def test_an_independent_walk_counts_the_same() -> None:
     assert found.progress.situations == len(seen)
 
 
-def outlines(explorer: KeepingExplorer) -> set[tuple[Any, ...]]:
-    """Return of all situations where they are, what holds them, and what is under way."""
+def outlines(explorer: KeepingExplorer, variables: Sequence[str] = ()) -> set[tuple[Any, ...]]:
+    """Return of all situations where they are, what holds them, what is under way, and some variables."""
     known, table = set(), explorer.table
     for situation in explorer.situations:
         names = table.get(situation, ("attempts", "")) or ()
         attempts = [table.get(situation, ("attempts", name)) for name in names]
         held = TrackedMemory(table, situation).held
-        known.add((table.get(situation, ("configuration", "")), frozenset(held), _phases(attempts)))
+        kept = tuple(table.get(situation, ("context", name)) for name in variables)
+        known.add((table.get(situation, ("configuration", "")), frozenset(held), _phases(attempts), kept))
     return known
 
 
-def reached(memory: Memory) -> tuple[Any, ...]:
+def reached(memory: Memory, variables: Sequence[str] = ()) -> tuple[Any, ...]:
     """Return the same of a memory; what is lost, or ends without anybody waiting, is not told apart."""
     waits = [a for a in memory.attempts.values() if a.phase is not Phase.LOST]
     waits = [a for a in waits if a.phase is not Phase.CANCELLING or a.uses]
-    return memory.configuration, frozenset(memory.held), _phases(waits)
+    kept = tuple(memory.context.get(name) for name in variables)
+    return memory.configuration, frozenset(memory.held), _phases(waits), kept
 
 
 def test_random_runs_see_nothing_else() -> None:
@@ -291,6 +302,43 @@ def test_random_runs_see_nothing_else() -> None:
                 now += wait
                 machine.handle(dice.choice(said(machine)), now)
             assert reached(machine.memory) in known, seed
+
+
+def told(dice: random.Random, now: float) -> Event:
+    """Return what comes by itself: a live value, also one between those that are tried."""
+    charges = (0.1, 0.2, 0.22, 0.26, 0.3, 0.5, 0.9)
+    values = {
+        "robot.estop": (True, False),
+        "robot.battery": charges,
+        "plugins.missing": ([], ["a"], ["a", "b"]),
+    }
+    name = dice.choice(sorted(values))
+    return events.observed(name, dice.choice(values[name]), now)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 8, 16, 22, 26, 36, 39])
+def test_random_runs_of_random_missions_see_nothing_else(seed: int, tmp_path: Path) -> None:
+    """Nor do the variables that conditions read have other values."""
+    of = random_mission(seed, tmp_path)
+    explorer = KeepingExplorer(of, targets=2, restarts=False)
+    assert explore(explorer, live=False).complete
+    variables = sorted(explorer.relevance.variables & {"n", "m", "way", "on"})
+    known, came = outlines(explorer, variables), set()
+    start = Event("mission.start", {"mission_type": "Chance", "mission_id": "1"})
+    for run in range(20):
+        dice, machine, now = random.Random(run), Machine(make_world(of, {})), 0.0
+        machine.start(now)
+        for _ in range(80):
+            due, wait = machine.next_deadline, dice.choice((0.0, 0.5, 1.0, 2.5, 4.0, 20.0))
+            if due is not None and due <= now + wait:
+                now = max(now, due)
+                machine.advance(now)
+            else:
+                now += wait
+                machine.handle(dice.choice((*said(machine), start, start, *(told(dice, now),) * 5)), now)
+            came.add(reached(machine.memory, variables))
+    assert len(came) > 4
+    assert came - known == set()
 
 
 @pytest.mark.proof
