@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import insort
+from operator import itemgetter
 from typing import Any
 
 from lupin_engine.machine.memory import Memory
@@ -74,7 +75,8 @@ class Timers:
         memory.timers[:] = [timer for timer in memory.timers if timer[2] in NEVER_FROZEN]
 
     def thaw(self, now: float) -> None:
-        """Let the chart's clocks go on where they stopped."""
-        for left, token, kind, about in self._memory.frozen:
-            insort(self._memory.timers, (now + left, token, kind, about))
-        self._memory.frozen.clear()
+        """Let the chart's clocks go on where they stopped; what had passed before comes in the order of then."""
+        memory = self._memory
+        those = [(now + left, token, kind, about) for left, token, kind, about in memory.frozen]
+        memory.timers[:] = sorted([*memory.timers, *those], key=itemgetter(0))
+        memory.frozen.clear()

@@ -341,6 +341,49 @@ def test_random_runs_of_random_missions_see_nothing_else(seed: int, tmp_path: Pa
     assert came - known == set()
 
 
+def unknown(env: Any) -> bool:
+    """Say whether nobody knows if the robot stands."""
+    return not env["known"]("stop")
+
+
+BACK = {"operator.dock": "A"}
+#: In each of these, LATE comes after a deadline that is shorter when it is set.
+SHORTER_AT_FIRST: dict[str, dict[str, Any]] = {
+    "a value is reported again": {
+        "A": {"on": {"operator.dock": "B"}},
+        "B": {"after": {5.0: "LATE"}, "always": {"target": "A", "guard": unknown}},
+    },
+    "a budget is used up in part": {
+        "A": {"budget": {5.0: "LATE"}, "after": {4.0: "B"}, "on": {"operator.dock": "B"}},
+        "B": {"on": BACK},
+    },
+    "a pause is left to chance": {
+        "A": {
+            "invoke": {"do": "nav.go", "attempts": 2.0, "backoff": 4.0, "jitter": 0.5},
+            "after": {2.1: "B"},
+            "on_done": "B",
+            "on_error": "LATE",
+        },
+        "B": {"on": BACK},
+    },
+}
+
+
+@pytest.mark.parametrize("states", SHORTER_AT_FIRST.values(), ids=SHORTER_AT_FIRST)
+def test_a_deadline_is_in_no_order_if_nobody_knows_how_far_away_it_is(states: dict[str, Any]) -> None:
+    """So it may be the next, or another one that was set for longer."""
+    of = chart({**states, "LATE": {}, "FAULT": {}}, inputs={"stop": {"initial": False, "freshness": 3.0}})
+    assert "LATE" in explored(of, restarts=False).entered
+
+
+def test_a_pause_that_is_not_left_to_chance_has_its_place() -> None:
+    """What is due before it comes before it."""
+    states = SHORTER_AT_FIRST["a pause is left to chance"]
+    invoke = {name: value for name, value in states["A"]["invoke"].items() if name != "jitter"}
+    of = chart({**states, "A": {**states["A"], "invoke": invoke}, "LATE": {}, "FAULT": {}})
+    assert "LATE" not in explored(of, restarts=False).entered
+
+
 @pytest.mark.proof
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize(

@@ -63,6 +63,7 @@ from lupin_engine.verify.situations.worlds import (
     WorldMoves,
     deadlines_of,
     forget_unwanted,
+    in_an_order,
     in_order,
     ranks_after,
     settled_claims,
@@ -191,7 +192,9 @@ class SituationExplorer:
         slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]
         deadlines = None
         if fresh or any(slot in delta for slot in slots):
-            deadlines = Deadlines((*memory.timers, *deadlines_of(watched)), tuple(memory.frozen))
+            running = (*memory.timers, *deadlines_of(watched))
+            ordered = (tuple(in_an_order(self.chart, timers)) for timers in (running, memory.frozen))
+            deadlines = Deadlines(*ordered)
         self._set(delta, memory, CALM, machine.calm)
         if claims is not None:
             self._set(delta, memory, CLAIMS, claims or None)

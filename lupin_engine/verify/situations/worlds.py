@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any, NamedTuple, TypeVar
 
+from lupin_engine.chart.model import Chart, State
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import ANSWERED, RESUMED, Event
 from lupin_engine.machine.inputs import WAITS
@@ -44,7 +45,8 @@ _Entry = TypeVar("_Entry", str, ResourceClaim)
 TimerName = tuple[str, str, str]
 #: Two deadlines of which the first certainly comes before the second.
 Rank = tuple[TimerName, TimerName]
-
+#: The kinds of deadlines that are in no order: a time of day, and the age of a value, which each report resets.
+_UNRANKED = frozenset({"at", "fresh"})
 
 #: What properties remember, by their names.
 Watched = tuple[tuple[str, Remembered], ...]
@@ -375,10 +377,24 @@ def _element_of(event: Event, states: Set[str]) -> str:
 
 
 class Deadlines(NamedTuple):
-    """The deadlines that run after a step, and those that a hold stops."""
+    """The deadlines that run after a step, and those that a hold stops, as far as they are in an order."""
 
     armed: tuple[Timer, ...]
     frozen: tuple[Timer, ...]
+
+
+def in_an_order(chart: Chart, timers: Iterable[Timer]) -> Iterator[Timer]:
+    """Yield the deadlines of which is known how far away they were when they were set."""
+    for timer in timers:
+        _, _, kind, (owner, _) = timer
+        state = owner.removeprefix("i:").partition("[")[0] if kind == "retry" else ""
+        if kind not in _UNRANKED and not (state and _has_jitter(chart.states[state])):
+            yield timer
+
+
+def _has_jitter(state: State) -> bool:
+    invokes = (state.invoke, state.for_each.invoke if state.for_each else None)
+    return any(one is not None and one.retry is not None and one.retry.jitter is not None for one in invokes)
 
 
 def ranks_after(
@@ -391,7 +407,8 @@ def ranks_after(
 
     One that is set now comes after every other that was set for as long or less: that one's time runs
     already. Of those that are set in the same step the shorter comes first. Deadlines that a hold stops
-    come later by as long as it lasts than those that it does not stop.
+    come later by as long as it lasts than those that it does not stop. A budget may be used up in part, so it
+    comes after nothing.
 
     Args:
         before: the same before the step; so the step itself does not depend on it.
@@ -399,14 +416,13 @@ def ranks_after(
         fresh: those of them that the step has set.
         renamed: the attempts that have another name now.
     """
-    both = ((timer, stopped) for timer, stopped in _both(*deadlines) if timer[2] != "at")
-    named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in both]
+    named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in _both(*deadlines)]
     stops = {name: stopped for name, _, stopped in named}
     old = stops.keys() - fresh
     known = ((name_after(a, renamed), name_after(b, renamed)) for a, b in before)
     pairs = {(a, b) for a, b in known if a in old and b in old and (stops[b] or not stops[a])}
     for late, late_timer, late_stopped in named:
-        for early, early_timer, early_stopped in named if late in fresh else ():
+        for early, early_timer, early_stopped in named if late in fresh and late[0] != "budget" else ():
             if early != late and early_timer[:2] < late_timer[:2] and (late_stopped or not early_stopped):
                 pairs.add((early, late))
     return frozenset(pairs)

@@ -119,6 +119,16 @@ def test_a_deadline_that_has_passed_is_told_and_waits_due_at_once() -> None:
     assert made.leaves == ["C"]
 
 
+def test_deadlines_that_have_passed_come_in_their_order() -> None:
+    """Not in the order in which they were set."""
+    inside = {"B": {"after": {2.0: "C"}}, "C": {}}
+    made = Bench(chart({"A": {"after": {10.0: "D"}, "states": inside}, "D": {}}))
+    made.now += 12.0
+    restarted(made)
+    made.send("operator.resume")
+    assert [step.event.data["owner"] for step in made.wait(0.0)] == ["A.B", "A"]
+
+
 def test_a_failed_journal_holds_and_a_code_is_told() -> None:
     """Both come from whoever runs the machine."""
     made = bench()
