@@ -75,7 +75,7 @@ class Timers:
         memory.timers[:] = [timer for timer in memory.timers if timer[2] in NEVER_FROZEN]
 
     def thaw(self, now: float) -> None:
-        """Let the chart's clocks go on where they stopped; what had passed before comes in the order of then."""
+        """Let the chart's clocks go on where they stopped; what had passed comes in its order."""
         memory = self._memory
         those = [(now + left, token, kind, about) for left, token, kind, about in memory.frozen]
         memory.timers[:] = sorted([*memory.timers, *those], key=itemgetter(0))

@@ -133,7 +133,8 @@ lifecycle: Random
 profile: greenhouse
 inputs:
   estop: {value: robot.estop, initial: false}
-  battery: {value: robot.battery, initial: 100 %, levels: {low: {below: 20 %, hysteresis: 5 %}}}
+  battery:
+    {value: robot.battery, initial: 100 %, freshness: 6 s, levels: {low: {below: 20 %, hysteresis: 5 %}}}
 codes: {paused: {label: paused}, stopped: {label: stopped}, slow: {label: slow}}
 holds:
   pause: {engage: operator.pause, release: operator.resume, code: paused}
@@ -183,9 +184,10 @@ ACTIONS: tuple[dict[str, Any], ...] = (
     {"m": "${ 1 if input.estop else n }"},
     {"m": "${ len(input.missing) }"},
 )
+RETRY = {"attempts": 2, "backoff": "3 s", "jitter": 0.5}
 OPERATIONS: tuple[dict[str, Any], ...] = (
     {"do": "nav.dock", "with": {"pose": "${ here }"}},
-    {"do": "nav.localize", "with": {"max_variance": 0.25}, "retry": {"attempts": 2, "backoff": "1 s"}},
+    {"do": "nav.localize", "with": {"max_variance": 0.25}, "retry": RETRY},
     {"do": "bridge.read_tag", "with": {"tag_id": "1"}},
 )
 
@@ -201,7 +203,8 @@ class _Chance:
     def states(self) -> dict[str, Any]:
         """Return A, which has states inside, and B, which perhaps has regions; each leads on at last."""
         inside = {f"A{n}": self._state(("A0", "A1", "B"), f"A{1 - n}") for n in range(2)}
-        a = {"initial": "A0", "history": "shallow", "states": inside, "after": {"7 s": "B"}}
+        budget = {"after": "6 s", "target": "B", "code": "slow"}
+        a = {"initial": "A0", "history": "shallow", "states": inside, "budget": budget}
         b = self._state(("A", "B"), "done")
         if self._dice.random() < 0.4:
             regions = {"P": self._region("P"), "Q": self._region("Q")}

@@ -17,7 +17,7 @@ from lupin_engine.errors import reason
 from lupin_engine.machine.actions import CompiledAction, ExecutableContent
 from lupin_engine.machine.event import Report, Trigger
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Attempt, Phase
+from lupin_engine.machine.memory import Attempt, Phase, Reported
 from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.step import Macrostep, Step
@@ -336,25 +336,33 @@ class _TrackedContent(ExecutableContent):
         if action.call.name != "set":
             carry_out()
             return
-        memory = self._scope.memory
+        memory, names = self._scope.memory, action.call.arguments
         assert isinstance(memory, TrackedMemory)
-        before, aside = frozenset(memory.values), len(memory.aside)
+        before, aside = frozenset(memory.values), memory.aside.copy()
+        were = {name: value for name, value in dict.items(memory.context) if name in names}
         carry_out()
         read = memory.values - before
         slot = min(read, default=-1)
-        if read == {slot} and slot in memory.table.reported and len(memory.aside) == aside:
-            name = memory.table.names[slot][1]
-            value = memory.inputs[name]
-            try:
-                for other in memory.table.values(slot):
-                    dict.__setitem__(memory.inputs, name, other)
-                    carry_out()
-            except Exception:  # the step with that value tells it, so the value makes a difference
-                read.clear()
-            dict.__setitem__(memory.inputs, name, value)
+        if not (read == {slot} and slot in memory.table.reported and memory.aside == aside):
+            return
+        name = memory.table.names[slot][1]
+        value = memory.inputs[name]
+
+        def carry_out_with(other: Reported) -> None:
+            for variable in names:
+                dict.pop(memory.context, variable, None)
+            dict.update(memory.context, were)
+            dict.__setitem__(memory.inputs, name, other)
             carry_out()
-            if memory.values - before == read:
-                memory.put_aside(action.call.arguments, slot)
+
+        try:
+            for other in memory.table.values(slot):
+                carry_out_with(other)
+        except Exception:  # the step with that value tells it, so the value makes a difference
+            read.clear()
+        carry_out_with(value)
+        if memory.values - before == read and memory.aside == aside:
+            memory.put_aside(names, slot)
 
 
 class _TrackedMachine(Machine):

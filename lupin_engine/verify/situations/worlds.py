@@ -45,7 +45,7 @@ _Entry = TypeVar("_Entry", str, ResourceClaim)
 TimerName = tuple[str, str, str]
 #: Two deadlines of which the first certainly comes before the second.
 Rank = tuple[TimerName, TimerName]
-#: The kinds of deadlines that are in no order: a time of day, and the age of a value, which each report resets.
+#: Deadlines that are in no order: a time of day, and the end of a freshness, which each report puts off.
 _UNRANKED = frozenset({"at", "fresh"})
 
 #: What properties remember, by their names.
