@@ -24,7 +24,7 @@ from concurrent.futures import (
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import islice
+from itertools import chain, islice
 from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any
@@ -200,7 +200,7 @@ class Dealer:
             again = [(batch, tries + 1) for batch, tries in lost]
             if any(tries > TRIES for _, tries in again):
                 raise LupinError(f"the seeds {lost[0][0].start} to {lost[0][0].stop - 1} end every worker")
-            left = _chain(again, left)
+            left = chain(again, left)
 
     def _take(self, batch: CampaignSum) -> None:
         self.found.add(batch)
@@ -228,8 +228,3 @@ class Dealer:
         finally:
             with suppress(Exception):
                 executor.shutdown(wait=False, cancel_futures=True)
-
-
-def _chain(first: list[_Dealt], then: Iterator[_Dealt]) -> Iterator[_Dealt]:
-    yield from first
-    yield from then

@@ -89,9 +89,11 @@ class Minimiser:
             if self._name == STANDSTILL:
                 parts = self._standing(parts, recording.steps)
             run = self._violating(parts)
-            never = {one.number for one in run.unfired} if run is not None else set()
-            parts["when"] = [one for number, one in enumerate(when) if number not in never]
-            if run is not None and self._run(parts) is not None:
+            if run is not None and run.unfired:
+                never = {one.number for one in run.unfired}
+                parts["when"] = [one for number, one in enumerate(when) if number not in never]
+                run = self._run(parts)
+            if run is not None:
                 break
         else:
             raise UsageError(f"no scenario was written: as a scenario the run does not violate {self._name}")

@@ -102,11 +102,11 @@ def campaign(
         click.echo(json.dumps({**record, "interrupted": interrupted}, default=str))
     else:
         _tell(found, dealer, written, quiet)
+        if interrupted:
+            click.echo(_told_interruption(dealer))
     if isinstance(stopped, LupinError):
         raise stopped
     if interrupted:
-        if not as_json:
-            click.echo(_told_interruption(dealer))
         return INTERRUPTED
     if not dealer.found.missions and not dealer.found.first and found.begins_on_request:
         raise UsageError(f"in {seeds} seeds no mission began: {_why_none_began(found)}")
@@ -185,9 +185,10 @@ def _cluster(address: str, dealer: Dealer) -> Callable[[], Executor]:
         client = Client(address, timeout=SCHEDULER_S, set_as_default=False)
     except (OSError, ValueError) as problem:
         raise UsageError(f"no Dask scheduler answers at {address!r}: {problem}") from None
-    dealer.workers = max(1, len(client.scheduler_info()["workers"]))
+    workers = len(client.scheduler_info()["workers"])
+    dealer.workers = max(1, workers)
     dealer.broken = (*dealer.broken, KilledWorker, CancelledError)
-    if not client.scheduler_info()["workers"]:
+    if not workers:
         click.echo(f"the scheduler at {address} has no workers yet: it begins with the first one", err=True)
 
     def executor() -> Executor:
