@@ -248,7 +248,7 @@ class _Judge:
 
 
 def _elements(most: int) -> str:
-    return f"0 to {most} elements; which they are makes no difference" if most else "no elements"
+    return f"0 to {most} different elements; which they are makes no difference" if most else "no elements"
 
 
 def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:

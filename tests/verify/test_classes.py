@@ -118,7 +118,9 @@ states:
     on_done:
       - {target: THERE, guard: "<CONFIRMED>"}
       - {target: READING, do: {set: {c: "${ <KEPT> }"}}}
-    on_error: READING
+    on_error:
+      - {target: THERE, guard: "<FAILED>"}
+      - target: READING
   READING:
     invoke:
       do: bridge.read_tag
@@ -138,13 +140,16 @@ states:
 NOTHING = {
     "ASKED_FOR": "",
     "CONFIRMED": "param.bar > 2",
+    "FAILED": "param.bar > 2",
     "READ": "param.bar > 2",
     "SEEN": "param.bar > 2",
     "KEPT": "0.0",
 }
 REQUEST = "request: {n: {type: count, default: 1}, tags: {type: list of text, default: ['1']}}"
 
-
+WORD = "request: {word: {type: text, default: a}}"
+LATEST = "request: {latest: {type: time_of_day, default: '07:00'}}"
+SHARE = "request: {share: {type: number, min: 0.2, default: 0.5}}"
 COLD = "known(event.reading['temperature']) and event.reading['temperature'] < '5 °C'"
 
 
@@ -194,6 +199,12 @@ def proven(folder: Path, capsys: pytest.CaptureFixture[str], said: dict[str, str
         {"READ": "event.reading.tag_id == 'nobody'"},
         {"ASKED_FOR": REQUEST, "SEEN": "request.n > 7"},
         {"ASKED_FOR": REQUEST, "SEEN": "len(request.tags) == 0"},
+        {"ASKED_FOR": WORD, "SEEN": "request.word == 'b'"},
+        {"ASKED_FOR": WORD, "SEEN": "request.word not in ['a', 'b']"},
+        {"ASKED_FOR": LATEST, "SEEN": "request.latest < '06:30'"},
+        {"ASKED_FOR": LATEST, "SEEN": "request.latest > '07:00'"},
+        {"ASKED_FOR": SHARE, "SEEN": "0.1 < request.share < 0.3"},
+        {"READ": "event.reading.tag_id not in ['1', '2']"},
     ],
     ids=lambda said: ", ".join(f"{word} {what}" for word, what in said.items() if word != "ASKED_FOR"),
 )
@@ -226,6 +237,23 @@ def test_what_a_condition_can_tell_apart_is_tried(
         (
             {"KEPT": "c + event.confidence", "SEEN": "c > 40"},
             "event.confidence: only 0, 0.5, 1 were tried, although `c + event.confidence` reads it",
+        ),
+        (
+            {"FAILED": "error.detail == 'stuck'"},
+            "error.detail: no other values were tried, although `error.detail == 'stuck'` reads it",
+        ),
+        (
+            {"CONFIRMED": "any(event.confidence > one for one in [7, 9])"},
+            "event.confidence: only 0, 0.5, 1 were tried,"
+            " although `any(event.confidence > one for one in [7, 9])` reads it",
+        ),
+        (
+            {"ASKED_FOR": REQUEST, "SEEN": "'9' in request.tags"},
+            "request.tags: only lists of 0, 1 elements were tried, although `'9' in request.tags` reads it",
+        ),
+        (
+            {"ASKED_FOR": WORD, "SEEN": "len(request.word) > 9"},
+            "request.word: only a, x1 were tried, although `len(request.word) > 9` reads it",
         ),
     ],
     ids=lambda one: next(iter(one.values())) if isinstance(one, dict) else "",

@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import date, time, timedelta
 from typing import Any
 
 from lupin_engine.chart.model import Chart, Field, Input, Mission
@@ -24,7 +25,7 @@ from lupin_engine.plugin.contract import OPERATION_CODES
 from lupin_engine.plugin.describe import number_text, value_text
 from lupin_engine.plugin.profile import START
 from lupin_engine.plugin.types import ANY as ANY_TYPE
-from lupin_engine.plugin.types import Type, within
+from lupin_engine.plugin.types import DATE, TIME_OF_DAY, Type, within
 from lupin_engine.runtime.possible import requests_of
 from lupin_engine.verify.situations.compared import ANY, Compared, Read, part, side
 from lupin_engine.verify.situations.relevance import (
@@ -58,8 +59,8 @@ class Classes:
         self.chart: Chart = world.chart
         self.targets = targets
         self.compared = Compared(world, relevance, targets)
-        #: Of what not all combinations of fields are looked at.
-        self._uncombined: dict[str, None] = {}
+        #: Of what fewer combinations of fields, or fewer elements, are looked at than there may be.
+        self._few: dict[str, None] = {}
         #: The values that were looked at of what something depends on.
         self._tried: dict[Read, dict[str, Any]] = {}
         self._env = EvaluationScope(world, Memory())
@@ -95,10 +96,13 @@ class Classes:
         read, usual = ("request", field.name), self._default(field)
         if field.type.item is not None:
             lists = self._lists(field.type.item, usual)
+            most, longest = min(self.targets, field.type.maximum or self.targets), len(lists) - 1
+            if longest < most and self.compared.decides(read):
+                self._tell_few(f"request.{field.name}: only lists of 0 to {longest} elements were tried")
             for one in lists:
                 self._remember(read, one)
             return lists
-        kind = within(field.type, field.minimum, None) if field.type.kind == "integer" else field.type
+        kind = within(field.type, field.minimum, None)
         if usual is not None and kind.name in self.world.readers:
             return [identity_of(usual)]
         if kind.kind == "integer":  # it may be a number of elements
@@ -115,9 +119,12 @@ class Classes:
             items = [self._sample(kind, n) for n in range(1, self.targets + 1)]
         elif kind.name in self.world.readers:
             items = [identity_of(item) for item in items]
+        else:
+            items += [self._sample(kind, n) for n in range(1, self.targets + 1)]
+            items = [one for at, one in enumerate(items) if one not in items[:at]][: self.targets]
         self.names += [str(item) for item in items if isinstance(item, str)]
         # Which targets they are tells nothing apart: the first of them stand for all.
-        return [items[:count] for count in range(self.targets + 1)]
+        return [items[:count] for count in range(len(items) + 1)]
 
     def _default(self, field: Field) -> Any:
         try:
@@ -149,6 +156,7 @@ class Classes:
                 most = elements_told_apart(self.chart, spec.name)  # more are too many alike
                 found = [value for value in found if len(value) <= most]
             return self._apart(read, [*found, *more])
+        kind = within(kind, spec.minimum, spec.maximum)
         edges = self.compared.edges(read) if kind.kind in ("number", "integer") else []
         first = _around(edges, kind) or [self._sample(kind, 1)]
         return self._apart(read, [*first, *self._variants(read, kind, first[0]), *more])
@@ -211,13 +219,21 @@ class Classes:
         if kind.kind in ("number", "integer"):
             return _around(self.compared.edges(read), kind)
         if kind.kind == "text":
-            return kind.values or self.compared.texts(read)
+            return kind.values or self._words(read, kind, usual)
         if kind.named:
             return self._of_named(read, kind, usual)
         if kind.kind == "list":
             return self._of_list(kind, usual)
         parts = {name: self._variants((*read, name), of, usual[name]) for name, of in kind.fields.items()}
         return self._combined(self._shown(read), parts)
+
+    def _words(self, read: Read, kind: Type, usual: str) -> list[str]:
+        """Return texts that conditions name, and another one; where there is no other one that is told."""
+        compared = self.compared.texts(read)
+        words = _texts_around([*compared, usual], kind)
+        if not set(words) - set(compared):
+            self._tell_few(f"{self._shown(read)}: no other text was tried than those that conditions name")
+        return words
 
     def _of_named(self, read: Read, kind: Type, usual: Any) -> Iterator[Any]:
         """Yield lists of records of name and value: with other values, and without one that is read."""
@@ -242,7 +258,8 @@ class Classes:
         if kind.kind == "bool":
             return False
         if kind.kind in ("number", "integer"):
-            low = kind.minimum if kind.minimum is not None else 0.0
+            low = (kind.minimum if kind.minimum is not None else 0.0) + number - 1
+            low = low if kind.maximum is None else min(low, kind.maximum)
             return int(low) if kind.kind == "integer" else float(low)
         if kind.kind == "record":
             return {name: self._sample(of, number) for name, of in kind.fields.items()}
@@ -263,7 +280,7 @@ class Classes:
         """
         if math.prod(map(len, fields.values())) <= MOST_COMBINED:
             return [dict(zip(fields, values, strict=True)) for values in itertools.product(*fields.values())]
-        self._uncombined[f"{what}: not every combination of its fields"] = None
+        self._tell_few(f"{what}: not every combination of its fields")
         usual = {name: values[0] for name, values in fields.items()}
         return [usual, *({**usual, name: one} for name, values in fields.items() for one in values[1:])]
 
@@ -290,12 +307,15 @@ class Classes:
                 inner = len(value)
             self._tried.setdefault(one, {})[repr(inner)] = inner
 
+    def _tell_few(self, what: str) -> None:
+        self._few[what] = None
+
     # -- in words -----------------------------------------------------------------------------------------
 
     @property
     def left_out(self) -> list[str]:
         """What is looked at with fewer values than there are."""
-        found = list(self._uncombined)
+        found = list(self._few)
         for read, source in sorted(self.compared.unclear.items()):
             if read[0] in ("context", "given"):
                 continue
@@ -361,6 +381,9 @@ def parameter_classes(world: World) -> Iterator[tuple[str, Any]]:
             yield name, not given
         elif kind.values:
             yield from ((name, word) for word in kind.values if word != given)
+        elif kind.kind == "text":
+            words = _texts_around([*compared.texts(("param", name)), given], kind)
+            yield from ((name, word) for word in words if word != given)
         elif kind.kind in ("number", "integer"):
             edges = compared.edges(("param", name))
             known = {side(given, edges)}
@@ -379,17 +402,33 @@ def _told(value: Any, kind: Type) -> str:
     return shortened(value_text(value, kind), MOST_LETTERS)
 
 
+def _texts_around(compared: Iterable[str], kind: Type) -> list[str]:
+    """Return texts that are compared with something, and others: any word, and a time or day on each side."""
+    words = list(dict.fromkeys(compared))
+    if kind.name == TIME_OF_DAY.name:
+        near = [time.fromisoformat(word) for word in words]
+        minutes = {60 * one.hour + one.minute + more for one in near for more in (-1, 0, 1)}
+        return [f"{one // 60:02}:{one % 60:02}" for one in sorted(minutes) if 0 <= one < 24 * 60]
+    if kind.name == DATE.name:
+        days = {date.fromisoformat(word) + timedelta(more) for word in words for more in (-1, 0, 1)}
+        return [one.isoformat() for one in sorted(days)]
+    if kind.pattern or kind.example:  # nobody knows which other words there may be
+        return words
+    number = next(n for n in itertools.count(1) if f"x{n}" not in words)
+    return [*words, f"x{number}"]
+
+
 def _around(bounds: Iterable[float], kind: Type) -> list[Any]:
     """Return a number below, at and between some bounds, and above them, as far as the type has them."""
     edges = sorted(set(bounds))
     if not edges:
         return []
-    low = kind.minimum if kind.minimum is not None else edges[0] - 2.0
-    high = kind.maximum if kind.maximum is not None else edges[-1] + 2.0
-    found = [(low + edges[0]) / 2.0]
-    for edge, after in itertools.pairwise([*edges, high]):
-        found += [edge, (edge + after) / 2.0]
+    low, high = kind.minimum, kind.maximum
+    low = (edges[0] if high is None else min(edges[0], high)) - 2.0 if low is None else low
+    high = max(edges[-1], low) + 2.0 if high is None else high
     if kind.kind == "integer":
         near = (whole + more for whole in map(math.floor, edges) for more in (0, -1, 1, 2))
         return [value for value in dict.fromkeys(near) if low <= value <= high]
-    return list(dict.fromkeys(value for value in found if low <= value <= high))
+    inside = [edge for edge in edges if low <= edge <= high]
+    between = [(one + other) / 2.0 for one, other in itertools.pairwise([low, *inside, high])]
+    return sorted({*inside, *between})

@@ -143,21 +143,31 @@ class Compared:
         source = getattr(value, "source", "")
         dealt_with = set(tree.asked)
         for node in ast.walk(tree.root):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id != "_known":
+                for key in map(id, node.args):
+                    if key in tree.reads:
+                        is_meant = _is_word if node.func.id == "len" else _is_list
+                        self._note(tree.reads[key], source, is_meant)
             if isinstance(node, ast.Compare):
                 dealt_with |= tree.inside(node)
                 sides = [node.left, *node.comparators]
                 for operator, left, right in zip(node.ops, sides, sides[1:], strict=False):
                     self._compare(operator, left, right, tree, source)
         for key, read in tree.reads.items():
-            if told and key not in dealt_with:
+            if read[0] == "error":
+                self._note(read, source, _is_open, open_=True)
+            elif told and key not in dealt_with:
                 self._note(read, source, _has_number)
 
     def _compare(
         self, operator: ast.cmpop, left: ast.expr, right: ast.expr, tree: _Tree, source: str
     ) -> None:
         for side, other in ((left, right), (right, left)):
-            for bound in self._constants(other, tree):
+            bounds = self._constants(other, tree)
+            for bound in bounds or ():
                 self._carry(side, bound, tree, source)
+            for read in {tree.reads[key] for key in tree.inside(side)} if bounds is None else ():
+                self._note(read, source, _is_open)
         reads = [{tree.reads[key] for key in tree.inside(one)} for one in (left, right)]
         of_world = [{read for read in one if read[0] != "param"} for one in reads]
         if not all(of_world) or self._is_count(left, tree) or self._is_count(right, tree):
@@ -168,16 +178,16 @@ class Compared:
             for read in itertools.chain(*of_world):
                 self._note(read, source, _is_open)
 
-    def _constants(self, node: ast.expr, tree: _Tree) -> list[Any]:
-        """Return with what a side of a comparison compares the other one; nothing where that is not known."""
+    def _constants(self, node: ast.expr, tree: _Tree) -> list[Any] | None:
+        """Return with what a side of a comparison compares the other one; None where that is not known."""
         if self._is_count(node, tree):
             return list(range(self._targets + 1))
         if any(tree.reads[key][0] != "param" for key in tree.inside(node)):
             return []
         try:
             value = to_function(ast.unparse(node))(self._env)
-        except Exception:  # it reads the clock, or whatever else is not there yet
-            return []
+        except Exception:  # it reads the clock, an element of a list, or whatever else is not there yet
+            return None
         every = value if isinstance(value, list) else [value]
         return [one for one in every if isinstance(one, (int, float, str)) and not isinstance(one, bool)]
 
@@ -253,11 +263,17 @@ class Compared:
         found = self.bounds.get(read, set())
         if read == but or bound in found:
             return
-        if ANY in read or read[0] in ("item", "target") or len(found) >= _MOST_BOUNDS:
-            self._note(read, source, _is_open, open_=True)
+        is_whole = any(not (_is_open(kind) or kind.kind in ("text", "bool")) for kind in self.kinds(read))
+        is_whole = is_whole or (read[0] == "request" and len(read) > 2 and self._is_target(read[:2]))
+        if ANY in read or is_whole or read[0] in ("item", "target") or len(found) >= _MOST_BOUNDS:
+            self._note(read, source, lambda _: True, open_=True)
             return
         self.bounds.setdefault(read, found).add(bound)
         self._waiting.append((read, bound))
+
+    def _is_target(self, read: Read) -> bool:
+        """Say whether this is one of the things that a plugin reads by name, of which one alone is tried."""
+        return any(kind.name in self._env.world.readers for kind in self.kinds(read))
 
     def _note(self, read: Read, source: str, is_meant: Callable[[Type], bool], open_: bool = False) -> None:
         """Note what is read in a way that is not understood, if its type is meant; `open_`: or not known."""
@@ -326,7 +342,7 @@ class _Tree:
                     self._elements[loop.target.id] = (*values, ANY)
         asks = isinstance(node, ast.Call) and ast.unparse(node.func) in ("_known", "len")
         for child in ast.iter_child_nodes(node):
-            self._find(child, asked or asks)
+            self._find(child, asks or (asked and (isinstance(node, ast.Lambda) or _converts(node))))
 
     def _way(self, node: ast.AST) -> tuple[str | NamedStep, ...] | None:
         """Return the way that a node takes through the environment; None for what is more than a way."""
@@ -352,6 +368,8 @@ class _Tree:
         names = tuple(step.name if isinstance(step, NamedStep) else step for step in way)
         root, *below = names
         if root == "error":
+            if below == ["detail"]:
+                return names
             return ("event", *below[1:]) if below[:1] == ["result"] and below[1:] else None
         if root not in _ROOTS or (not below and root != "event"):
             return None
@@ -434,7 +452,19 @@ def _is_open(kind: Type) -> bool:
     return _has_number(kind) or (kind.kind == "text" and not kind.values)
 
 
+def _is_word(kind: Type) -> bool:
+    return kind.kind == "text"
+
+
+def _is_list(kind: Type) -> bool:
+    return kind.kind == "list" and not kind.named
+
+
+def _converts(node: ast.AST) -> bool:
+    return isinstance(node, ast.Call) and ast.unparse(node.func) in _STRAIGHT_CALLS
+
+
 def _is_straight(node: ast.AST) -> bool:
     if isinstance(node, ast.Call):
-        return isinstance(node.func, ast.Name) and node.func.id in _STRAIGHT_CALLS
+        return _converts(node)
     return isinstance(node, (ast.BinOp, ast.UnaryOp)) and isinstance(node.op, _STRAIGHT)
