@@ -10,7 +10,7 @@ import pytest
 from lupin_engine.chart.model import Chart
 from lupin_engine.cli.main import main
 from lupin_engine.missions.selection import load_missions
-from lupin_engine.plugin.types import BOOL
+from lupin_engine.plugin.types import BOOL, TEXT, list_of
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.verify.situations.classes import Classes
 from lupin_engine.verify.situations.relevance import Relevance
@@ -318,3 +318,10 @@ def test_an_input_that_is_an_event_is_tried() -> None:
     states = {"A": {"on": {"input.danger": "B"}}, "B": {}}
     found = explored(chart(states, inputs={"danger": {"type": BOOL}}), restarts=False)
     assert {"A", "B"} <= found.entered
+
+
+def test_what_an_input_begins_with_is_tried() -> None:
+    """It may come again later."""
+    rule = {"target": "B", "guard": lambda env: "q" in env["input"]["seen"]}
+    of = chart({"A": {"always": rule}, "B": {}}, inputs={"seen": {"type": list_of(TEXT), "initial": ["q"]}})
+    assert [event.data["value"] for event in classes_of(of).values] == [[], ["x1"], ["q"]]

@@ -27,7 +27,7 @@ from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.simulation import Simulation
 from lupin_engine.verify.campaign import Campaign
 from lupin_engine.verify.rates import read_rates
-from lupin_engine.verify.situations import classes
+from lupin_engine.verify.situations import classes, levels
 from lupin_engine.verify.situations.found import ExplorationProgress
 from lupin_engine.verify.situations.levels import explore
 from lupin_engine.verify.situations.moves import told_move
@@ -36,7 +36,7 @@ from lupin_engine.verify.situations.situation import CLAIMS, Situation, TrackedM
 from lupin_engine.verify.situations.timing import timed_run
 from lupin_engine.verify.situations.worlds import in_order
 from tests import shipped
-from tests.machine.charts import PAUSE, chart
+from tests.machine.charts import PAUSE, chart, fails
 from tests.verify.toys import (
     KeepingExplorer,
     explored,
@@ -498,3 +498,17 @@ def test_lists_are_as_long_as_a_condition_tells_them_apart(monkeypatch: pytest.M
     assert short.progress.situations < long.progress.situations
     assert (short.taken, short.entered, short.breaches) == (long.taken, long.entered, long.breaches)
     assert set(short.flags) == set(long.flags)
+
+
+def test_a_breach_is_not_hidden_by_many_others_after_as_many_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of each property some are kept."""
+    rule = {"target": "C", "guard": lambda env: env["input"]["x"] != "a"}
+    states = {"A": {"always": rule, "after": {1.0: "B"}}, "B": {}, "C": {"entry": [("set", {"n": fails})]}}
+    letters = replace(TEXT, values=tuple("abcdefghijklmnopqrstuvwxyz"))
+    of = chart({**states, "FAULT": {}}, inputs={"x": {"type": letters, "initial": "a"}}, context={"n": 0})
+    monkeypatch.setattr(levels, "_MOST_BREACHES", 1)
+    found = explored(of, restarts=False).breaches
+    assert {name: breach.depth for name, (breach,) in found.items()} == {
+        "no_execution_error": 0,
+        "no_deaf_wait": 0,
+    }

@@ -149,7 +149,8 @@ class Classes:
     def _of_input(self, spec: Input) -> list[Any]:
         declared = self.chart.catalog.values.get(spec.value)
         kind = declared.type if declared is not None else spec.type
-        read, more = ("input", spec.name), (*(declared.classes if declared else ()), *spec.classes)
+        first = () if spec.initial is None else (spec.initial,)
+        read, more = ("input", spec.name), (*(declared.classes if declared else ()), *spec.classes, *first)
         if kind.kind == "list" and kind.item is not None:
             found = self._of_list(kind, [])
             if not spec.of_mission:
@@ -158,8 +159,8 @@ class Classes:
             return self._apart(read, [*found, *more])
         kind = within(kind, spec.minimum, spec.maximum)
         edges = self.compared.edges(read) if kind.kind in ("number", "integer") else []
-        first = _around(edges, kind) or [self._sample(kind, 1)]
-        return self._apart(read, [*first, *self._variants(read, kind, first[0]), *more])
+        usual = _around(edges, kind) or [self._sample(kind, 1)]
+        return self._apart(read, [*usual, *self._variants(read, kind, usual[0]), *more])
 
     def _events(self) -> Iterator[Event]:
         heard = {rule.event for state in self.chart.states.values() for rule in state.transitions}

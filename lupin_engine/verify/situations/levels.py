@@ -657,8 +657,15 @@ class LevelWalk:
         if not len(breaking):
             return
         breaking = breaking[np.argsort(numbers[breaking], kind="stable")]
-        for at in breaking[: _MOST_BREACHES * len(self._explorer.properties)]:
-            for name, text in self._effects.all[effects[at]].breaches:
-                known = self._found.breaches.setdefault(name, [])
-                if not known or (known[0].depth == depth and len(known) < _MOST_BREACHES):
-                    known.append(Breach(name, int(numbers[at]), int(moves[at]), text, depth))
+        told: dict[str, dict[int, str]] = {}
+        for effect in np.unique(effects[breaking]).tolist():
+            for name, text in self._effects.all[effect].breaches:
+                told.setdefault(name, {})[effect] = text
+        for name, texts in told.items():
+            known = self._found.breaches.setdefault(name, [])
+            if known and known[0].depth != depth:
+                continue
+            those = breaking[np.isin(effects[breaking], list(texts))]
+            for at in those[: _MOST_BREACHES - len(known)].tolist():
+                text = texts[int(effects[at])]
+                known.append(Breach(name, int(numbers[at]), int(moves[at]), text, depth))
