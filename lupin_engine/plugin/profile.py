@@ -111,6 +111,14 @@ class Stages:
         return frozenset((*self.starting, *self.ready, *self.over))
 
     @property
+    def begins_anew(self) -> frozenset[str]:
+        """The states in which a new process begins from the start: there is nothing to go on with.
+
+        In a fault it goes on: that somebody must look is not forgotten.
+        """
+        return frozenset((*self.starting, *self.ready, *self.ended))
+
+    @property
     def over(self) -> frozenset[str]:
         """The states in which a mission is over, well or not."""
         return frozenset((*self.ended, *self.faulted))

@@ -256,8 +256,9 @@ def _hold_starts_nothing(passage: Passage) -> str | None:
 
 def _was_held(passage: Passage) -> bool:
     """Say whether one hold was engaged all through the step."""
-    released = [note for note in passage.step.notes if note.endswith(" released")]
-    return not released and not set(passage.before.held).isdisjoint(passage.after.held)
+    told = (note.removeprefix("hold ").rpartition(" ") for note in passage.step.notes)
+    released = {name for name, _, what in told if what == "released"}
+    return not released >= {*passage.before.held} & {*passage.after.held}
 
 
 @_built_in(

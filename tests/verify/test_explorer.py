@@ -190,6 +190,21 @@ def test_a_restart_after_a_lost_order_is_looked_at_with_late_answers() -> None:
     assert phases(1) == {("cancelling", EVERYTHING)}
 
 
+def test_a_new_process_is_held_where_a_mission_is_under_way() -> None:
+    """Elsewhere it begins from the start, and in a fault it goes on at once."""
+    states = {
+        "READY": {"on": {"operator.dock": "A"}},
+        "A": {"on": {"operator.abort": "FAULT"}},
+        "FAULT": {"on": {"operator.reset": "READY"}},
+    }
+    explorer = KeepingExplorer(chart(states))
+    assert explore(explorer, live=False).complete
+    known = [(explorer.table.get(one, ("configuration", ""))[-1], one) for one in explorer.situations]
+    held = {leaf for leaf, one in known if explorer.table.get(one, ("held", ""))}
+    assert {leaf for leaf, _ in known} == {"READY", "A", "FAULT"}
+    assert held == {"A"}
+
+
 def test_a_stop_after_a_new_beginning_loses_nothing() -> None:
     """What was certain before is what was found, until the next walk has come farther."""
     most = 0

@@ -16,6 +16,7 @@ from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, SILENCE, Graph
 from lupin_engine.verify.situations.levels import LevelWalk, explore
 from lupin_engine.verify.situations.situation import Situation
+from lupin_engine.verify.situations.worlds import Mover
 from tests import shipped
 from tests.machine.charts import PAUSE, chart
 from tests.verify.toys import KeepingExplorer, explored, random_mission, round_trip, search
@@ -81,9 +82,10 @@ def check_reduction(of: Chart, given: dict[str, Any], bounds: dict[str, Any]) ->
         return all(situation[slot] == value for slot, value in told)
 
     met = set()
-    for source, by, target in zip(plain.sources, plain.by, plain.targets, strict=True):
+    every_one = zip(plain.sources, plain.by, plain.targets, plain.advances, strict=True)
+    for source, by, target, advances in every_one:
         way = of_plain[source], by, of_plain[target]
-        if way[0] != way[2]:
+        if way[0] != way[2] or advances or plain.moves.all[by].side & Mover.TIMER:
             met.add(way)
             assert any(has(every[source], told) for told in ways[way])
     assert met == ways.keys()

@@ -98,6 +98,37 @@ def test_all_is_well_without_a_defect() -> None:
     assert broken(walk()) == set()
 
 
+#: Charts that go round: some for ever, but not without news.
+ROUNDS: dict[str, tuple[Callable[[], Chart], set[str]]] = {
+    "a deadline that runs on while others go round": (lambda: _outer({60.0: "DONE"}, {1.0: "ONE"}), set()),
+    "a budget that is used up round after round": (lambda: _rounds({"budget": {10.0: "DONE"}}), set()),
+    "what is told every two seconds": (
+        lambda: _rounds({"every": {2.0: {"do": "report.summary"}}}, "dock"),
+        {"silence_is_told"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ROUNDS)
+def test_what_goes_round_is_told_only_if_nothing_comes_of_it(name: str) -> None:
+    """What certainly ends at last is well, and with news a mission goes on."""
+    of, told = ROUNDS[name]
+    assert broken(of()) == told
+
+
+def _outer(outer: dict[float, Any], two: dict[float, Any]) -> Chart:
+    """Return a chart with a deadline around two states, of which the second leads on."""
+    inside = {"ONE": {"after": {3.0: "TWO"}}, "TWO": {"after": two}}
+    return chart({"READY": {"on": {"operator.dock": "X"}}, "X": {"after": outer, "states": inside}, **ENDS})
+
+
+def _rounds(work: dict[str, Any], leaves: str = "") -> Chart:
+    """Return a chart that works and rests in turn, until somebody asks for an end."""
+    rest = {"after": {1.0: "WORK"}, "on": {f"operator.{leaves}": "DONE"} if leaves else {}}
+    states = {"WORK": {"after": {3.0: "REST"}, **work}, "REST": rest}
+    return chart({"READY": {"on": {"operator.dock": "X"}}, "X": {"states": states}, **ENDS})
+
+
 #: What is planted -> the chart, and a property that must be found broken.
 CHARTS: dict[str, tuple[Callable[[], Chart], str]] = {
     "a wait without a deadline": (lambda: trip(READ={"invoke": "bridge.read"}), "silence_is_told"),
@@ -106,6 +137,12 @@ CHARTS: dict[str, tuple[Callable[[], Chart], str]] = {
     "a state that is never left": (lambda: trip(REST={"after": {}}), "home_again"),
     "a circle of time": (lambda: _circle(2.0), "no_livelock"),
     "a circle without time": (lambda: _circle(0.0), "no_zeno"),
+    "a state that leads to itself without time": (
+        lambda: chart({"X": {"after": {0.0: "X"}}, **ENDS}),
+        "no_zeno",
+    ),
+    "a deadline that each round sets anew": (lambda: _outer({5.0: "DONE"}, {1.0: "X"}), "silence_is_told"),
+    "a wait for a value that grows old": (lambda: _growing_old(), "silence_is_told"),
     "a circle within a step": (lambda: _circle(None), "no_execution_error"),
     "an end that nobody handles": (lambda: trip(GO={"on_error": []}), "home_again"),
     "an action that fails": (lambda: trip(REST={"entry": [("set", {"x": fails})]}), "no_execution_error"),
@@ -131,6 +168,13 @@ CHARTS: dict[str, tuple[Callable[[], Chart], str]] = {
     "two states that send each other back": (lambda: _to_and_fro(), "silence_is_told"),
     "an abort that begins a drive without an end": (lambda: _home_for_ever(), "abort_stops"),
 }
+
+
+def _growing_old() -> Chart:
+    """Return a chart that ends when a value is not reported any more."""
+    rule = {"target": "DONE", "guard": lambda env: not env["known"]("x")}
+    states = {"READY": {"on": {"operator.dock": "X"}}, "X": {"always": rule}, **ENDS}
+    return chart(states, inputs={"x": {"initial": 1, "freshness": 5.0}})
 
 
 def _circle(seconds: float | None) -> Chart:

@@ -256,6 +256,18 @@ def test_an_action_that_moves_while_held_is_found(monkeypatch: pytest.MonkeyPatc
     assert found.breaches == {"hold_starts_nothing": "arm.wave is carried out while pause is engaged"}
 
 
+def test_that_another_hold_is_released_makes_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of two was engaged all through the step."""
+    monkeypatch.setattr("lupin_engine.verify.properties._acts", lambda *_: True)
+    wave = {"do": "arm.wave", "during": {"pause"}, "releases": {"stop"}}
+    stop = {"engage": "stop", "release": ("operator.resume",), "code": "paused"}
+    found = WatchedBench(chart({"B": {"on": {"wave": wave}}}, holds={"pause": PAUSE, "stop": stop}))
+    for event in ("operator.pause", "stop", "wave"):
+        found.send(event)
+    assert found.machine.memory.held == ["pause"]
+    assert found.breaches == {"hold_starts_nothing": "arm.wave is carried out while pause is engaged"}
+
+
 def test_defects_of_a_chart_are_found() -> None:
     """What the checker keeps out of missions, and what it cannot know."""
     assert once(

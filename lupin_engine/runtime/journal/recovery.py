@@ -156,12 +156,9 @@ def open_targets(found: JournalFile) -> list[str]:
 
 
 def goes_on(machine: Machine) -> bool:
-    """Say whether a machine is gone on with: where no mission is under way another one may as well begin.
-
-    In a fault it is: that somebody must look is not forgotten.
-    """
-    stages, lifecycle = machine.chart.profile.stages, machine.view.lifecycle
-    return bool(lifecycle) and lifecycle not in (*stages.starting, *stages.ready, *stages.ended)
+    """Say whether a machine is gone on with."""
+    lifecycle = machine.view.lifecycle
+    return bool(lifecycle) and lifecycle not in machine.chart.profile.stages.begins_anew
 
 
 def resumed_event(left: Leftover, machine: Machine, wall: float) -> Event:

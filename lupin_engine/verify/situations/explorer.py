@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, cast
 
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import CompiledAction, ExecutableContent
-from lupin_engine.machine.event import Report, Trigger
+from lupin_engine.machine.event import RESUMED, Report, Trigger
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Attempt, Phase, Reported
 from lupin_engine.machine.reload import is_idle, successor
@@ -148,7 +148,11 @@ class SituationExplorer:
         machine = _TrackedMachine(self.world, memory)
         if move.timer[0] != "fresh":
             machine.trust(memory.fetch(self.table.index[CALM]))
+        begins_anew = self.chart.profile.stages.begins_anew
         try:
+            is_restart = move.event is not None and move.event.name == RESUMED
+            if is_restart and label_of(self.chart, memory.configuration) in begins_anew:
+                return _nothing()  # it is as at the beginning
             if move.event is LOADED:
                 if not is_idle(machine):
                     return _nothing()

@@ -93,11 +93,12 @@ class ExplorationProgress:
 class Explored:
     """What was found: the graph of situations by number, with what is known of each.
 
-    `sources`, `targets` and `by` (moves) are the transitions that change something, `advances` says whether
-    they tell something of a target or of the mission; `flags` of a situation are from `Is`, `parents` and
-    `parent_moves` lead back to the beginning. `breaches` are those of each property after the fewest moves.
-    `relevant` counts the steps that properties are about, `cut` what is beyond the bounds. One that is not
-    `complete` was `stopped` for a reason.
+    `sources`, `targets` and `by` (moves) are the transitions that change something, are deadlines, or tell
+    something of a target or of the mission, which `advances` says; `sets` are the deadlines that they set, as
+    places in `deadlines`. `flags` of a situation are from `Is`, `timers` is the number of the deadlines that
+    run in it; `parents` and `parent_moves` lead back to the beginning. `breaches` are those of each property
+    after the fewest moves. `relevant` counts the steps that properties are about, `cut` what is beyond the
+    bounds. One that is not `complete` was `stopped` for a reason.
     """
 
     moves: WorldMoves
@@ -105,10 +106,13 @@ class Explored:
     sources: array[int] = field(default_factory=lambda: array("I"))
     targets: array[int] = field(default_factory=lambda: array("I"))
     by: array[int] = field(default_factory=lambda: array("H"))
+    sets: array[int] = field(default_factory=lambda: array("H"))
+    deadlines: list[frozenset[TimerName]] = field(default_factory=list)
     advances: bytearray = field(default_factory=bytearray)
+    timers: array[int] = field(default_factory=lambda: array("H"))
     flags: bytearray = field(default_factory=bytearray)
     parents: array[int] = field(default_factory=lambda: array("I"))
-    parent_moves: array[int] = field(default_factory=lambda: array("h"))
+    parent_moves: array[int] = field(default_factory=lambda: array("i"))
     cut: int = 0
     breaches: dict[str, list[Breach]] = field(default_factory=dict)
     relevant: dict[str, int] = field(default_factory=dict)

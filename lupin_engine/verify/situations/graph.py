@@ -1,6 +1,7 @@
 """What only the whole graph of situations can tell: what can be reached from everywhere, and what goes round.
 
-Each property is one question: can a goal be reached from every situation by moves of certain sides alone?
+Each property is one question: is a goal reached from every situation if certain sides want that, whatever
+order deadlines come in?
 """
 
 from __future__ import annotations
@@ -13,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lupin_engine.verify.situations.found import Explored, Is
-from lupin_engine.verify.situations.worlds import Mover
+from lupin_engine.verify.situations.worlds import Mover, TimerName
 
 _Mask = NDArray[np.bool_]
 #: So many values of open inputs are told apart (see `_values_of`).
 _BITS = 64
+#: Deadlines that may be put off for ever: a value may be reported again and again.
+_MAY_NOT_COME = frozenset({"fresh"})
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,13 @@ class Graph:
         self._sides = sides[by] if len(by) else np.zeros(0, dtype=np.uint8)
         self._flags = np.frombuffer(explored.flags, dtype=np.uint8)
         self._advances = np.frombuffer(explored.advances, dtype=np.uint8) != 0
+        self._moves, self._deadlines = explored.moves, explored.deadlines
+        self._sets = np.frombuffer(explored.sets, dtype=np.uint16)
+        self._timers = np.frombuffer(explored.timers, dtype=np.uint16)
+        may_not_come = np.array([move.timer[0] in _MAY_NOT_COME for move in explored.moves.all], bool)
+        #: The transitions by deadlines that come if nothing else does.
+        self._certain = self.by(Mover.TIMER) & ~(may_not_come[by] if len(by) else self.by(Mover.TIMER))
+        self._certain |= self.by(Mover.AT_ONCE)
         self._all, values = _values_of(explored)
         self._values = values[by] if len(by) else np.zeros(0, np.uint64)
 
@@ -58,36 +68,110 @@ class Graph:
         found: _Mask = (self._sides & int(sides)) != 0
         return found
 
-    @property
-    def advancing(self) -> _Mask:
-        """The situations in which something can be told of a target or of the mission, as things go on."""
-        found = np.zeros(len(self._flags), np.uint64)
-        at = np.flatnonzero(self._advances & self.by(Mover.ANSWER | Mover.TIMER))
-        np.bitwise_or.at(found, self.sources[at], self._values[at])
-        advances: _Mask = found == self._all
-        return advances
+    def leads_to(
+        self, goal: _Mask, helpful: Mover, *, values_change: bool = False, advances: bool = False
+    ) -> _Mask:
+        """Return the situations from which one of the goal is certainly reached if somebody wants that.
 
-    def leads_to(self, goal: _Mask, allowed: _Mask, values_change: bool = False) -> _Mask:
-        """Return the situations from which one of the goal can be reached by allowed transitions.
+        Somebody makes any of the helpful moves, or waits. Which deadline comes next is not up to anybody, as
+        long as each that runs on and on comes at last. Where one situation stands for all values of an input
+        it must be so for each of them, unless `values_change` on the way. Then where it is said to be so it
+        is; not everything is said, since it may depend on the value which of two ways leads on at its end.
 
-        Where one situation stands for all values of an input it must be so for each of them, unless
-        `values_change` on the way. Then where it is said to be so it is; not everything is said, since it may
-        depend on the value which of two ways leads on at its end.
+        Args:
+            goal: situations.
+            helpful: whose moves.
+            values_change: whether live values take any value on the way.
+            advances: whether it is also enough that something is told of a target or of the mission.
         """
         reached = goal.copy()
-        sources, targets = self.sources[allowed], self.targets[allowed]
-        values = np.full(len(sources), self._all) if values_change else self._values[allowed]
+        while True:
+            reached = self._attracted(reached, helpful, values_change, advances)
+            stays = self._may_stay(~reached, advances)
+            if (stays | reached).all():
+                return reached
+            reached = ~stays
+
+    def _attracted(self, goal: _Mask, helpful: Mover, values_change: bool, advances: bool) -> _Mask:
+        """Return the situations from which a helpful move leads on to the goal, or every deadline does."""
+        reached = goal.copy()
+        deadline, helps = self.by(Mover.TIMER), self.by(helpful)
+        left = np.flatnonzero(deadline | helps)
+        others = np.bincount(self.sources[deadline], minlength=len(goal))
+        waits = np.zeros(len(goal), bool)
+        waits[self.sources[self._certain]] = True
         of = np.where(reached, self._all, np.uint64(0))
+        while True:
+            new = reached[self.targets[left]] | (self._advances[left] if advances else False)
+            if not new.any():
+                return reached
+            found = left[new]
+            helped = found[helps[found]]
+            values = self._all if values_change else self._values[helped]
+            np.bitwise_or.at(of, self.sources[helped], values)
+            others -= np.bincount(self.sources[found[deadline[found]]], minlength=len(goal))
+            reached = (of == self._all) | (waits & (others == 0))
+            left = left[~new]
+            left = left[~reached[self.sources[left]]]
+
+    def _may_stay(self, outside: _Mask, advances: bool) -> _Mask:
+        """Return the situations outside of a goal from which deadlines alone need not lead to it."""
+        inside = self.by(Mover.TIMER) & outside[self.sources] & outside[self.targets]
+        if advances:
+            inside &= ~self._advances
+        stuck = outside.copy()
+        stuck[self.sources[self._certain]] = False
+        return self._comes_from(stuck | self._in_fair_circles(inside), inside)
+
+    def _in_fair_circles(self, allowed: _Mask) -> _Mask:
+        """Return situations from which deadlines go round without end, and no one that runs is left out.
+
+        A deadline that runs all the time and is never set anew comes at last, and a budget that is used up
+        again and again is at its end at last. Fair cycles as in Emerson and Lei, Modalities for Model
+        Checking, 1987.
+        """
+        numbers, of = np.unique(self._timers, return_inverse=True)
+        running = [self._moves.running(number) for number in numbers.tolist()]
+
+        def runs(name: TimerName) -> _Mask:
+            found: _Mask = np.array([name in one for one in running], bool)[of]
+            return found
+
+        at = np.flatnonzero(allowed)
+        budgets = [name for name in frozenset().union(*running) if name[0] == "budget"]
+        for spent in map(runs, budgets):
+            at = at[~spent[self.sources[at]]]
+        circles = self.in_circles(at)
+        names = frozenset().union(*(running[n] for n in np.unique(of[circles]))) if circles.any() else ()
+        while True:
+            before = circles
+            for name in names:
+                if name[0] in _MAY_NOT_COME:
+                    continue
+                at = at[circles[self.sources[at]] & circles[self.targets[at]]]
+                sets = np.array([name in one for one in self._deadlines], bool)[self._sets[at]]
+                is_running = runs(name)
+                goes_on = is_running[self.sources[at]] & is_running[self.targets[at]] & ~sets
+                ends = np.zeros(len(circles), bool)
+                ends[self.sources[at[~goes_on]]] = True
+                circles = circles & self._comes_from(ends, at)
+            circles = circles & self.in_circles(at[circles[self.sources[at]] & circles[self.targets[at]]])
+            if (circles == before).all():
+                return circles
+
+    def _comes_from(self, goal: _Mask, allowed: _Mask | NDArray[np.intp]) -> _Mask:
+        """Return the situations from which one of the goal can be reached by allowed transitions."""
+        reached = goal.copy()
+        sources, targets = self.sources[allowed], self.targets[allowed]
         while True:
             new = reached[targets]
             if not new.any():
                 return reached
-            np.bitwise_or.at(of, sources[new], values[new])
-            reached = of == self._all
+            reached[sources[new]] = True
             left = ~new & ~reached[sources]
-            sources, targets, values = sources[left], targets[left], values[left]
+            sources, targets = sources[left], targets[left]
 
-    def in_circles(self, allowed: _Mask) -> _Mask:
+    def in_circles(self, allowed: _Mask | NDArray[np.intp]) -> _Mask:
         """Return the situations from which allowed transitions can be taken without end."""
         sources, targets = self.sources[allowed], self.targets[allowed]
         found = np.zeros(len(self._flags), dtype=bool)
@@ -122,22 +206,20 @@ def _values_of(explored: Explored) -> tuple[np.uint64, NDArray[np.uint64]]:
 
 
 def _not_home(graph: Graph) -> _Mask:
-    helpful = Mover.ANSWER | Mover.TIMER | Mover.REQUEST | Mover.WORLD
-    goal, allowed = graph.situations(Is.OVER), graph.by(helpful)
-    return ~graph.leads_to(goal, allowed, values_change=True)
+    helpful = Mover.ANSWER | Mover.REQUEST | Mover.WORLD
+    return ~graph.leads_to(graph.situations(Is.OVER), helpful, values_change=True)
 
 
 def _untold(graph: Graph) -> _Mask:
-    return ~graph.leads_to(graph.situations(Is.TOLD), graph.by(Mover.TIMER))
+    return ~graph.leads_to(graph.situations(Is.TOLD), Mover(0))
 
 
 def _moves_on(graph: Graph) -> _Mask:
-    return ~graph.leads_to(~graph.situations(Is.MOVES), graph.by(Mover.ABORT | Mover.TIMER))
+    return ~graph.leads_to(~graph.situations(Is.MOVES), Mover.ABORT)
 
 
 def _livelock(graph: Graph) -> _Mask:
-    goal = graph.situations(Is.TOLD) | graph.advancing
-    return ~graph.leads_to(goal, graph.by(Mover.ANSWER | Mover.TIMER))
+    return ~graph.leads_to(graph.situations(Is.TOLD), Mover.ANSWER, advances=True)
 
 
 #: The properties of servers that say nothing, and of circles that take no time.
@@ -148,21 +230,22 @@ OF_THE_GRAPH = (
         "home_again",
         "From every situation, READY or DONE can be reached if servers answer.",
         _not_home,
-        "no answer, request or deadline leads to READY or DONE",
+        "no answer, request or deadline certainly leads to READY or DONE",
         of_missions=True,
     ),
     GraphProperty(
         SILENCE,
         "If servers say nothing, a mission does not wait for ever: it ends, pauses, asks or fails.",
         _untold,
-        "without answers it waits for ever: no deadline leads to an end, a pause, a question or FAULT",
+        "without answers it may go on for ever: no deadline certainly leads to an end, a pause, a question or"
+        " FAULT",
         of_missions=True,
     ),
     GraphProperty(
         "abort_stops",
         "From every situation, aborting (repeatedly if accepted) and waiting bring the robot to rest.",
         _moves_on,
-        "something moves, and neither an abort nor a deadline ends that",
+        "something moves, and neither an abort nor a deadline certainly ends that",
     ),
     GraphProperty(
         NO_ZENO,

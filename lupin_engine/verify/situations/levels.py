@@ -21,6 +21,7 @@ from lupin_engine.verify.situations.liveness import Dead, Liveness, Place
 from lupin_engine.verify.situations.memo import Indices, LevelPart, MemoTable, Rows, marks_of
 from lupin_engine.verify.situations.seen import Block, Marks, SeenTable, WaitingLine
 from lupin_engine.verify.situations.situation import RANKS, Overflow
+from lupin_engine.verify.situations.worlds import Mover, TimerName
 
 #: So many situations are expanded together.
 _TOGETHER = 1 << 15
@@ -128,6 +129,10 @@ class _Effects:
         #: Of each effect the number of what it does to deadlines; 0: nothing.
         self._timing = array("I")
         self._timings: dict[Any, int] = {None: 0}
+        #: Sets of deadlines, and of each effect the place of those that it sets.
+        self.deadlines: list[frozenset[TimerName]] = [frozenset()]
+        self._places: dict[frozenset[TimerName], int] = {frozenset(): 0}
+        self._fresh = array("H")
         #: Pairs of such a number and the ranks before; by their numbers, the ranks after.
         self._pairs = SeenTable()
         self._ranks_after = array("H")
@@ -158,6 +163,10 @@ class _Effects:
         self._breaks.append(bool(effect.breaches))
         timing = None if effect.deadlines is None else (effect.deadlines, effect.fresh, effect.renamed)
         self._timing.append(self._timings.setdefault(timing, len(self._timings)))
+        place = self._places.setdefault(effect.fresh, len(self.deadlines))
+        if place == len(self.deadlines):
+            self.deadlines.append(effect.fresh)
+        self._fresh.append(place)
         more = effect.breaches or effect.cut or effect.deadlines or len(effect.delta) != 1
         self._only.append(0 if more else self.only(*effect.delta[0]))
         return len(self.all) - 1
@@ -205,6 +214,10 @@ class _Effects:
 
     def progressing(self, effects: NDArray[np.uint32]) -> NDArray[np.bool_]:
         return np.frombuffer(self._progress, np.bool_)[effects]
+
+    def setting(self, effects: NDArray[np.uint32]) -> NDArray[np.uint16]:
+        """Return the places of the deadlines that effects set."""
+        return np.frombuffer(self._fresh, np.uint16)[effects]
 
     def cut(self, effects: NDArray[np.uint32]) -> int:
         return int(np.frombuffer(self._cut, np.bool_)[effects].sum())
@@ -348,6 +361,8 @@ class LevelWalk:
         self._effects = _Effects(explorer, self._marks)
         self._memo: dict[tuple[int, int, bool], MemoTable] = {}
         self._flags = MemoTable()
+        #: Of each move whether it is a deadline.
+        self._deadlines = np.zeros(0, np.bool_)
         told = explorer.moves.told() if open_values else {}
         self.live = Liveness(explorer.chart, table, told, live)
         self._goes_on: Callable[[ExplorationProgress], str] = lambda _: ""
@@ -358,7 +373,7 @@ class LevelWalk:
         """Have seen nothing; what was worked out stays."""
         self._seen = SeenTable()
         self._waiting = WaitingLine()
-        self._found = Explored(self._explorer.moves)
+        self._found = Explored(self._explorer.moves, deadlines=self._effects.deadlines)
         self._found.progress.steps = self._steps
         self._looked_at = 0
         self.live.begin()
@@ -510,20 +525,30 @@ class LevelWalk:
         return np.array(told, np.uint16)[of]
 
     def _take_in(self, origins: Origins, every: Moved) -> None:
-        """Take in the transitions that change something, and the situations to which they are the first."""
+        """Take in the transitions that matter, and the situations to which they are the first.
+
+        What changes nothing matters if it is a deadline, or tells something.
+        """
         ranks = self._effects.ranks_after(origins.rows[self._ranks, every.columns], every.effects)
         low, high = self._change(origins.rows, every, ranks)
-        changing = (low | high) != 0
-        every, ranks = every.at(changing), ranks[changing]
-        low, high = low[changing] ^ origins.low[every.columns], high[changing] ^ origins.high[every.columns]
+        matters = (low | high) != 0
+        matters |= self._is_deadline(every.moves) | self._effects.progressing(every.effects)
+        every, ranks = every.at(matters), ranks[matters]
+        low, high = low[matters] ^ origins.low[every.columns], high[matters] ^ origins.high[every.columns]
         targets, new = self._seen.numbers(low, high)
         numbers = origins.numbers[every.columns].astype(np.uint32)
-        leaves = targets != numbers  # with values that were told before, another one may be what changes
-        found, progress = self._found, self._found.progress
-        found.sources.frombytes(numbers[leaves].tobytes())
-        found.targets.frombytes(targets[leaves].tobytes())
-        found.by.frombytes(every.moves[leaves].tobytes())
-        found.advances += self._effects.progressing(every.effects[leaves]).tobytes()
+        found, progress, advances = (
+            self._found,
+            self._found.progress,
+            self._effects.progressing(every.effects),
+        )
+        # With values that were told before, another one may be what changes.
+        kept = (targets != numbers) | self._is_deadline(every.moves) | advances
+        found.sources.frombytes(numbers[kept].tobytes())
+        found.targets.frombytes(targets[kept].tobytes())
+        found.by.frombytes(every.moves[kept].tobytes())
+        found.sets.frombytes(self._effects.setting(every.effects[kept]).tobytes())
+        found.advances += advances[kept].tobytes()
         progress.transitions += self._looked_at
         progress.depth = origins.depth
         self._looked_at = 0
@@ -534,6 +559,13 @@ class LevelWalk:
                 origins.depth + 1, rows, low[new], high[new], numbers[new].tolist(), first.moves.tolist()
             )
         progress.waiting = self._waiting.count
+
+    def _is_deadline(self, moves: NDArray[np.uint16]) -> NDArray[np.bool_]:
+        every = self._explorer.moves.all
+        if len(self._deadlines) < len(every):
+            self._deadlines = np.array([bool(move.side & Mover.TIMER) for move in every], np.bool_)
+        found: NDArray[np.bool_] = self._deadlines[moves]
+        return found
 
     def _change(self, rows: Rows, every: Moved, ranks: NDArray[np.uint16]) -> tuple[Marks, Marks]:
         """Return what transitions change of the marks of their origins."""
@@ -578,6 +610,7 @@ class LevelWalk:
 
         flags = self._flags.results(LevelPart(rows, self._marks), np.arange(rows.shape[1]), look)
         found.flags += flags.astype(np.uint8).tobytes()
+        found.timers.frombytes(rows[explorer.moves.slots_of_timers[0]].astype(np.uint16).tobytes())
         found.parents.extend(parents)
         found.parent_moves.extend(moves)
         self._waiting.put(Block(depth, found.progress.situations, rows, low, high))

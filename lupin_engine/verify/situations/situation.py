@@ -292,10 +292,11 @@ class TrackedMemory(Memory):
         return [name for name in self.table.keys["held"] if name not in holds]
 
     def release(self, holds: Iterable[str]) -> list[str]:
-        """Release some holds, of which it makes no difference which were engaged; so nothing is returned."""
-        for name in holds:
+        """Release some holds, of which it makes no difference which were engaged; so all are returned."""
+        names = list(holds)
+        for name in names:
             self.held.remove(name)
-        return []
+        return names
 
     @property
     def target(self) -> str:

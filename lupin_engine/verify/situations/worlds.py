@@ -26,6 +26,7 @@ from lupin_engine.machine.operations import CANCELLED_CODE
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.timers import Timers
 from lupin_engine.plugin.builtin import is_builtin
+from lupin_engine.sim.simulation import label_of
 from lupin_engine.verify.properties import Remembered
 from lupin_engine.verify.situations.classes import Classes
 from lupin_engine.verify.situations.relevance import ANY_ORPHAN, is_orphan
@@ -176,6 +177,12 @@ class WorldMoves:
             found = self._of_timers[numbers] = self._due(*numbers)
         return found
 
+    def running(self, timers: int) -> frozenset[TimerName]:
+        """Return the deadlines of the chart that run, by the value of their slot."""
+        slot = self.slots_of_timers[0]
+        armed = self._table.value(slot, timers) if timers else ()
+        return frozenset((kind, *about) for _, _, kind, about in armed)
+
     def attempts(self, number: int) -> tuple[int, ...]:
         """Return the slots of the attempts, by the value of `slot_of_order`."""
         names = self._table.value(self.slot_of_order, number) if number else ()
@@ -195,7 +202,8 @@ class WorldMoves:
         ranks = table.value(ranks_slot, ranked) or frozenset()
         now = [(kind, *about) for due, _, kind, about in timers if due <= 0.0]
         if now:
-            return Due(True, (self._number(now[0], WorldMove(Mover.TIMER | Mover.AT_ONCE, timer=now[0])),))
+            move = WorldMove(Mover.TIMER | Mover.AT_ONCE, timer=now[0])
+            return Due(True, (self._number(("at once", *now[0]), move),))
         armed = [(kind, *about) for _, _, kind, about in timers]
         late = {after for before, after in ranks if before in armed}
         return Due(
@@ -252,6 +260,10 @@ class WorldMoves:
             return None  # of equal events one waits for the release
         if name == "attempt.done" and not self._is_told(memory, move.event.data["attempt"]):
             return None
+        if name == RESUMED:
+            label, stages = label_of(machine.chart, memory.configuration), machine.chart.profile.stages
+            held = label not in stages.without_mission
+            return machine.handle(replace(move.event, data={**move.event.data, "held": held}), 0.0)
         if name == "value":
             told = [i.name for i in machine.chart.inputs.values() if i.value == move.event.data["name"]]
             with memory.unread("inputs", told, _BEFORE):
