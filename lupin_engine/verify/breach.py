@@ -26,7 +26,7 @@ def findings(proof: Proof, mission: str) -> list[Diagnostic]:
         proof: the proof.
         mission: what `lupin prove` is told.
     """
-    hint = f"lupin prove {mission} tells how it comes to that, and writes a scenario"
+    hint = f"lupin prove {mission} tells how it comes to that"
     return [*(_finding(proof.chart, one, hint) for one in proof.broken), *_warnings(proof)]
 
 

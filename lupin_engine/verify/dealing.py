@@ -213,8 +213,11 @@ class Dealer:
         executor, out, lost = self.executors(), dict[Future[CampaignSum], _Dealt](), list[_Dealt]()
         try:
             while not lost:
-                for batch, tries in islice(left, AHEAD * self.workers - len(out)):
-                    out[executor.submit(run_batch, self.task, batch)] = batch, tries
+                for dealt in islice(left, AHEAD * self.workers - len(out)):
+                    try:
+                        out[executor.submit(run_batch, self.task, dealt[0])] = dealt
+                    except self.broken:
+                        return [dealt, *out.values()]
                 if not out:
                     break
                 done, _ = wait(out, return_when=FIRST_COMPLETED)

@@ -16,6 +16,7 @@ from lupin_engine.verify.situations.situation import Situation, SlotName, TooMan
 #: Parts of a memory that no author has named, as people call them.
 _WORDS: Mapping[str, str] = MappingProxyType(
     {
+        "configuration": "the set of combinations of active states",
         "timers": "the set of running deadlines",
         "frozen": "the set of deadlines that a hold stops",
         "deferred": "the list of events that wait for the release of a hold",
@@ -57,20 +58,10 @@ class BoundedExplorer(SituationExplorer):
         """Make the machine's own step; one that makes something grow too far leads nowhere."""
         try:
             return super().step(situation, number)
-        except TooMany:
-            self.growth = self.growth or self._growth()
+        except TooMany as found:
+            seen = f"({found.count} values, the last {shorten(found.last)})"
+            self.growth = self.growth or _told(self.chart, found.slot, seen)
             return Effect((), (), frozenset(), (), (), progress=False)
-
-    def _growth(self) -> Growth:
-        """Return the part of the memory that has more values than there may be."""
-        most = self.bounds.most_values
-        for slot, name in enumerate(self.table.names):
-            try:
-                last = self.table.value(slot, most + 1)
-            except IndexError:
-                continue
-            return _told(self.chart, name, f"({most + 1} values, the last {shorten(last)})")
-        raise AssertionError("something has too many values")
 
 
 def _told(chart: Chart, slot: SlotName, seen: str) -> Growth:

@@ -74,7 +74,8 @@ class Proof:
 
     `dead` are states and transitions that were never reached; they are told only when all was explored.
     One that is not `complete` was `stopped` for a reason; `growth` is the reason where something grows
-    without end. `parameters` are the values of all of them; `varied` says which one is not as given. It took
+    without end. `untried` says of what fewer values were tried than there are. `parameters` are the values of
+    all of them; `varied` says which one is not as given. It took
     so many `seconds`, and so much time of the `processor` (s).
     """
 
@@ -88,6 +89,7 @@ class Proof:
     taken: frozenset[str] = frozenset()
     entered: frozenset[str] = field(default_factory=frozenset)
     growth: Growth | None = None
+    untried: tuple[str, ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
     varied: str = ""
     seconds: float = 0.0
@@ -161,6 +163,7 @@ def prove(
         frozenset(explored.taken),
         frozenset(explored.entered),
         explorer.growth,
+        tuple(explorer.classes.left_out),
         dict(world.parameters),
     )
 

@@ -36,7 +36,7 @@ ProofNews = tuple[int, ExplorationProgress, float]
 #: So often a process tells how far it is, in seconds.
 _TOLD_EVERY = 1.0
 #: Why a proof was stopped that somebody has interrupted.
-_INTERRUPTED = "interrupted"
+INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def prove_tasks(
 
 
 def _was_interrupted(made: Sequence[Proof]) -> bool:
-    return bool(made) and made[-1].stopped == _INTERRUPTED
+    return bool(made) and made[-1].stopped == INTERRUPTED
 
 
 def _gather(
@@ -158,7 +158,7 @@ def _looks(
             last = now
             tell(progress, now - since)
         if is_over():
-            return _INTERRUPTED
+            return INTERRUPTED
         return f"the budget of {seconds:g} s ran out" if seconds is not None and now - began > seconds else ""
 
     return look

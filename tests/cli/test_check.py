@@ -54,7 +54,7 @@ NEVER = RIGHT.replace("states:", "initial: WAITING\nproperties:\n  stays: {never
 NEVER = NEVER.replace("{1 s: done}", "{1 s: NEXT}\n  NEXT:\n    after: {1 s: done}")
 AFTER_A_SECOND = (
     "MISSION.M.WAITING.after.0: property stays (line 4): in_state('NEXT') became true; it must never be;"
-    " lupin prove m.yaml tells how it comes to that, and writes a scenario [broken-property]\n"
+    " lupin prove m.yaml tells how it comes to that [broken-property]\n"
 )
 #: It is loaded, with a warning.
 ODD = RIGHT.replace("states:", "codes:\n  lost: {label: lost}\nstates:")

@@ -10,11 +10,11 @@ import shutil
 import signal
 import subprocess
 import sys
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
@@ -199,6 +199,28 @@ def test_workers_end_with_the_process_that_began_them(tmp_path: Path) -> None:
         process.kill()
     assert select.select([worker], [], [], 20.0)[0] == [worker], "it has ended"
     os.close(worker)
+
+
+class RefusesOnce(ThreadPoolExecutor):
+    """An executor that is broken when something more is submitted; the next one is not."""
+
+    refused: ClassVar[list[int]] = []
+
+    def submit(self, *asked: Any, **more: Any) -> Future[Any]:
+        """Submit something, or refuse it."""
+        self.refused.append(len(self.refused))
+        if len(self.refused) == 2:
+            raise BrokenExecutor
+        return super().submit(*asked, **more)
+
+
+def test_an_executor_that_breaks_between_two_batches_loses_no_seed(tmp_path: Path) -> None:
+    """What was under way, and what it did not take, is dealt out again."""
+    campaign = made(tmp_path)
+    task = make_task(campaign.loaded, tmp_path / "rates.yaml", {})
+    dealer = Dealer(campaign, 3 * BATCH, executors=lambda: RefusesOnce(1), workers=1, task=task)
+    assert dealer.run().seeds == 3 * BATCH
+    assert dealer.lost == 2
 
 
 def test_seeds_that_end_every_worker_are_told(tmp_path: Path) -> None:

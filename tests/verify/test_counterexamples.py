@@ -193,8 +193,7 @@ def test_of_a_circle_that_takes_time_as_much_is_told_as_tells_enough(
     assert "✗ silence_is_told: " in told
     assert "      and so on: 340 more steps\n" in told
     assert (
-        "     0.0 s  ✗ silence_is_told: without answers it may go on for ever: no deadline certainly leads to an"
-        in told
+        "     0.0 s  ✗ silence_is_told: without answers it may go on for ever: no deadline certainly" in told
     )
     assert told.count("time is up in A") < 30
     assert "and so on: 340 more steps" in page.read_text(encoding="utf-8")

@@ -22,6 +22,7 @@ from lupin_engine.machine.reload import successor
 from lupin_engine.missions.folders import lifecycle_of
 from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_world
+from lupin_engine.verify.growth import BoundedExplorer
 from lupin_engine.verify.proof import Proof, ProofVerdict, prove
 from lupin_engine.verify.situations.explorer import Bounds
 from lupin_engine.verify.situations.found import ExplorationProgress
@@ -70,6 +71,21 @@ def test_check_proves_within_a_budget(capsys: pytest.CaptureFixture[str]) -> Non
     assert "--prove: expected duration, got 'soon'" in capsys.readouterr().err
     assert main(["check", "inspection", "--prove", "1 s", "--watch"]) == 2
     assert "--prove takes its time; leave out --watch" in capsys.readouterr().err
+
+
+def test_an_interrupted_check_proves_nothing_more(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of two missions the second one is not begun, and the exit code says why."""
+
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(BoundedExplorer, "step", interrupted)
+    assert main(["check", "inspection", "exploration", "--prove", "60 s"]) == 130
+    told = capsys.readouterr().out
+    assert "InspectionMission: not proven: interrupted; " in told
+    assert "ExplorationMission" not in told
 
 
 def test_inspection_is_proven() -> None:

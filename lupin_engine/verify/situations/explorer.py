@@ -223,7 +223,10 @@ class SituationExplorer:
             return before
         known = self.table.value(slot, before) if before else frozenset()
         ranks = ranks_after(known, effect.deadlines, effect.fresh, dict(effect.renamed))
-        return self.table.number(slot, ranks) if ranks else 0
+        try:
+            return self.table.number(slot, ranks) if ranks else 0
+        except TooMany:  # of so many orders no more are told apart: any deadline may be the next
+            return 0
 
     def _due_now(self, situation: Situation, watched: Watched) -> set[TimerName]:
         """Return the deadlines of properties that are set in a step."""

@@ -79,7 +79,14 @@ class Overflow(Exception):
 
 
 class TooMany(Exception):
-    """A slot has so many values that it grows without end; the text says which, and what it was last."""
+    """A slot has so many values that it grows without end."""
+
+    def __init__(self, slot: SlotName, count: int, last: Any) -> None:
+        what, told = ".".join(filter(None, slot)), shortened(repr(last), 200)
+        super().__init__(f"{what} grows: it has had {count} values, the last one {told}")
+        self.slot = slot
+        self.count = count
+        self.last = last
 
 
 class SlotTable:
@@ -139,7 +146,11 @@ class SlotTable:
         return found
 
     def number(self, slot: int, value: Any) -> int:
-        """Return the number of a value of a slot."""
+        """Return the number of a value of a slot.
+
+        Raises:
+            TooMany: it has more values than are told apart.
+        """
         name = self.names[slot]
         key = self.relevance.key(name, value)
         numbers = self._numbers[slot]
@@ -147,11 +158,8 @@ class SlotTable:
         if found is None:
             found = numbers[key] = len(numbers) + 1
             self._values[slot].append(pickle.dumps(value, -1) if type(value) is Traversal else _copied(value))
-            if found > self._most:
-                what = ".".join(filter(None, name))
-                raise TooMany(
-                    f"{what} grows: it has had {found} values, the last one {shortened(repr(value), 200)}"
-                )
+        if found > self._most:
+            raise TooMany(name, found, value)
         return found
 
     def value(self, slot: int, number: int) -> Any:

@@ -33,6 +33,7 @@ def last_line(proof: Proof) -> str:
         result(proof),
         f"{unused:,} of your properties never applied" if unused else "",
         _never_reached(proof.dead),
+        "not all values were tried" if proof.untried else "",
         f"{seen}{deep}" if proof.complete else f"{seen}, {progress.waiting:,} still to explore",
     ]
     return "; ".join(filter(None, parts))

@@ -207,13 +207,14 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
     """Prove missions within a time, shared among them, and return what is broken.
 
     A line tells of each what came of it; where somebody is `told`, how it comes to what is broken as well.
-    What was not proven in time is no error. A part of a file that several missions use is told as never
+    What was not proven in time is no error; after a Ctrl-C nothing more is proven, and KeyboardInterrupt is
+    raised. A part of a file that several missions use is told as never
     reached where none of them reaches it.
     """
     from lupin_engine.cli.verbs.proofs.proof_words import last_line
     from lupin_engine.missions.selection import load_missions
     from lupin_engine.verify.breach import findings
-    from lupin_engine.verify.proving import ProofTask, prove_tasks
+    from lupin_engine.verify.proving import INTERRUPTED, ProofTask, prove_tasks
     from lupin_engine.verify.situations.explorer import Bounds
 
     found: list[list[Diagnostic]] = []
@@ -226,6 +227,8 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
             _show(loaded, proof, {}, quiet=True, wanted=False)
         else:
             click.echo(f"{loaded.names[0]}: {last_line(proof)}", err=True)
+        if proof.stopped == INTERRUPTED:
+            raise KeyboardInterrupt
         found.append(findings(proof, str(file)))
         charts.append(proof.chart)
     return tuple(dict.fromkeys(one for each in found for one in each if _is_of_all(one, charts, found)))
