@@ -29,13 +29,10 @@ from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.scope import HELD, EvaluationScope, Reads, Watch
 from lupin_engine.machine.step import Macrostep
 from lupin_engine.plugin.builtin import BUILTIN
-from lupin_engine.plugin.contract import RESTARTED_CODE, UNRECORDED_CODE, OnHold
+from lupin_engine.plugin.contract import OWN_HOLDS, OnHold
 
 #: More events of plugins than this do not wait for a release.
 MAX_DEFERRED = 64
-#: The engine's own holds, each with its code.
-RESTARTED, UNRECORDED = "restarted", "unrecorded"
-OWN_HOLDS: Mapping[str, str] = {RESTARTED: RESTARTED_CODE, UNRECORDED: UNRECORDED_CODE}
 
 
 @lru_cache(maxsize=32)

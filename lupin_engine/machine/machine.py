@@ -34,7 +34,7 @@ from lupin_engine.machine.event import (
     Trigger,
     flaw,
 )
-from lupin_engine.machine.holds import RESTARTED, Holds, all_holds, defer, passes
+from lupin_engine.machine.holds import Holds, all_holds, defer, passes
 from lupin_engine.machine.inputs import WAITS, Inputs, WallClock
 from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.memory import Timer as Deadline
@@ -79,7 +79,7 @@ from lupin_engine.machine.structure import (
     dispatch_table,
 )
 from lupin_engine.machine.timers import seconds
-from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE
+from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE, RESTARTED
 from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.types import fitted
 

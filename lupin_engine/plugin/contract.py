@@ -47,6 +47,9 @@ EXECUTION_CODE, INVARIANT_CODE = "execution_error", "invariant_broken"
 #: could not go on with, its journal cannot be written, or can again.
 RESTARTED_CODE, CLOSED_CODE = "restarted", "mission_closed"
 UNRECORDED_CODE, RECORDED_CODE = "journal_failed", "journal_works"
+#: The engine's own holds, each with its code: they are in every chart.
+RESTARTED, UNRECORDED = "restarted", "unrecorded"
+OWN_HOLDS: Mapping[str, str] = {RESTARTED: RESTARTED_CODE, UNRECORDED: UNRECORDED_CODE}
 #: Codes that any operation may end in: they are the engine's, whatever the operation declares.
 OPERATION_CODES = ("driver_error", EXECUTION_CODE, "operation_cancelled")
 #: The codes that are in every chart.

@@ -8,12 +8,11 @@ from functools import partial
 
 from lupin_engine import __version__
 from lupin_engine.machine.event import HELD_BACK, TOLD, Event
-from lupin_engine.machine.holds import UNRECORDED
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.requests import Possibility
 from lupin_engine.machine.step import Refusal, Step, View
 from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.contract import CLOSED_CODE, RECORDED_CODE, UNRECORDED_CODE, Parameter
+from lupin_engine.plugin.contract import CLOSED_CODE, RECORDED_CODE, UNRECORDED, UNRECORDED_CODE, Parameter
 from lupin_engine.plugin.profile import START, Fields, Profile, Publish
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, TEXT
 from lupin_engine.ros.adapter.host import Slices

@@ -19,7 +19,6 @@ from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, shortened
 from lupin_engine.machine.event import NOTHING, TOLD, Event, Report
-from lupin_engine.machine.holds import RESTARTED
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.reload import is_idle, successor
@@ -28,7 +27,7 @@ from lupin_engine.machine.step import Moment, Refusal, Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.clients import make_client
-from lupin_engine.plugin.contract import CLOSED_CODE, Driver, Parameter
+from lupin_engine.plugin.contract import CLOSED_CODE, RESTARTED, Driver, Parameter
 from lupin_engine.plugin.profile import (
     ANSWER,
     START,

@@ -27,7 +27,6 @@ from typing import NamedTuple, TypeVar
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.machine.event import Act, Cancel, Report, Start
-from lupin_engine.machine.holds import OWN_HOLDS
 from lupin_engine.machine.itineraries import identity_of
 from lupin_engine.machine.memory import Invocation, Memory, Phase
 from lupin_engine.machine.operations import EVERYTHING
@@ -35,7 +34,7 @@ from lupin_engine.machine.scope import EvaluationScope
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.structure import dispatch_table
 from lupin_engine.plugin.builtin import BUILTIN
-from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE, OnHold
+from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE, OWN_HOLDS, OnHold
 from lupin_engine.plugin.profile import ANSWER, START, Publish
 
 #: The property that invariants hold.

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.machine.holds import RESTARTED
 from lupin_engine.machine.step import Step
+from lupin_engine.plugin.contract import RESTARTED
 from lupin_engine.runtime.history import History
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario
 from lupin_engine.sim.simulation import Ask, Restart, Simulation, Tell

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from lupin_engine.chart.compose.declare import CLOCK, input_type
 from lupin_engine.chart.documents import PropertyNode
 from lupin_engine.chart.expressions.scope import Scope
@@ -10,6 +12,7 @@ from lupin_engine.chart.expressions.values import read_guard, read_key
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.errors import Place
+from lupin_engine.plugin.contract import OWN_HOLDS
 from lupin_engine.plugin.types import DURATION, Type
 
 #: What such a condition does not see, because it is told of every moment.
@@ -25,11 +28,11 @@ _KINDS = ("always", "never", "eventually")
 
 
 def timeless(scope: Scope, what: str) -> Scope:
-    """Return a scope without what comes and goes; `what` is written in it."""
+    """Return a scope without what comes and goes, with the engine's own holds; `what` is written in it."""
     verb = "holds at" if what == "invariant" else "is about"
     for name in _MOMENTARY:
         scope = scope.without(name, f"{one(what)} {verb} every moment, with and without a mission")
-    return scope
+    return replace(scope, holds=(*scope.holds, *OWN_HOLDS))
 
 
 def scope_of(chart: Chart) -> Scope:

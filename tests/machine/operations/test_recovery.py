@@ -8,10 +8,10 @@ import pytest
 
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import HELD_BACK, RESUMED, TOLD, Event
-from lupin_engine.machine.holds import RESTARTED, UNRECORDED
 from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.operations import RECOVERY_DEADLINE
 from lupin_engine.machine.step import Step
+from lupin_engine.plugin.contract import RESTARTED, UNRECORDED
 from tests.machine.charts import PAUSE, Bench, chart
 
 GONE = Event(RESUMED, {"detail": "for 3 s", "held": True, "away": 3.0})
