@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -198,8 +198,8 @@ class _Judge:
         """Judge a property that is watched in every step."""
         explored = self._explored
         if name in explored.breaches:
-            told = [self._way_of(one, says) for one in self._ways.first(explored.breaches[name])[:_TRIED]]
-            return next((one for one in told if one.steps is not None), told[0])
+            nearest = self._ways.first(explored.breaches[name])[:_TRIED]
+            return self._first(self._way_of(one, says) for one in nearest)
         if not explored.complete:
             return Proven(name, says, ProofVerdict.NOT_PROVEN)
         return Proven(
@@ -232,10 +232,19 @@ class _Judge:
             elif not situations:
                 found.append(Proven(one.name, one.says, ProofVerdict.HOLDS))
             else:
-                way = self._ways.to(self._ways.nearest(situations))
-                told = self._broken(way, one.name, one.says, one.why)
+                ways = map(self._ways.to, self._ways.nearest(situations)[:_TRIED])
+                told = self._first(self._broken(way, one.name, one.says, one.why) for way in ways)
                 found.append(replace(told, of_the_graph=True, taken=()))
         return found
+
+    def _first(self, told: Iterable[Proven]) -> Proven:
+        """Return the first that has times, or else the first."""
+        tried = []
+        for one in told:
+            if one.steps is not None:
+                return one
+            tried.append(one)
+        return tried[0]
 
     def _broken(self, way: Sequence[int], name: str, says: str, text: str) -> Proven:
         explorer, way = self._explorer, self._explorer.without_idle(way)

@@ -439,6 +439,25 @@ def test_cells_that_are_not_kept_are_found(planted: str, tmp_path: Path) -> None
     assert cell or "4 of 4 cells of page.md were met." in proof.bounds
 
 
+def test_a_situation_that_is_farther_is_told_if_no_run_comes_to_the_nearest() -> None:
+    """The second deadline inside is due at 6 s, the one around at 5 s: of them no order is known."""
+    home = {"on": {"operator.abort": "DONE"}}
+    inside = {"ONE": {"after": {3.0: "TWO"}}, "TWO": {"after": {3.0: "NEAR"}}}
+    states = {
+        "READY": {"on": {"operator.dock": "X"}},
+        "X": {"after": {5.0: "A"}, "states": inside, **home},
+        "NEAR": {},
+        "A": {"after": {1.0: "B"}, **home},
+        "B": {"after": {1.0: "FAR"}, **home},
+        "FAR": {},
+        **ENDS,
+    }
+    proof = prove(make_world(chart(states), {}), Bounds(restarts=False))
+    (found,) = (one for one in proof.broken if one.name == "home_again")
+    assert found.steps is not None
+    assert found.configuration == ("", "FAR")
+
+
 def test_there_are_forty_of_them() -> None:
     """Each with the property that finds it; every property finds one at least."""
     assert len(CHARTS) + len(ENGINES) >= 40

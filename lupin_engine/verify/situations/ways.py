@@ -68,7 +68,7 @@ class ShortestWays:
     def _faults(self, breach: Breach) -> int:
         return int(self.faults[breach.situation] + (self._wrong[breach.move] if breach.move >= 0 else 0))
 
-    def nearest(self, situations: Sequence[int]) -> int:
-        """Return of some situations one that is nearest to the beginning, with the fewest faults."""
+    def nearest(self, situations: Sequence[int]) -> list[int]:
+        """Return situations, the nearest to the beginning first, of these those with the fewest faults."""
         found = np.array(situations)
-        return int(found[np.lexsort((self.faults[found], self.depths[found]))[0]])
+        return [int(one) for one in found[np.lexsort((self.faults[found], self.depths[found]))]]
