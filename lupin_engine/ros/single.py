@@ -23,6 +23,8 @@ _BOOT = re.compile(r'\{"boot": "(\w+)"')
 
 #: How long another one is looked for, in seconds: one that runs is usually found within 0.3 s.
 LOOK_S = 1.0
+#: How often it is looked whether another one is there of which nothing was heard, in seconds.
+LISTEN_AGAIN_S = 3.0
 
 
 def other_orchestrator(ros: RosNode, wire: Wire) -> str:
@@ -57,12 +59,28 @@ def listen_for_an_elder(ros: RosNode, boot: str, found: Callable[[str], None]) -
     """Call `found` with the name of another start that was before `boot`.
 
     Two that look for each other in the same second find nobody. Each tells its chart a moment after its start
-    and hears that of the other, so exactly one of the two is called.
+    and hears that of the other, so exactly one of the two is called. What is latched does not always reach a
+    reader that starts together with the writer (Fast DDS, issue 3822): while there is another writer of which
+    nothing was heard, the reader is made anew.
     """
+    others: set[str] = set()
 
     def hear(message: String) -> None:
         told = _BOOT.match(message.data)
-        if told and told[1] < boot:
-            found(told[1])
+        if told and told[1] != boot:
+            others.add(told[1])
+            if told[1] < boot:
+                found(told[1])
 
-    ros.subscribe(String, CHART_TOPIC, Qos.LATCHED, hear)
+    def listen() -> Any:
+        return ros.subscribe(String, CHART_TOPIC, Qos.LATCHED, hear)
+
+    reader = listen()
+
+    def listen_again() -> None:
+        nonlocal reader
+        if not others and ros.node.count_publishers(CHART_TOPIC) > 1:
+            ros.node.destroy_subscription(reader)
+            reader = listen()
+
+    ros.steady_timer(LISTEN_AGAIN_S, listen_again)
