@@ -111,7 +111,7 @@ class Scenario:
         simulation.listener = lambda step: monitor.take(step, simulation.machine.scope)
         try:
             run = simulation.run()
-            monitor.end(run.seconds)
+            monitor.end(run.watched_until)
         except Standstill as problem:
             told = History(simulation.steps[: problem.kept])
             run = replace(simulation.result(cut_off=True), history=told)

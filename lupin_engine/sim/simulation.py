@@ -7,6 +7,7 @@ same steps.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -216,6 +217,12 @@ class Run:
     def steps(self) -> Sequence[Step]:
         """The steps in their order."""
         return self.history.steps
+
+    @property
+    def watched_until(self) -> float:
+        """Until when something may come true (s): for ever, if nobody does anything any more."""
+        is_over = self.view.lifecycle in self.chart.profile.stages.over
+        return self.seconds if self.cut_off or self.stopped or is_over else math.inf
 
     @property
     def ended(self) -> bool:

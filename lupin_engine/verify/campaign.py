@@ -152,7 +152,7 @@ class Campaign:
         run = None
         try:
             run = simulation.run()
-            monitor.end(run.seconds)
+            monitor.end(run.watched_until)
             into.ended[run.view.lifecycle] += 1
         except Standstill as problem:
             # The step that does not end says the same as an execution error: it is told once.

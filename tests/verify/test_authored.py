@@ -130,6 +130,22 @@ def failures(folder: Path, text: str) -> list[str]:
     return [f"{one.what}: {one.expected} / {one.actual}" for one in found]
 
 
+def test_time_goes_on_where_nobody_does_anything_any_more(tmp_path: Path) -> None:
+    """The stop stays pressed, so the robot never comes home; that ends no sooner than the time for it."""
+    text = SCENARIO.split("  halts:")[0] + PRESSED
+    how = "property comes_home (line 5): in_state('DONE') did not become true within 20 s"
+    assert failures(tmp_path, text) == [f"violated: comes_home: it holds / {how}"]
+
+
+#: The end of a scenario.
+PRESSED = """\
+  comes_home: {eventually: in_state('DONE'), within: 20 s, after: input.estop}
+when:
+  - {on: DRIVING, after: 1 s, value: {estop: true}}
+expect: {final: INSPECTING}
+"""
+
+
 def test_a_scenario_watches_its_own_and_all_others(tmp_path: Path) -> None:
     """What is violated fails it, unless it says so; what it says and is not so fails as well."""
     how = "property halts (line 5): in_state('DRIVING') became true; it must never be"
