@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -26,7 +27,7 @@ def findings(proof: Proof, mission: str) -> list[Diagnostic]:
         proof: the proof.
         mission: what `lupin prove` is told.
     """
-    hint = f"lupin prove {mission} tells how it comes to that"
+    hint = f"lupin prove {shlex.quote(mission)} tells how it comes to that"
     return [*(_finding(proof.chart, one, hint) for one in proof.broken), *_warnings(proof)]
 
 
@@ -65,7 +66,7 @@ def shown_by(scenario: Scenario, name: str) -> Diagnostic | None:
     if name not in known | scenario.chart.properties.keys():
         return None
     run = scenario.run()
-    hint = f"lupin test {scenario.file.name} shows it"
+    hint = f"lupin test {shlex.quote(scenario.file.name)} shows it"
     for one in OF_THE_GRAPH:
         if one.name == name:
             if not scenario.failures(run):

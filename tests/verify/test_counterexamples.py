@@ -165,15 +165,17 @@ states:
 
 
 def test_a_circle_without_time_is_a_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`lupin test` shows that time does not go on, and comes to its end."""
-    shutil.copy(LIFECYCLE, tmp_path)
-    mission, page = tmp_path / "still.yaml", tmp_path / "proof.html"
+    """`lupin test` shows that time does not go on, and comes to its end; the command can be pasted."""
+    folder = tmp_path / "two words"
+    folder.mkdir()
+    shutil.copy(LIFECYCLE, folder)
+    mission, page = folder / "still.yaml", folder / "proof.html"
     mission.write_text(STILL, encoding="utf-8")
     asked = ["prove", str(mission), "--targets", "0", "--no-restarts", "--quiet", "--report", str(page)]
     assert main(asked) == 1
-    scenario = tmp_path / "still.no_zeno.scenario.yaml"
+    scenario = folder / "still.no_zeno.scenario.yaml"
     told = capsys.readouterr().out
-    assert f"wrote {scenario}; lupin test {scenario} shows it again" in told
+    assert f"wrote '{scenario}'; lupin test '{scenario}' shows it again" in told
     assert main(["test", str(scenario)]) == 1
     told = capsys.readouterr().out
     assert "violated: time_goes_on" in told

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -207,9 +208,11 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
     """Prove missions within a time, shared among them, and return what is broken.
 
     A line tells of each what came of it; where somebody is `told`, how it comes to what is broken as well.
-    What was not proven in time is no error; after a Ctrl-C nothing more is proven, and KeyboardInterrupt is
-    raised. A part of a file that several missions use is told as never
+    What was not proven in time is no error. A part of a file that several missions use is told as never
     reached where none of them reaches it.
+
+    Raises:
+        KeyboardInterrupt: somebody has interrupted; nothing more is proven.
     """
     from lupin_engine.cli.verbs.proofs.proof_words import last_line
     from lupin_engine.missions.selection import load_missions
@@ -315,7 +318,8 @@ def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console
         show_timeline(timeline(scenario.run), console)
         if scenario.rest:
             click.echo(f"      {scenario.rest}")
-        click.echo(f"      wrote {scenario.file}; lupin test {scenario.file} shows it again")
+        file = shlex.quote(str(scenario.file))
+        click.echo(f"      wrote {file}; lupin test {file} shows it again")
         return
     if wanted or one.steps is None:
         click.echo(f"      {why_none(one)}")
