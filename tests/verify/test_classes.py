@@ -105,7 +105,7 @@ params:
 inputs:
   charge: {value: robot.battery, initial: 50 %}
 context:
-  c: {type: number, default: 0.0}
+  c: {type: <OF_TYPE>, default: <BEGINS>}
 properties:
   never_there: {never: "in_state('THERE')"}
 initial: LOOKING
@@ -144,19 +144,23 @@ NOTHING = {
     "READ": "param.bar > 2",
     "SEEN": "param.bar > 2",
     "KEPT": "0.0",
+    "OF_TYPE": "number",
 }
 REQUEST = "request: {n: {type: count, default: 1}, tags: {type: list of text, default: ['1']}}"
 
 WORD = "request: {word: {type: text, default: a}}"
 LATEST = "request: {latest: {type: time_of_day, default: '07:00'}}"
 SHARE = "request: {share: {type: number, min: 0.2, default: 0.5}}"
+TIMES = "request: {a: {type: time_of_day, default: '07:00'}, b: {type: time_of_day, default: '08:00'}}"
+SPOT = "request: {spot: {type: pose, default: {x: 0 m, y: 0 m, yaw: 0 rad}}}"
 COLD = "known(event.reading['temperature']) and event.reading['temperature'] < '5 °C'"
 
 
 def doubt(said: dict[str, str]) -> str:
     """Return the mission that says this."""
     text = DOUBT
-    for word, what in {**NOTHING, **said}.items():
+    begins = {"pose": "{x: 0 m, y: 0 m, yaw: 0 rad}", "text": "p"}.get(said.get("OF_TYPE", ""), "0.0")
+    for word, what in {**NOTHING, "BEGINS": begins, **said}.items():
         text = text.replace(f"<{word}>", what)
     return text
 
@@ -205,6 +209,9 @@ def proven(folder: Path, capsys: pytest.CaptureFixture[str], said: dict[str, str
         {"ASKED_FOR": LATEST, "SEEN": "request.latest > '07:00'"},
         {"ASKED_FOR": SHARE, "SEEN": "0.1 < request.share < 0.3"},
         {"READ": "event.reading.tag_id not in ['1', '2']"},
+        {"READ": f"{COLD} and event.reading['humidity'] > '99 %'"},
+        {"SEEN": "input.charge < 0.1 and input.battery.value > 0.09"},
+        {"ASKED_FOR": SPOT, "KEPT": "request.spot", "OF_TYPE": "pose", "SEEN": "c.x > '7 m'"},
     ],
     ids=lambda said: ", ".join(f"{word} {what}" for word, what in said.items() if word != "ASKED_FOR"),
 )
@@ -255,6 +262,29 @@ def test_what_a_condition_can_tell_apart_is_tried(
             {"ASKED_FOR": WORD, "SEEN": "len(request.word) > 9"},
             "request.word: only a, x1 were tried, although `len(request.word) > 9` reads it",
         ),
+        (
+            {"ASKED_FOR": WORD, "KEPT": "request.word", "OF_TYPE": "text", "SEEN": "len(c) > 9"},
+            "request.word: only a, x1 were tried, although `len(c) > 9` reads it",
+        ),
+        (
+            {"SEEN": "input.charge < (0.07 if in_state('ASKING') else 0.05) and input.charge > 0.06"},
+            "input.charge: only 0, 0.03, 0.06, 0.13, 0.2, 0.225, 0.25, 0.5 and 3 more were tried, although"
+            " `input.charge < (0.07 if in_state('ASKING') else 0.05) and input.charge > 0.06` reads it",
+        ),
+        (
+            {"ASKED_FOR": TIMES, "SEEN": "request.a > request.b"},
+            "request.a: only 07:00, 06:59, 07:01 were tried, although `request.a > request.b` reads it",
+        ),
+        (
+            {"CONFIRMED": "event.confidence in [input.charge + 3, 9 + input.charge]"},
+            "event.confidence: only 0, 0.5, 1 were tried,"
+            " although `event.confidence in [input.charge + 3, 9 + input.charge]` reads it",
+        ),
+        (
+            {"CONFIRMED": "event.confidence * (event.confidence - 1) > 6"},
+            "event.confidence: only 0, 0.5, 1 were tried,"
+            " although `event.confidence * (event.confidence - 1) > 6` reads it",
+        ),
     ],
     ids=lambda one: next(iter(one.values())) if isinstance(one, dict) else "",
 )
@@ -270,6 +300,7 @@ def test_what_is_not_understood_is_told(
     code, printed = proven(tmp_path, capsys, said)
     assert code == 0
     assert f"    Not all values were tried: {told}.\n" in printed
+    assert "; not all values were tried; " in printed
 
 
 def test_the_values_are_told(
@@ -284,8 +315,8 @@ def test_the_values_are_told(
     assert [line for line in lines if line.startswith(("Tried as ", "Conditions and "))] == [
         "Tried as event.confidence: -0.5, 0.5, 1.",
         "Tried as event.reading.readings['temperature']: 4 °C, 5 °C, 22.531 °C, nothing.",
-        "Tried as input.battery: 0.1, 0.2, 0.225, 0.25, 0.625.",
-        "Tried as input.charge: 0.485, 0.97, 0.985.",
+        "Tried as input.battery: 0.1, 0.2, 0.225, 0.25, 0.61, 0.625, 0.97, 0.985.",
+        "Tried as input.charge: 0.1, 0.2, 0.225, 0.25, 0.61, 0.97, 0.985.",
         "Tried as input.estop: false, true.",
         "Tried as request.n: 0, 7, 8.",
         "Tried as request.tags: lists of 0, 1 elements.",

@@ -372,6 +372,15 @@ SHORTER_AT_FIRST: dict[str, dict[str, Any]] = {
         "A": {"budget": {5.0: "LATE"}, "after": {4.0: "B"}, "on": {"operator.dock": "B"}},
         "B": {"on": BACK},
     },
+    "a tick was late": {
+        "A": {
+            "every": {4.0: {"do": ("raise", {"event": "tick"})}},
+            "states": {
+                "ONE": {"on": {"tick": "TWO"}},
+                "TWO": {"after": {3.0: "ONE"}, "on": {"tick": "LATE"}},
+            },
+        },
+    },
     "a pause is left to chance": {
         "A": {
             "invoke": {"do": "nav.go", "attempts": 2.0, "backoff": 4.0, "jitter": 0.5},

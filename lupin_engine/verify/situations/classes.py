@@ -138,15 +138,18 @@ class Classes:
         for name in sorted({spec.value for spec in self.chart.inputs.values()}):
             specs = [spec for spec in self.chart.inputs.values() if spec.value == name]
             found: dict[str, Any] = {}
-            for spec in specs:
-                for value in self._of_input(spec):
-                    found[repr(value)] = value
+            for value in (value for spec in specs for value in self._of_input(spec, specs)):
+                apart = [self.compared.told_apart(("input", spec.name), value) for spec in specs]
+                found.setdefault(repr(apart), value)
+            for spec, value in itertools.product(specs, found.values()):
+                self._remember(("input", spec.name), value)
             if not any(self.compared.decides(("input", spec.name)) for spec in specs):
                 found = dict(list(found.items())[:1])
             for value in found.values():
                 yield events.observed(name, value, 0.0)
 
-    def _of_input(self, spec: Input) -> list[Any]:
+    def _of_input(self, spec: Input, specs: Sequence[Input]) -> list[Any]:
+        """Return values of an input; of all inputs of one value the bounds count together."""
         declared = self.chart.catalog.values.get(spec.value)
         kind = declared.type if declared is not None else spec.type
         first = () if spec.initial is None else (spec.initial,)
@@ -156,11 +159,12 @@ class Classes:
             if not spec.of_mission:
                 most = elements_told_apart(self.chart, spec.name)  # more are too many alike
                 found = [value for value in found if len(value) <= most]
-            return self._apart(read, [*found, *more])
+            return [*found, *more]
         kind = within(kind, spec.minimum, spec.maximum)
-        edges = self.compared.edges(read) if kind.kind in ("number", "integer") else []
-        usual = _around(edges, kind) or [self._sample(kind, 1)]
-        return self._apart(read, [*usual, *self._variants(read, kind, usual[0]), *more])
+        edges = [edge for each in specs for edge in self.compared.edges(("input", each.name))]
+        numbers = _around(edges, kind) if kind.kind in ("number", "integer") else []
+        usual = numbers or [self._sample(kind, 1)]
+        return [*usual, *self._variants(read, kind, usual[0]), *more]
 
     def _events(self) -> Iterator[Event]:
         heard = {rule.event for state in self.chart.states.values() for rule in state.transitions}
@@ -238,15 +242,16 @@ class Classes:
 
     def _of_named(self, read: Read, kind: Type, usual: Any) -> Iterator[Any]:
         """Yield lists of records of name and value: with other values, and without one that is read."""
+        parts: dict[str, list[Any]] = {}
         for name, of in kind.named.items():
             if self.compared.decides((*read, name)):
-                others = [one for one in usual if one["name"] != name]
-                yield others
                 known = part(usual, name)
-                for value in self._variants(
-                    (*read, name), of, self._sample(of, 1) if known is None else known
-                ):
-                    yield [*others, {"name": name, "value": value}]
+                value = self._sample(of, 1) if known is None else known
+                parts[name] = [*self._variants((*read, name), of, value), None]
+        others = [one for one in usual if one["name"] not in parts]
+        for found in self._combined(self._shown(read), parts):
+            named = [{"name": name, "value": one} for name, one in found.items() if one is not None]
+            yield [*others, *named]
 
     def _of_list(self, kind: Type, usual: Sequence[Any]) -> list[Any]:
         most = int(min(self.targets, kind.maximum if kind.maximum is not None else self.targets))
@@ -257,7 +262,7 @@ class Classes:
     def _sample(self, kind: Type, number: int) -> Any:
         """Return a value of a type; others with other numbers where it can be one of many."""
         if kind.kind == "bool":
-            return False
+            return number % 2 == 0
         if kind.kind in ("number", "integer"):
             low = (kind.minimum if kind.minimum is not None else 0.0) + number - 1
             low = low if kind.maximum is None else min(low, kind.maximum)

@@ -37,6 +37,8 @@ ANY = "*"
 _ROOTS = frozenset({"input", "event", "request", "given", "context", "item", "target", "param"})
 #: With more bounds something is counted up, or handed round in circles.
 _MOST_BOUNDS = 16
+#: What a condition reads of the machine, which may be another at any moment.
+_CHANGING = ("in_state", "held", "itinerary", "clock")
 _ORDERINGS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 #: What a straight expression consists of, and the calls that the checker writes into one.
 _STRAIGHT = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.USub)
@@ -148,6 +150,10 @@ class Compared:
                     if key in tree.reads:
                         is_meant = _is_word if node.func.id == "len" else _is_list
                         self._note(tree.reads[key], source, is_meant)
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Subscript):  # a function of a plugin
+                for read in {tree.reads[key] for key in tree.inside(node)}:
+                    if not (_is_of_itinerary(read) or self._is_target(read)):
+                        self._note(read, source, _is_open)
             if isinstance(node, ast.Compare):
                 dealt_with |= tree.inside(node)
                 sides = [node.left, *node.comparators]
@@ -157,7 +163,7 @@ class Compared:
             if read[0] == "error":
                 self._note(read, source, _is_open, open_=True)
             elif told and key not in dealt_with:
-                self._note(read, source, _has_number)
+                self._note(read, source, (lambda _: True) if ANY in read else _has_number)
 
     def _compare(
         self, operator: ast.cmpop, left: ast.expr, right: ast.expr, tree: _Tree, source: str
@@ -174,7 +180,7 @@ class Compared:
             return
         if isinstance(operator, _ORDERINGS):
             self._carry(ast.BinOp(left, ast.Sub(), right), 0.0, tree, source)
-        elif not isinstance(operator, (ast.In, ast.NotIn)):
+        elif not (isinstance(operator, (ast.In, ast.NotIn)) and any(map(_is_of_itinerary, of_world[0]))):
             for read in itertools.chain(*of_world):
                 self._note(read, source, _is_open)
 
@@ -184,17 +190,21 @@ class Compared:
             return list(range(self._targets + 1))
         if any(tree.reads[key][0] != "param" for key in tree.inside(node)):
             return []
+        if any(f"env['{name}']" in ast.unparse(node) for name in _CHANGING):
+            return None
         try:
             value = to_function(ast.unparse(node))(self._env)
         except Exception:  # it reads the clock, an element of a list, or whatever else is not there yet
             return None
         every = value if isinstance(value, list) else [value]
+        if any(isinstance(one, (list, Mapping)) for one in every):
+            return None
         return [one for one in every if isinstance(one, (int, float, str)) and not isinstance(one, bool)]
 
     def _is_count(self, node: ast.expr, tree: _Tree) -> bool:
         """Say whether this counts elements or targets."""
         is_length = isinstance(node, ast.Call) and ast.unparse(node.func) == "len"
-        return is_length or (not tree.inside(node) and "env['itinerary']" in ast.unparse(node))
+        return is_length or (isinstance(node, ast.Subscript) and "env['itinerary']" in ast.unparse(node))
 
     def _carry(self, node: ast.expr, bound: Any, tree: _Tree, source: str, but: Read = ()) -> None:
         """Find what something must be for an expression to come to a bound; `but` is looked for nowhere."""
@@ -225,12 +235,14 @@ class Compared:
             if root is not None:
                 self._add(read, root, source, but)
             elif read != but:
-                self._note(read, source, _has_number, open_=True)
+                self._note(read, source, _is_open, open_=True)
 
     def _root(self, node: ast.expr, bound: float, tree: _Tree, read: Read) -> float | None:
         """Return the number for which a straight expression comes to a bound."""
         sought = {key for key in tree.inside(node) if tree.reads[key] == read}
         if not all(_is_straight(one) for one in ast.walk(node) if tree.inside(one) & sought - {id(one)}):
+            return None
+        if any(_is_bent(one, tree, sought) for one in ast.walk(node)):
             return None
         function, way = to_function(ast.unparse(node)), tree.ways[min(sought)]
 
@@ -263,7 +275,7 @@ class Compared:
         found = self.bounds.get(read, set())
         if read == but or bound in found:
             return
-        is_whole = any(not (_is_open(kind) or kind.kind in ("text", "bool")) for kind in self.kinds(read))
+        is_whole = any(kind.kind not in ("number", "integer", "text", "bool") for kind in self.kinds(read))
         is_whole = is_whole or (read[0] == "request" and len(read) > 2 and self._is_target(read[:2]))
         if ANY in read or is_whole or read[0] in ("item", "target") or len(found) >= _MOST_BOUNDS:
             self._note(read, source, lambda _: True, open_=True)
@@ -273,7 +285,8 @@ class Compared:
 
     def _is_target(self, read: Read) -> bool:
         """Say whether this is one of the things that a plugin reads by name, of which one alone is tried."""
-        return any(kind.name in self._env.world.readers for kind in self.kinds(read))
+        kinds = (kind if kind.item is None else kind.item for kind in self.kinds(read))
+        return any(kind.name in self._env.world.readers for kind in kinds)
 
     def _note(self, read: Read, source: str, is_meant: Callable[[Type], bool], open_: bool = False) -> None:
         """Note what is read in a way that is not understood, if its type is meant; `open_`: or not known."""
@@ -285,16 +298,26 @@ class Compared:
 
     def _hand_on(self, read: Read, bound: Any) -> None:
         """Give a bound of something that is set to what it is set from; None: it is not understood."""
-        for value in self._set_from.get(read, ()):
-            code = _code(value)
-            if code is None:
-                continue
-            tree, source = _Tree(code, self.chart), getattr(value, "source", "")
-            if bound is not None:
-                self._carry(tree.root, bound, tree, source, but=read)
-                continue
+        for size in range(2, len(read) + 1):
+            for value in self._set_from.get(read[:size], ()):
+                code = _code(value)
+                if code is not None:
+                    self._hand_to(_Tree(code, self.chart), getattr(value, "source", ""), read, size, bound)
+
+    def _hand_to(self, tree: _Tree, source: str, read: Read, size: int, bound: Any) -> None:
+        """Give a bound to what something is set to, of which the first names in `read` are set."""
+        whole, inner = tree.reads.get(id(tree.root)), read[size:]
+        if bound is not None and not inner:
+            self._carry(tree.root, bound, tree, source, but=read)
+        elif whole is not None and ANY not in inner:
+            there = (*whole, *inner)
+            if bound is None:
+                self._note(there, self.unclear[read], _is_open)
+            else:
+                self._add(there, bound, source, but=read)
+        else:
             for other in set(tree.reads.values()) - {read}:
-                self._note(other, self.unclear[read], _has_number)
+                self._note(other, self.unclear.get(read, source), _is_open)
 
     def kinds(self, read: Read) -> tuple[Type, ...]:
         """Return the types that this may have; none where that is not known."""
@@ -449,7 +472,13 @@ def _has_number(kind: Type) -> bool:
 
 def _is_open(kind: Type) -> bool:
     """Say whether a type has more values than can be told: numbers, and texts that may be any."""
-    return _has_number(kind) or (kind.kind == "text" and not kind.values)
+    inner = (*kind.fields.values(), *((kind.item,) if kind.item is not None else ()))
+    return _has_number(kind) or (kind.kind == "text" and not kind.values) or any(map(_is_open, inner))
+
+
+def _is_of_itinerary(read: Read) -> bool:
+    """Say whether this is about a target or an element, of which it tells nothing apart which one it is."""
+    return read[0] in ("item", "target")
 
 
 def _is_word(kind: Type) -> bool:
@@ -458,6 +487,14 @@ def _is_word(kind: Type) -> bool:
 
 def _is_list(kind: Type) -> bool:
     return kind.kind == "list" and not kind.named
+
+
+def _is_bent(node: ast.AST, tree: _Tree, sought: set[int]) -> bool:
+    """Say whether something is multiplied with itself, or divides."""
+    if not isinstance(node, ast.BinOp) or not tree.inside(node.right) & sought:
+        return False
+    is_product = isinstance(node.op, ast.Mult) and bool(tree.inside(node.left) & sought)
+    return is_product or isinstance(node.op, ast.Div)
 
 
 def _converts(node: ast.AST) -> bool:

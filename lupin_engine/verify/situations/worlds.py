@@ -419,8 +419,8 @@ def ranks_after(
 
     One that is set now comes after every other that was set for as long or less: that one's time runs
     already. Of those that are set in the same step the shorter comes first. Deadlines that a hold stops
-    come later by as long as it lasts than those that it does not stop. A budget may be used up in part, so it
-    comes after nothing.
+    come later by as long as it lasts than those that it does not stop. A budget may be used up in part, and a
+    tick may come sooner if the one before was late, so these come after nothing.
 
     Args:
         before: the same before the step; so the step itself does not depend on it.
@@ -434,7 +434,8 @@ def ranks_after(
     known = ((name_after(a, renamed), name_after(b, renamed)) for a, b in before)
     pairs = {(a, b) for a, b in known if a in old and b in old and (stops[b] or not stops[a])}
     for late, late_timer, late_stopped in named:
-        for early, early_timer, early_stopped in named if late in fresh and late[0] != "budget" else ():
+        is_late = late in fresh and late[0] != "budget" and not late[2].startswith("every")
+        for early, early_timer, early_stopped in named if is_late else ():
             if early != late and early_timer[:2] < late_timer[:2] and (late_stopped or not early_stopped):
                 pairs.add((early, late))
     return frozenset(pairs)
