@@ -142,6 +142,10 @@ CHARTS: dict[str, tuple[Callable[[], Chart], str]] = {
         "no_zeno",
     ),
     "a deadline that each round sets anew": (lambda: _outer({5.0: "DONE"}, {1.0: "X"}), "silence_is_told"),
+    "a budget that is at its end at once": (
+        lambda: _rounds({"budget": {10.0: "REST"}}),
+        "silence_is_told",
+    ),
     "a wait for a value that grows old": (lambda: _growing_old(), "silence_is_told"),
     "a circle within a step": (lambda: _circle(None), "no_execution_error"),
     "an end that nobody handles": (lambda: trip(GO={"on_error": []}), "home_again"),

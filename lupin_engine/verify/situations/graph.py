@@ -138,9 +138,8 @@ class Graph:
             return found
 
         at = np.flatnonzero(allowed)
-        budgets = [name for name in frozenset().union(*running) if name[0] == "budget"]
-        for spent in map(runs, budgets):
-            at = at[~spent[self.sources[at]]]
+        spends = np.array([bool(self._moves.spending(number)) for number in numbers.tolist()], bool)[of]
+        at = at[~spends[self.sources[at]]]
         circles = self.in_circles(at)
         names = frozenset().union(*(running[n] for n in np.unique(of[circles]))) if circles.any() else ()
         while True:

@@ -183,6 +183,21 @@ class WorldMoves:
         armed = self._table.value(slot, timers) if timers else ()
         return frozenset((kind, *about) for _, _, kind, about in armed)
 
+    def spending(self, timers: int) -> frozenset[str]:
+        """Return the states that use their budgets up, but those whose budgets begin anew."""
+        armed = self._table.value(self.slots_of_timers[0], timers) if timers else ()
+        states = (owner for due, _, kind, (owner, _) in armed if kind == "budget" and due > 0.0)
+        return frozenset(state for state in states if not self._is_of_a_part(state))
+
+    def _is_of_a_part(self, state: str | None) -> bool:
+        """Say whether a state is inside of one that uses a mission, which begins anew with each entry."""
+        states = self._table.relevance.chart.states
+        while state is not None:
+            if states[state].use is not None:
+                return True
+            state = states[state].parent
+        return False
+
     def attempts(self, number: int) -> tuple[int, ...]:
         """Return the slots of the attempts, by the value of `slot_of_order`."""
         names = self._table.value(self.slot_of_order, number) if number else ()
