@@ -75,8 +75,8 @@ class Proof:
     `dead` are states and transitions that were never reached; they are told only when all was explored.
     One that is not `complete` was `stopped` for a reason; `growth` is the reason where something grows
     without end. `untried` says of what fewer values were tried than there are. `parameters` are the values of
-    all of them; `varied` says which one is not as given. It took
-    so many `seconds`, and so much time of the `processor` (s).
+    all of them; `varied` says which one is not as given. It took so many `seconds`, and so much time of the
+    `processor` (s).
     """
 
     chart: Chart

@@ -268,7 +268,7 @@ def test_what_a_condition_can_tell_apart_is_tried(
         ),
         (
             {"SEEN": "input.charge < (0.07 if in_state('ASKING') else 0.05) and input.charge > 0.06"},
-            "input.charge: only 0, 0.03, 0.06, 0.13, 0.2, 0.225, 0.25, 0.5 and 3 more were tried, although"
+            "input.charge: only 0, 0.03, 0.06, 0.13, 0.2, 0.225, 0.25, 0.5 and 2 more were tried, although"
             " `input.charge < (0.07 if in_state('ASKING') else 0.05) and input.charge > 0.06` reads it",
         ),
         (
@@ -315,7 +315,7 @@ def test_the_values_are_told(
     assert [line for line in lines if line.startswith(("Tried as ", "Conditions and "))] == [
         "Tried as event.confidence: -0.5, 0.5, 1.",
         "Tried as event.reading.readings['temperature']: 4 °C, 5 °C, 22.531 °C, nothing.",
-        "Tried as input.battery: 0.1, 0.2, 0.225, 0.25, 0.61, 0.625, 0.97, 0.985.",
+        "Tried as input.battery: 0.1, 0.2, 0.225, 0.25, 0.61, 0.97, 0.985.",
         "Tried as input.charge: 0.1, 0.2, 0.225, 0.25, 0.61, 0.97, 0.985.",
         "Tried as input.estop: false, true.",
         "Tried as request.n: 0, 7, 8.",

@@ -161,10 +161,11 @@ class Classes:
                 found = [value for value in found if len(value) <= most]
             return [*found, *more]
         kind = within(kind, spec.minimum, spec.maximum)
-        edges = [edge for each in specs for edge in self.compared.edges(("input", each.name))]
-        numbers = _around(edges, kind) if kind.kind in ("number", "integer") else []
-        usual = numbers or [self._sample(kind, 1)]
-        return [*usual, *self._variants(read, kind, usual[0]), *more]
+        usual = self._sample(kind, 1)
+        if kind.kind in ("number", "integer"):
+            edges = [edge for each in specs for edge in self.compared.edges(("input", each.name))]
+            return [*(_around(edges, kind) or [usual]), *more]
+        return [usual, *self._others(read, kind, usual), *more]
 
     def _events(self) -> Iterator[Event]:
         heard = {rule.event for state in self.chart.states.values() for rule in state.transitions}

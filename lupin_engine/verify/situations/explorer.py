@@ -63,8 +63,8 @@ from lupin_engine.verify.situations.worlds import (
     WorldMoves,
     deadlines_of,
     forget_unwanted,
-    in_an_order,
     in_order,
+    rankable,
     ranks_after,
     settled_claims,
 )
@@ -197,7 +197,7 @@ class SituationExplorer:
         deadlines = None
         if fresh or any(slot in delta for slot in slots):
             running = (*memory.timers, *deadlines_of(watched))
-            ordered = (tuple(in_an_order(self.chart, timers)) for timers in (running, memory.frozen))
+            ordered = (tuple(rankable(self.chart, timers)) for timers in (running, memory.frozen))
             deadlines = Deadlines(*ordered)
         self._set(delta, memory, CALM, machine.calm)
         if claims is not None:

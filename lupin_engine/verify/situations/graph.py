@@ -53,8 +53,7 @@ class Graph:
         self._timers = np.frombuffer(explored.timers, dtype=np.uint16)
         may_not_come = np.array([move.timer[0] in _MAY_NOT_COME for move in explored.moves.all], bool)
         #: The transitions by deadlines that come if nothing else does.
-        self._certain = self.by(Mover.TIMER) & ~(may_not_come[by] if len(by) else self.by(Mover.TIMER))
-        self._certain |= self.by(Mover.AT_ONCE)
+        self._certain = (self.by(Mover.TIMER) & ~may_not_come[by]) | self.by(Mover.AT_ONCE)
         self._all, values = _values_of(explored)
         self._values = values[by] if len(by) else np.zeros(0, np.uint64)
 

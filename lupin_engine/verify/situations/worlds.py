@@ -410,7 +410,7 @@ class Deadlines(NamedTuple):
     frozen: tuple[Timer, ...]
 
 
-def in_an_order(chart: Chart, timers: Iterable[Timer]) -> Iterator[Timer]:
+def rankable(chart: Chart, timers: Iterable[Timer]) -> Iterator[Timer]:
     """Yield the deadlines of which is known how far away they were when they were set."""
     for timer in timers:
         _, _, kind, (owner, _) = timer
