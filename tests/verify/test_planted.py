@@ -171,6 +171,7 @@ CHARTS: dict[str, tuple[Callable[[], Chart], str]] = {
     "a flag that is looked at and never set": (lambda: _side_flag(), "home_again"),
     "two states that send each other back": (lambda: _to_and_fro(), "silence_is_told"),
     "an abort that begins a drive without an end": (lambda: _home_for_ever(), "abort_stops"),
+    "an abort that begins one drive after another": (lambda: _home_again_and_again(), "abort_stops"),
 }
 
 
@@ -212,6 +213,15 @@ def _to_and_fro() -> Chart:
 def _home_for_ever() -> Chart:
     go = {**TRIP["GO"], "on": {"operator.abort": "HOME"}}
     return chart({**TRIP, "GO": go, "HOME": {"invoke": "nav.dock", "on_done": "DONE", "on_error": "DONE"}})
+
+
+def _home_again_and_again() -> Chart:
+    """Return a chart that drives anew at each end of a drive once it is aborted, beside a region with waits."""
+    go = {**TRIP["GO"], "on": {"operator.abort": "HOME"}}
+    again = {"invoke": {"do": "nav.dock", "timeout": 30.0}, "on_done": "D0", "on_error": "D0"}
+    tries = {"T0": {"after": {3.0: "T1"}}, "T1": {"after": {5.0: "T0"}}}
+    home = {"kind": "parallel", "states": {"DRIVE": {"states": {"D0": again}}, "TRY": {"states": tries}}}
+    return chart({**TRIP, "GO": go, "HOME": home})
 
 
 def _passing() -> Chart:

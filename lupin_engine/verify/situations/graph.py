@@ -120,7 +120,7 @@ class Graph:
             inside &= ~self._advances
         stuck = outside.copy()
         stuck[self.sources[self._certain]] = False
-        return self._comes_from(stuck | self._in_fair_circles(inside), inside)
+        return self.comes_from(stuck | self._in_fair_circles(inside), inside)
 
     def _in_fair_circles(self, allowed: _Mask) -> _Mask:
         """Return situations from which deadlines go round without end, and no one that runs is left out.
@@ -152,12 +152,12 @@ class Graph:
                 goes_on = is_running[self.sources[at]] & is_running[self.targets[at]] & ~sets
                 ends = np.zeros(len(circles), bool)
                 ends[self.sources[at[~goes_on]]] = True
-                circles = circles & self._comes_from(ends, at)
+                circles = circles & self.comes_from(ends, at)
             circles = circles & self.in_circles(at[circles[self.sources[at]] & circles[self.targets[at]]])
             if (circles == before).all():
                 return circles
 
-    def _comes_from(self, goal: _Mask, allowed: _Mask | NDArray[np.intp]) -> _Mask:
+    def comes_from(self, goal: _Mask, allowed: _Mask | NDArray[np.intp]) -> _Mask:
         """Return the situations from which one of the goal can be reached by allowed transitions."""
         reached = goal.copy()
         sources, targets = self.sources[allowed], self.targets[allowed]
@@ -213,7 +213,14 @@ def _untold(graph: Graph) -> _Mask:
 
 
 def _moves_on(graph: Graph) -> _Mask:
-    return ~graph.leads_to(~graph.situations(Is.MOVES), Mover.ABORT)
+    return ~graph.leads_to(_rests(graph), Mover.ABORT)
+
+
+def _rests(graph: Graph) -> _Mask:
+    """Return where nothing moves, nor will by deadlines and answers alone before another mission begins."""
+    alone = graph.by(Mover.ANSWER | Mover.FAILURE | Mover.TIMER | Mover.AT_ONCE)
+    under_way = ~graph.situations(Is.OVER)
+    return ~graph.comes_from(graph.situations(Is.MOVES), alone & under_way[graph.sources])
 
 
 def _livelock(graph: Graph) -> _Mask:
@@ -241,9 +248,9 @@ OF_THE_GRAPH = (
     ),
     GraphProperty(
         "abort_stops",
-        "From every situation, aborting (repeatedly if accepted) and waiting bring the robot to rest.",
+        "From every situation, aborting (repeatedly if accepted) and waiting end all movement for good.",
         _moves_on,
-        "something moves, and neither an abort nor a deadline certainly ends that",
+        "something moves or will move by itself, and neither an abort nor a deadline certainly ends that",
     ),
     GraphProperty(
         NO_ZENO,
