@@ -61,7 +61,7 @@ class BoundedExplorer(SituationExplorer):
         except TooMany as found:
             seen = f"({found.count} values, the last {shorten(found.last)})"
             self.growth = self.growth or _told(self.chart, found.slot, seen)
-            return Effect((), (), frozenset(), (), (), progress=False)
+            return Effect()
 
 
 def _told(chart: Chart, slot: SlotName, seen: str) -> Growth:

@@ -18,6 +18,7 @@ from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.requests import Requests
 from lupin_engine.machine.step import Refusal
 from lupin_engine.machine.timers import Timers
+from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.verify.outcomes import OUTCOMES
 from lupin_engine.verify.proof import prove
@@ -25,8 +26,9 @@ from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.situations.explorer import NO_EXCEPTION, Bounds
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH
 from lupin_engine.verify.situations.situation import TooMany
+from tests import shipped
 from tests.machine.charts import PAUSE, chart, fails
-from tests.verify.toys import broken
+from tests.verify.toys import LIFECYCLE, broken
 
 DRIVE = {"do": "nav.go", "timeout": 10.0}
 CLOSE = ("itinerary.close", {"status": "OK"})
@@ -175,6 +177,31 @@ CHARTS: dict[str, tuple[Callable[[], Chart], str]] = {
 }
 
 
+PART = """\
+mission: Step
+initial: TRY
+states:
+  TRY: {budget: {after: 60 s, target: done, code: slow}, after: {10 s: done}}
+  done: {type: final}
+"""
+USES = """\
+mission: Chance
+initial: LOOK
+states:
+  LOOK: {use: step, on_done: REST}
+  REST: {after: {5 s: LOOK}}
+"""
+
+
+def test_a_budget_of_a_part_ends_no_rounds(tmp_path: Path) -> None:
+    """Each entry of the part begins it anew, so it never runs out, and nobody is told anything."""
+    mission = tmp_path / "chance.yaml"
+    for name, text in {"lifecycle": LIFECYCLE, "chance": USES, "step": PART}.items():
+        (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
+    of = load_chart(tmp_path / "lifecycle.yaml", [mission], shipped.catalog())
+    assert {"silence_is_told", "no_livelock"} <= broken(of)
+
+
 def _growing_old() -> Chart:
     """Return a chart that ends when a value is not reported any more."""
     rule = {"target": "DONE", "guard": lambda env: not env["known"]("x")}
@@ -216,7 +243,7 @@ def _home_for_ever() -> Chart:
 
 
 def _home_again_and_again() -> Chart:
-    """Return a chart that drives anew at each end of a drive once it is aborted, beside a region with waits."""
+    """Return a chart in which an abort begins a drive after the end of each, beside a region with waits."""
     go = {**TRIP["GO"], "on": {"operator.abort": "HOME"}}
     again = {"invoke": {"do": "nav.dock", "timeout": 30.0}, "on_done": "D0", "on_error": "D0"}
     tries = {"T0": {"after": {3.0: "T1"}}, "T1": {"after": {5.0: "T0"}}}

@@ -152,10 +152,10 @@ class SituationExplorer:
         try:
             is_restart = move.event is not None and move.event.name == RESUMED
             if is_restart and label_of(self.chart, memory.configuration) in begins_anew:
-                return _nothing()  # it is as at the beginning
+                return Effect()  # it is as at the beginning
             if move.event is LOADED:
                 if not is_idle(machine):
-                    return _nothing()
+                    return Effect()
                 memory.take_over(successor(Machine(self.world, memory.plain()), self.world).memory)
                 machine = _TrackedMachine(self.world, memory)
                 inputs, levels = (self.table.keys[field] for field in COMPARED)
@@ -164,13 +164,13 @@ class SituationExplorer:
             else:
                 step = self.moves.carry_out(machine, memory, move)
             if step is None:
-                return _nothing(cut=True)
+                return Effect(cut=True)
             return self._effect_of(memory, machine, step, situation, before)
         except (Overflow, TooMany):
             raise
         except Exception as problem:  # a defect of the engine, or of a plugin: told like what it breaks
             told = f"{type(problem).__name__}: {reason(problem)}"
-            return Effect((), ((NO_EXCEPTION, told),), frozenset(), (), (), progress=False)
+            return Effect(breaches=((NO_EXCEPTION, told),))
 
     def _effect_of(
         self,
@@ -185,7 +185,7 @@ class SituationExplorer:
         set_now = {(t[2], *t[3]) for timers in memory.looked_at_timers() for t in timers if t[1] >= FIRST_NEW}
         named = settle_names(memory)
         if any(not self.moves.is_within_bounds(name) for name in named.values()):
-            return _nothing(cut=True)
+            return Effect(cut=True)
         in_order(memory)
         claims = settled_claims(memory) if memory.is_looked_at("attempts") else None
         delta = dict(memory.changes())
@@ -270,7 +270,7 @@ class SituationExplorer:
         delta: dict[int, int] = {}
         self._set(delta, memory, WATCHED, tuple(sorted(known.items())))
         breaches = ((name, verdict.breach),) if verdict.breach else ()
-        return Effect(tuple(delta.items()), breaches, frozenset({name}), (), (), progress=False)
+        return Effect(tuple(delta.items()), breaches, frozenset({name}))
 
     def _set(self, delta: dict[int, int], memory: TrackedMemory, name: SlotName, value: Any) -> None:
         delta.update(memory.change(self.table.index[name], value))
@@ -418,8 +418,3 @@ class _Those:
 
 _OF_VISITS = ("closed_once",)
 _OF_REQUESTS = ("refusals_have_reasons",)
-
-
-def _nothing(cut: bool = False) -> Effect:
-    """Return the effect of a move that does nothing, or that the bounds leave out."""
-    return Effect((), (), frozenset(), (), (), progress=False, cut=cut)

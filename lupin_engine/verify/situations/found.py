@@ -21,12 +21,12 @@ class Effect:
     counts as read only where the variable makes a difference.
     """
 
-    delta: tuple[tuple[int, int], ...]
-    breaches: tuple[tuple[str, str], ...]
-    relevant: frozenset[str]
-    taken: tuple[str, ...]
-    entered: tuple[str, ...]
-    progress: bool
+    delta: tuple[tuple[int, int], ...] = ()
+    breaches: tuple[tuple[str, str], ...] = ()
+    relevant: frozenset[str] = frozenset()
+    taken: tuple[str, ...] = ()
+    entered: tuple[str, ...] = ()
+    progress: bool = False
     fresh: frozenset[TimerName] = frozenset()
     deadlines: Deadlines | None = None
     renamed: tuple[tuple[str, str], ...] = ()
