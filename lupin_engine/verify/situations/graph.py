@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,18 +130,15 @@ class Graph:
         again and again is at its end at last. Fair cycles as in Emerson and Lei, Modalities for Model
         Checking, 1987.
         """
-        numbers, of = np.unique(self._timers, return_inverse=True)
-        running = [self._moves.running(number) for number in numbers.tolist()]
+        running, spends, of = self._running
 
         def runs(name: TimerName) -> _Mask:
             found: _Mask = np.array([name in one for one in running], bool)[of]
             return found
 
-        at = np.flatnonzero(allowed)
-        spends = np.array([bool(self._moves.spending(number)) for number in numbers.tolist()], bool)[of]
-        at = at[~spends[self.sources[at]]]
+        at = np.flatnonzero(allowed & ~spends[of][self.sources])
         circles = self.in_circles(at)
-        names = frozenset().union(*(running[n] for n in np.unique(of[circles]))) if circles.any() else ()
+        names = frozenset[TimerName]().union(*(running[n] for n in np.unique(of[circles])))
         while True:
             before = circles
             for name in names:
@@ -156,6 +154,14 @@ class Graph:
             circles = circles & self.in_circles(at[circles[self.sources[at]] & circles[self.targets[at]]])
             if (circles == before).all():
                 return circles
+
+    @cached_property
+    def _running(self) -> tuple[list[frozenset[TimerName]], _Mask, NDArray[np.intp]]:
+        """The sets of deadlines that run together, whether one uses a budget up, and which set runs where."""
+        numbers, of = np.unique(self._timers, return_inverse=True)
+        running = [self._moves.running(number) for number in numbers.tolist()]
+        spends = np.array([bool(self._moves.spending(number)) for number in numbers.tolist()], bool)
+        return running, spends, of
 
     def comes_from(self, goal: _Mask, allowed: _Mask | NDArray[np.intp]) -> _Mask:
         """Return the situations from which one of the goal can be reached by allowed transitions."""
