@@ -174,6 +174,7 @@ CHARTS: dict[str, tuple[Callable[[], Chart], str]] = {
     "two states that send each other back": (lambda: _to_and_fro(), "silence_is_told"),
     "an abort that begins a drive without an end": (lambda: _home_for_ever(), "abort_stops"),
     "an abort that begins one drive after another": (lambda: _home_again_and_again(), "abort_stops"),
+    "a drive that begins by itself after the end": (lambda: trip(DONE={"after": {1.0: "GO"}}), "abort_stops"),
 }
 
 

@@ -223,10 +223,9 @@ def _moves_on(graph: Graph) -> _Mask:
 
 
 def _rests(graph: Graph) -> _Mask:
-    """Return where nothing moves, nor will by deadlines and answers alone before another mission begins."""
+    """Return where nothing moves, nor will by deadlines and answers alone."""
     alone = graph.by(Mover.ANSWER | Mover.FAILURE | Mover.TIMER | Mover.AT_ONCE)
-    under_way = ~graph.situations(Is.OVER)
-    return ~graph.comes_from(graph.situations(Is.MOVES), alone & under_way[graph.sources])
+    return ~graph.comes_from(graph.situations(Is.MOVES), alone)
 
 
 def _livelock(graph: Graph) -> _Mask:
