@@ -33,15 +33,21 @@ ASSUMPTIONS = (
     "The catalogs are true: a server answers with nothing that its catalog does not declare.",
     "If an operation sets a live value, that value is known before the operation succeeds.",
     "Values are divided into classes. Two values of one class lead to the same steps, as far as conditions"
-    " compare them with numbers and parameters. Of a list only its length matters.",
+    " compare them with numbers, texts and parameters. Of a list only its length matters.",
+    "Values on which no condition depends have one class. It is not shown that an expression has a result for"
+    " each of them.",
+    "A deadline of 0 s comes before all others. Otherwise two are due at the same moment only if they were"
+    " set together.",
     "An order that was given up gets no late answer, unless the bounds say so.",
     "The parameters have the values that are listed.",
-    "Conditions that read the robot's clock always see 06:00.",
+    "Conditions that read the robot's clock always see 06:00. A wait for a time of day may end at any time.",
 )
 #: What nobody may conclude.
 NOT_SHOWN = (
     "Nothing about servers, drivers, ROS, the network, the robot's physics, or how long a step takes.",
     "Nothing beyond the bounds, and nothing about distances and readings.",
+    "Nothing about orders that were given up as lost, which a restarted orchestrator cancels once more,"
+    " unless the bounds include late answers.",
     "Nothing about how likely something is: the shortest way to a breach need not be a likely one.",
 )
 
