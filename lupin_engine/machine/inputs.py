@@ -63,7 +63,7 @@ class Inputs:
             self._set(spec, Reported(spec.initial, step.now, reported=False), step)
 
     def observe(self, event: Event, step: Macrostep) -> None:
-        """Take in a report; one that is older than the last, or out of the declared range, is dropped."""
+        """Take in a report; one that is too old, older than the last, or out of range, is dropped."""
         data = event.data
         for spec in self._told.get(data["name"], ()):
             known = self._scope.memory.inputs.get(spec.name)
@@ -76,6 +76,9 @@ class Inputs:
                 step.note(f"dropped: a report of input.{spec.name} from before the mission")
             elif known is not None and known.reported and data["stamp"] < known.stamp:
                 step.note(f"dropped: a report of input.{spec.name} that is older than the last")
+            elif spec.freshness is not None and step.now >= data["stamp"] + spec.freshness:
+                age = step.now - data["stamp"]
+                step.note(f"dropped: a report of input.{spec.name} that is {age:g} s old, so too old already")
             else:
                 self._set(spec, Reported(self._news(spec, data["value"]), data["stamp"]), step)
 

@@ -311,6 +311,7 @@ class Machine:
         if event.name == RESUMED:
             self._operations.recover(step)
             self.scope.timers.tell_passed(step)
+            self.scope.timers.catch_up(step.now)
         if (event.name != RESUMED or data["held"]) and name not in self.memory.held:
             self._holds.engage(all_holds(self.chart)[name], step, data["detail"])
 

@@ -81,6 +81,17 @@ def test_the_stamp_counts_and_not_the_arrival() -> None:
     assert (late.leaves, late.machine.input_value("x", 10.0)) == (["A"], None)
 
 
+def test_a_report_that_is_too_old_reaches_no_level() -> None:
+    """The hysteresis would hold a level that nothing has reached while the value was known."""
+    levels = {"low": (0.2, 0.05)}
+    bench = Bench(chart({"A": {}}, inputs={"charge": {"freshness": 6.0, "levels": levels}}))
+    bench.now = 10.0
+    step = bench.observe("charge", 0.1, 3.0)
+    assert step.notes == ("dropped: a report of input.charge that is 7 s old, so too old already",)
+    bench.observe("charge", 0.22, 10.0)
+    assert bench.machine.memory.levels == {"input.charge.low": False}
+
+
 def test_an_older_report_is_dropped() -> None:
     """The order of arrival is not the order of what happened."""
     bench = unless_known()

@@ -126,7 +126,23 @@ def test_deadlines_that_have_passed_come_in_their_order() -> None:
     made.now += 12.0
     restarted(made)
     made.send("operator.resume")
-    assert [step.event.data["owner"] for step in made.wait(0.0)] == ["A.B", "A"]
+    assert [step.event.data["owner"] for step in made.wait(0.001)] == ["A.B", "A"]
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_what_a_passed_deadline_leads_to_at_once_comes_before_the_next(held: bool) -> None:
+    """As it would have come if somebody had watched."""
+    regions = {
+        "P": {"states": {"P0": {"after": {5.0: "P1"}}, "P1": {"after": {0.0: "P2"}}, "P2": {}}},
+        "Q": {"states": {"Q0": {"after": {6.0: "Q1"}}, "Q1": {}}},
+    }
+    made = Bench(chart({"A": {"kind": "parallel", "states": regions}}))
+    made.now += 12.0
+    made.restart()
+    made.send(Event(RESUMED, {"away": 12.0, "held": held, "detail": ""}))
+    if held:
+        made.send("operator.resume")
+    assert [step.event.data["owner"] for step in made.wait(0.001)] == ["A.P.P0", "A.P.P1", "A.Q.Q0"]
 
 
 def test_a_failed_journal_holds_and_a_code_is_told() -> None:
