@@ -6,7 +6,7 @@ orchestrator's steps, one JSON object a line, bare or under `step` as `lupin run
 Times count from the entry of the state that the mission was in, so that the scenario still means the same
 when something before it takes longer. What a server said becomes the mock of its operation, one outcome for
 each attempt in turn. A live value is left out where the run is the same without it, and kept otherwise as far
-as something was done before it changed again.
+as something was done before it changed again, or it was the last.
 """
 
 from __future__ import annotations
@@ -247,7 +247,7 @@ class _Happenings:
             elif event in self._catalog.events:
                 found.append(self._when(step, {"event": {event: dict(data)} if data else event}))
             self._enter(step)
-        return found
+        return [*found, *self._values.values()]
 
     def _request(self, event: str, data: Mapping[str, Any]) -> Any:
         known = self.request(data) if event == START else dict(data)

@@ -15,7 +15,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from lupin_engine.chart.documents import PropertyNode, Written
-from lupin_engine.chart.nodes import Node
+from lupin_engine.chart.nodes import Node, show, wrong_shape
 
 #: The moment at which a simulation is over.
 END = "end"
@@ -225,6 +225,8 @@ class RestartNode(ShortNode):
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
+        if not isinstance(data, (str, dict)):
+            raise wrong_shape(f"expected a duration such as '5 s', got {show(data)}")
         return data if isinstance(data, dict) else {"after": data}
 
 

@@ -256,8 +256,9 @@ def _chance(node: ChanceNode, reader: ScriptReader, words: ScenarioNames) -> Ite
             words.wrong(step.place, "chance.do", problem, "write it under 'when', or leave it out")
         wait = words.latency(step.at("after"), "after", step.after) or 0.0
         steps += [(wait, effect) for effect in reader.effects(step)]
-    if not steps:
-        words.wrong(node.place, "chance.do", "nothing happens", "say request, value, event or server_gone")
+    if not any(step.model_fields_set - {"after"} for step in node.do):
+        hint = "say request, value, event, restart or server_gone"
+        words.wrong(node.place, "chance.do", "nothing happens", hint)
     yield Chance(every or SHIFT, tuple(steps))
 
 

@@ -291,6 +291,7 @@ def test_rates_are_checked_like_everything(tmp_path: Path) -> None:
         .replace(
             "{every: 4 min, do: [{request: operator.abort}]}", "{every: 4 min, do: [{at: 3 s, request: x}]}"
         )
+        + "  - {every: 4 min, do: [{after: 3 s}]}\n  - {every: 4 min, do: [{value: {estp: true}}]}\n"
     )
     with pytest.raises(ChartError) as caught:
         made(tmp_path, wrong)
@@ -305,6 +306,9 @@ def test_rates_are_checked_like_everything(tmp_path: Path) -> None:
         "11:44: error: when: unknown request 'x'; allowed: 'mission.start', 'operator.abort', "
         "'operator.dock', 'operator.pause', 'operator.reset', 'operator.resume', 'operator.skip_current' "
         "[unknown-event]",
+        "12:5: error: chance.do: nothing happens; say request, value, event, restart or server_gone "
+        "[wrong-shape]",
+        "13:34: error: when.value: unknown value 'estp'; did you mean 'estop'? [unknown-value]",
     ]
 
 
