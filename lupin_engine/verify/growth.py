@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from lupin_engine.chart.model import Chart
@@ -13,6 +13,8 @@ from lupin_engine.verify.situations.explorer import SituationExplorer
 from lupin_engine.verify.situations.found import Effect
 from lupin_engine.verify.situations.situation import Situation, SlotName, TooMany
 
+#: A variable that has had more values than this may be what keeps a proof from its end.
+_MANY = 50
 #: Parts of a memory that no author has named, as people call them.
 _WORDS: Mapping[str, str] = MappingProxyType(
     {
@@ -62,6 +64,15 @@ class BoundedExplorer(SituationExplorer):
             seen = f"({found.count} values, the last {shorten(found.last)})"
             self.growth = self.growth or _told(self.chart, found.slot, seen)
             return Effect()
+
+    def may_grow(self) -> Growth | None:
+        """Return of which variable there were so many values that it may grow without end, if of any."""
+        counts = {slot: self.table.count(slot) for slot in self.table.index if slot[0] == "context"}
+        slot = max(counts, key=lambda one: counts[one], default=("", ""))
+        if counts.get(slot, 0) <= _MANY:
+            return None
+        told = _told(self.chart, slot, "")
+        return replace(told, text=f"{slot[1]!r} has had {counts[slot]:,} values so far")
 
 
 def _told(chart: Chart, slot: SlotName, seen: str) -> Growth:

@@ -73,10 +73,10 @@ class Proof:
     """What was proven of a chart; `bounds` says in words what was explored, and what it was bounded by.
 
     `dead` are states and transitions that were never reached; they are told only when all was explored.
-    One that is not `complete` was `stopped` for a reason; `growth` is the reason where something grows
-    without end. `untried` says of what fewer values were tried than there are. `parameters` are the values of
-    all of them; `varied` says which one is not as given. It took so many `seconds`, and so much time of the
-    `processor` (s).
+    One that is not `complete` was `stopped` for a reason; `growth` is what grows without end, or may.
+    `untried` says of what fewer values were tried than there are. `parameters` are the values of all of them;
+    `varied` says which one is not as given. It took so many `seconds`, and so much time of the `processor`
+    (s).
     """
 
     chart: Chart
@@ -139,8 +139,11 @@ def prove(
         return str(explorer.growth or "") or goes_on(progress)
 
     explored = explore(explorer, look)
-    if explorer.growth is not None:
-        explored.complete, explored.stopped = False, str(explorer.growth)
+    growth = explorer.growth
+    if growth is not None:
+        explored.complete, explored.stopped = False, str(growth)
+    elif not explored.complete:
+        growth = explorer.may_grow()
     judge = _Judge(explorer, explored)
     found = [judge.of_steps(one.name, one.says) for one in watched]
     if NO_EXCEPTION in explored.breaches:
@@ -162,7 +165,7 @@ def prove(
         dead,
         frozenset(explored.taken),
         frozenset(explored.entered),
-        explorer.growth,
+        growth,
         tuple(explorer.classes.left_out),
         dict(world.parameters),
     )

@@ -248,7 +248,7 @@ def _hold_starts_nothing(passage: Passage) -> str | None:
             name = command.operation
             if _moves(passage.chart, name) or (own and name.partition(".")[0] != BUILTIN):
                 return f"{name} ({command.attempt}) is started while {own or held[0]} is engaged"
-        elif isinstance(command, Act) and _was_held(passage) and _acts(passage.chart, command.action):
+        elif isinstance(command, Act) and _was_held(passage) and action_moves(passage.chart, command.action):
             return f"{command.action} is carried out while {held[0]} is engaged"
     return ""
 
@@ -457,7 +457,7 @@ def _moving(chart: Chart) -> frozenset[str]:
     return frozenset(one.name for one in invokes if one.operation.on_hold is OnHold.CANCEL)
 
 
-def _acts(chart: Chart, action: str) -> bool:
+def action_moves(chart: Chart, action: str) -> bool:
     """Say whether an action moves the robot."""
     found = chart.catalog.actions.get(action)
     return found is not None and found.moves

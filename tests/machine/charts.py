@@ -68,7 +68,7 @@ OPERATIONS = {
     "arm.carry": CARRY,
 }
 #: The catalog's actions; others that tests name are taken as they are.
-ACTIONS = {"arm.nod": Action("nod", {"by": TURN})}
+ACTIONS = {"arm.nod": Action("nod", {"by": TURN}), "arm.wave": Action("wave", moves=True)}
 
 PAUSE: dict[str, Any] = {"engage": "operator.pause", "release": ("operator.resume",), "code": "paused"}
 

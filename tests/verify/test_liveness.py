@@ -82,10 +82,10 @@ def check_reduction(of: Chart, given: dict[str, Any], bounds: dict[str, Any]) ->
         return all(situation[slot] == value for slot, value in told)
 
     met = set()
-    every_one = zip(plain.sources, plain.by, plain.targets, plain.advances, strict=True)
-    for source, by, target, advances in every_one:
+    every_one = zip(plain.sources, plain.by, plain.targets, plain.does, strict=True)
+    for source, by, target, does in every_one:
         way = of_plain[source], by, of_plain[target]
-        if way[0] != way[2] or advances or plain.moves.all[by].side & Mover.TIMER:
+        if way[0] != way[2] or does or plain.moves.all[by].side & Mover.TIMER:
             met.add(way)
             assert any(has(every[source], told) for told in ways[way])
     assert met == ways.keys()

@@ -28,7 +28,7 @@ from lupin_engine.verify.situations.graph import OF_THE_GRAPH
 from lupin_engine.verify.situations.situation import TooMany
 from tests import shipped
 from tests.machine.charts import PAUSE, chart, fails
-from tests.verify.toys import LIFECYCLE, broken
+from tests.verify.toys import broken
 
 DRIVE = {"do": "nav.go", "timeout": 10.0}
 CLOSE = ("itinerary.close", {"status": "OK"})
@@ -100,6 +100,8 @@ def test_all_is_well_without_a_defect() -> None:
     assert broken(walk()) == set()
 
 
+#: What is broken where something goes round for ever.
+ENDLESS = ("silence_is_told", "no_livelock")
 #: Charts that go round: some for ever, but not without news.
 ROUNDS: dict[str, tuple[Callable[[], Chart], set[str]]] = {
     "a deadline that runs on while others go round": (lambda: _outer({60.0: "DONE"}, {1.0: "ONE"}), set()),
@@ -174,33 +176,46 @@ CHARTS: dict[str, tuple[Callable[[], Chart], str]] = {
     "two states that send each other back": (lambda: _to_and_fro(), "silence_is_told"),
     "an abort that begins a drive without an end": (lambda: _home_for_ever(), "abort_stops"),
     "an abort that begins one drive after another": (lambda: _home_again_and_again(), "abort_stops"),
+    "an abort that begins a drive after each that ends well": (lambda: _homes("HOME"), "abort_stops"),
+    "an abort that begins to and fro": (lambda: _homes("CHECK"), "abort_stops"),
+    "an action that moves again and again": (
+        lambda: trip(REST={"after": {}, "every": {5.0: {"do": ("arm.wave", {})}}}),
+        "abort_stops",
+    ),
     "a drive that begins by itself after the end": (lambda: trip(DONE={"after": {1.0: "GO"}}), "abort_stops"),
 }
 
 
-PART = """\
-mission: Step
-initial: TRY
-states:
-  TRY: {budget: {after: 60 s, target: done, code: slow}, after: {10 s: done}}
-  done: {type: final}
-"""
-USES = """\
-mission: Chance
-initial: LOOK
-states:
-  LOOK: {use: step, on_done: REST}
-  REST: {after: {5 s: LOOK}}
-"""
+#: The missions in `planted/`, each with the properties that are broken in it.
+FILES: dict[str, set[str]] = {
+    "budget_in_no_time": {"home_again", *ENDLESS},
+    "budget_in_one_moment": {"home_again", *ENDLESS},
+    "budget_beside_rounds": set(),
+    "budget_inside_of_a_part": {*ENDLESS},
+    "budget_around_a_part": set(),
+    "budgets_of_two_lengths": {"not_late"},
+    "timeouts_of_a_wait": {"not_late"},
+    "default_that_decides": {"not_strong"},
+    "one_after_another": {"too_late"},
+}
 
 
-def test_a_budget_of_a_part_ends_no_rounds(tmp_path: Path) -> None:
-    """Each entry of the part begins it anew, so it never runs out, and nobody is told anything."""
-    mission = tmp_path / "chance.yaml"
-    for name, text in {"lifecycle": LIFECYCLE, "chance": USES, "step": PART}.items():
-        (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
-    of = load_chart(tmp_path / "lifecycle.yaml", [mission], shipped.catalog())
-    assert {"silence_is_told", "no_livelock"} <= broken(of)
+@pytest.mark.parametrize("name", FILES)
+def test_what_is_broken_in_missions_is_found(name: str) -> None:
+    """And nothing else is."""
+    folder = Path(__file__).parent / "planted"
+    of = load_chart(folder / "lifecycle.yaml", [folder / f"{name}.yaml"], shipped.catalog())
+    proof = prove(make_world(of, {}), Bounds(restarts=False))
+    assert proof.complete
+    assert {one.name for one in proof.broken} == FILES[name]
+
+
+def test_a_restart_counts_for_properties() -> None:
+    """What a new process begins anew is another value for a property, and its time goes on meanwhile."""
+    folder = Path(__file__).parent / "planted"
+    of = load_chart(folder / "counting.yaml", [folder / "one_after_another.yaml"], shipped.catalog())
+    proof = prove(make_world(of, {}), Bounds())
+    assert {"kept", "stays", "recovers"} <= {one.name for one in proof.broken}
 
 
 def _growing_old() -> Chart:
@@ -250,6 +265,14 @@ def _home_again_and_again() -> Chart:
     tries = {"T0": {"after": {3.0: "T1"}}, "T1": {"after": {5.0: "T0"}}}
     home = {"kind": "parallel", "states": {"DRIVE": {"states": {"D0": again}}, "TRY": {"states": tries}}}
     return chart({**TRIP, "GO": go, "HOME": home})
+
+
+def _homes(then: str) -> Chart:
+    """Return a chart that drives home once it is aborted, and goes on if that ends well."""
+    go = {**TRIP["GO"], "on": {"operator.abort": "HOME"}}
+    home = {"invoke": {"do": "nav.dock", "timeout": 30.0}, "on_done": then, "on_error": "DONE"}
+    check = {"invoke": {"do": "bridge.read", "timeout": 5.0}, "on_done": "HOME", "on_error": "DONE"}
+    return chart({**TRIP, "GO": go, "HOME": home, "CHECK": check})
 
 
 def _passing() -> Chart:

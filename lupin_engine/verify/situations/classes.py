@@ -30,10 +30,8 @@ from lupin_engine.runtime.possible import requests_of
 from lupin_engine.verify.situations.compared import ANY, Compared, Read, part, side
 from lupin_engine.verify.situations.relevance import (
     Relevance,
-    deciding,
     elements_told_apart,
     invokes,
-    reads,
 )
 
 #: What missions are called whose steps are looked at.
@@ -58,7 +56,7 @@ class Classes:
         self.world = world
         self.chart: Chart = world.chart
         self.targets = targets
-        self.compared = Compared(world, relevance, targets)
+        self.compared, self._parameters = Compared(world, relevance, targets), relevance.parameters
         #: Of what fewer combinations of fields, or fewer elements, are looked at than there may be.
         self._few: dict[str, None] = {}
         #: The values that were looked at of what something depends on.
@@ -341,8 +339,7 @@ class Classes:
             and read not in self.compared.unclear
             and read in (self.compared.read or ())
         ]
-        read = {name for value in deciding(self.chart) for root, name in reads(value) if root == "param"}
-        known = {name: one for name, one in self.chart.parameters.items() if name in read}
+        known = {name: one for name, one in self.chart.parameters.items() if name in self._parameters}
         told = (
             f"{name} = {_told(self.world.parameters.get(name, one.default), one.type)}"
             for name, one in known.items()
@@ -378,8 +375,8 @@ def parameter_classes(world: World) -> Iterator[tuple[str, Any]]:
     Classes are both truth values, every word, and of a number what lies below, at and above each number that
     a condition compares it with.
     """
-    read = {name for value in deciding(world.chart) for root, name in reads(value) if root == "param"}
-    compared = Compared(world, Relevance(world.chart), -1)
+    relevance = Relevance(world.chart)
+    read, compared = relevance.parameters, Compared(world, relevance, -1)
     for name, parameter in world.chart.parameters.items():
         given, kind = world.parameters.get(name, parameter.default), parameter.type
         if name not in read:

@@ -35,6 +35,8 @@ Read = tuple[str, ...]
 ANY = "*"
 #: Roots of what the world tells, and of what is kept of it.
 _ROOTS = frozenset({"input", "event", "request", "given", "context", "item", "target", "param"})
+#: Of these, those that are read as a whole, too.
+_WHOLE = frozenset({"event", "item", "target"})
 #: With more bounds something is counted up, or handed round in circles.
 _MOST_BOUNDS = 16
 #: What a condition reads of the machine, which may be another at any moment.
@@ -394,7 +396,7 @@ class _Tree:
             if below == ["detail"]:
                 return names
             return ("event", *below[1:]) if below[:1] == ["result"] and below[1:] else None
-        if root not in _ROOTS or (not below and root != "event"):
+        if root not in _ROOTS or (not below and root not in _WHOLE):
             return None
         spec = self._chart.inputs.get(below[0]) if root == "input" else None
         if spec is not None and spec.levels:  # its value and its levels are read as a record
@@ -421,7 +423,7 @@ def side(value: float, edges: Sequence[float]) -> tuple[int, ...]:
 
 def _set_from(chart: Chart) -> dict[Read, list[Value]]:
     """Return from what variables are set, and the fields of the chart's own events and requests."""
-    found: dict[Read, list[Value]] = {}
+    found: dict[Read, list[Value]] = {("context", name): [one.default] for name, one in chart.context.items()}
     for call in actions_of(chart):
         for name, value in call.arguments.items() if call.name in KEEPING else ():
             found.setdefault(("context", name), []).append(value)

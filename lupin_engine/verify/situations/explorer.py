@@ -15,9 +15,9 @@ from typing import Any, NamedTuple, cast
 
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import CompiledAction, ExecutableContent
-from lupin_engine.machine.event import RESUMED, Report, Trigger
+from lupin_engine.machine.event import RESUMED, Act, Report, Trigger
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Attempt, Phase, Reported
+from lupin_engine.machine.memory import Attempt, Memory, Phase, Reported
 from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.step import Macrostep, Step
@@ -30,13 +30,14 @@ from lupin_engine.verify.properties import (
     Passage,
     Property,
     Remembered,
+    action_moves,
     begun,
     closed,
     is_over,
     is_speaking,
 )
 from lupin_engine.verify.situations.classes import Classes
-from lupin_engine.verify.situations.found import Effect, Is
+from lupin_engine.verify.situations.found import Does, Effect, Is
 from lupin_engine.verify.situations.memo import Rows
 from lupin_engine.verify.situations.relevance import Relevance, invokes
 from lupin_engine.verify.situations.situation import (
@@ -45,6 +46,7 @@ from lupin_engine.verify.situations.situation import (
     COMPARED,
     FIRST_NEW,
     RANKS,
+    THROUGH,
     WATCHED,
     Overflow,
     Situation,
@@ -123,9 +125,11 @@ class SituationExplorer:
         nothing = (0,) * self._room
         memory = TrackedMemory(self.table, nothing)
         machine = _TrackedMachine(self.world, memory)
-        step = machine.start(0.0, None if self.world.calendar is None else MORNING)
-        effect = self._effect_of(memory, machine, step, nothing, None)
+        effect = self._effect_of(memory, machine, self._start(machine), nothing, None)
         return self._after(nothing, effect), effect
+
+    def _start(self, machine: Machine) -> Step:
+        return machine.start(0.0, None if self.world.calendar is None else MORNING)
 
     def step(self, situation: Situation, number: int) -> Effect:
         """Make the machine's own step.
@@ -152,15 +156,18 @@ class SituationExplorer:
         try:
             is_restart = move.event is not None and move.event.name == RESUMED
             if is_restart and label_of(self.chart, memory.configuration) in begins_anew:
-                return Effect()  # it is as at the beginning
-            if move.event is LOADED:
+                if len(self.properties) == len(BUILT_IN):
+                    return Effect()  # it is as at the beginning
+                memory.take_over(Memory(), *THROUGH, *COMPARED)
+                step: Step | None = self._start(machine)
+            elif move.event is LOADED:
                 if not is_idle(machine):
                     return Effect()
                 memory.take_over(successor(Machine(self.world, memory.plain()), self.world).memory)
                 machine = _TrackedMachine(self.world, memory)
                 inputs, levels = (self.table.keys[field] for field in COMPARED)
                 with memory.unread("inputs", inputs), memory.unread("levels", levels):
-                    step: Step | None = machine.go_on(0.0)
+                    step = machine.go_on(0.0)
             else:
                 step = self.moves.carry_out(machine, memory, move)
             if step is None:
@@ -194,15 +201,19 @@ class SituationExplorer:
             self._set(delta, memory, WATCHED, watched or None)
         fresh |= self._due_now(situation, watched)
         slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]
-        deadlines = None
-        if fresh or any(slot in delta for slot in slots):
-            running = (*memory.timers, *deadlines_of(watched))
+        deadlines, is_restart = None, step.event.name == RESUMED
+        if fresh or is_restart or any(slot in delta for slot in slots):
+            # What was due while the process was gone comes now, and may be later than what a property allows.
+            running = (*memory.timers, *(() if is_restart else deadlines_of(watched)))
             ordered = (tuple(rankable(self.chart, timers)) for timers in (running, memory.frozen))
             deadlines = Deadlines(*ordered)
         self._set(delta, memory, CALM, machine.calm)
         if claims is not None:
             self._set(delta, memory, CLAIMS, claims or None)
-        progress = any(isinstance(command, (Publish, Report)) for command in step.commands)
+        does = Does.ADVANCES * any(isinstance(command, (Publish, Report)) for command in step.commands)
+        acts = (command.action for command in step.commands if isinstance(command, Act))
+        does |= Does.MOVES * any(action_moves(self.chart, action) for action in acts)
+        does |= Does.ANSWERS * bool(step.taken and step.event.is_attempt_event)
         renamed = tuple((old, new) for old, new in named.items() if "#" in new)
         return Effect(
             tuple(delta.items()),
@@ -210,7 +221,7 @@ class SituationExplorer:
             frozenset(relevant),
             step.taken,
             step.entered,
-            progress,
+            does,
             frozenset(fresh),
             deadlines,
             renamed,

@@ -13,7 +13,7 @@ from lupin_engine.verify.situations.worlds import Deadlines, TimerName, WorldMov
 class Effect:
     """What a move does: the slots that change with what they are then, and what is told of it.
 
-    `progress`: something was told of a target or of the mission. `fresh` are the deadlines that it sets,
+    What it `does` is from `Does`. `fresh` are the deadlines that it sets,
     `deadlines` those that there are after it (None: as before), `renamed` the attempts that get another
     name. One that is `cut` is beyond the bounds. The step has read what it `needs` (see
     `TrackedMemory.reads`); the slots that it `sets` it has written whatever they were. Of pairs that are
@@ -26,7 +26,7 @@ class Effect:
     relevant: frozenset[str] = frozenset()
     taken: tuple[str, ...] = ()
     entered: tuple[str, ...] = ()
-    progress: bool = False
+    does: int = 0
     fresh: frozenset[TimerName] = frozenset()
     deadlines: Deadlines | None = None
     renamed: tuple[tuple[str, str], ...] = ()
@@ -93,12 +93,12 @@ class ExplorationProgress:
 class Explored:
     """What was found: the graph of situations by number, with what is known of each.
 
-    `sources`, `targets` and `by` (moves) are the transitions that change something, are deadlines, or tell
-    something of a target or of the mission, which `advances` says; `sets` are the deadlines that they set, as
-    places in `deadlines`. `flags` of a situation are from `Is`, `timers` is the number of the deadlines that
-    run in it; `parents` and `parent_moves` lead back to the beginning. `breaches` are those of each property
-    after the fewest moves. `relevant` counts the steps that properties are about, `cut` what is beyond the
-    bounds. One that is not `complete` was `stopped` for a reason.
+    `sources`, `targets` and `by` (moves) are the transitions that change something, are deadlines, or do
+    something, which `does` says; `sets` are the deadlines that they set, as places in `deadlines`. `flags` of
+    a situation are from `Is`, `timers` is the number of the deadlines that run in it; `parents` and
+    `parent_moves` lead back to the beginning. `breaches` are those of each property after the fewest moves.
+    `relevant` counts the steps that properties are about, `cut` what is beyond the bounds. One that is not
+    `complete` was `stopped` for a reason.
     """
 
     moves: WorldMoves
@@ -108,7 +108,7 @@ class Explored:
     by: array[int] = field(default_factory=lambda: array("H"))
     sets: array[int] = field(default_factory=lambda: array("H"))
     deadlines: list[frozenset[TimerName]] = field(default_factory=list)
-    advances: bytearray = field(default_factory=bytearray)
+    does: bytearray = field(default_factory=bytearray)
     timers: array[int] = field(default_factory=lambda: array("H"))
     flags: bytearray = field(default_factory=bytearray)
     parents: array[int] = field(default_factory=lambda: array("I"))
@@ -127,6 +127,14 @@ class Explored:
         self.entered.update(effect.entered)
         for name in effect.relevant:
             self.relevant[name] = self.relevant.get(name, 0) + 1
+
+
+class Does:
+    """What is known of a transition, as bits."""
+
+    ADVANCES = 1  #: something is told of a target or of the mission
+    MOVES = 2  #: an action that moves the robot is carried out
+    ANSWERS = 4  #: an answer leads to a transition of the chart
 
 
 class Is:

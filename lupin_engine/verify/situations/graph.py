@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_engine.verify.situations.found import Explored, Is
+from lupin_engine.verify.situations.found import Does, Explored, Is
 from lupin_engine.verify.situations.worlds import Mover, TimerName
 
 _Mask = NDArray[np.bool_]
@@ -22,6 +22,7 @@ _Mask = NDArray[np.bool_]
 _BITS = 64
 #: Deadlines that may be put off for ever: a value may be reported again and again.
 _MAY_NOT_COME = frozenset({"fresh"})
+_NOBODY = Mover(0)
 
 
 @dataclass(frozen=True)
@@ -44,11 +45,11 @@ class Graph:
     def __init__(self, explored: Explored) -> None:
         self.sources = np.frombuffer(explored.sources, dtype=np.uint32)
         self.targets = np.frombuffer(explored.targets, dtype=np.uint32)
-        by = np.frombuffer(explored.by, dtype=np.uint16)
+        by = self._by = np.frombuffer(explored.by, dtype=np.uint16)
         sides = np.array([int(move.side) for move in explored.moves.all], dtype=np.uint8)
         self._sides = sides[by] if len(by) else np.zeros(0, dtype=np.uint8)
         self._flags = np.frombuffer(explored.flags, dtype=np.uint8)
-        self._advances = np.frombuffer(explored.advances, dtype=np.uint8) != 0
+        self._does = np.frombuffer(explored.does, dtype=np.uint8)
         self._moves, self._deadlines = explored.moves, explored.deadlines
         self._sets = np.frombuffer(explored.sets, dtype=np.uint16)
         self._timers = np.frombuffer(explored.timers, dtype=np.uint16)
@@ -68,100 +69,157 @@ class Graph:
         found: _Mask = (self._sides & int(sides)) != 0
         return found
 
+    def does(self, what: int) -> _Mask:
+        """Return the transitions that do something (see `Does`)."""
+        found: _Mask = (self._does & what) != 0
+        return found
+
     def leads_to(
-        self, goal: _Mask, helpful: Mover, *, values_change: bool = False, advances: bool = False
+        self,
+        goal: _Mask,
+        helpful: Mover,
+        *,
+        against: Mover = _NOBODY,
+        values_change: bool = False,
+        advances: bool = False,
     ) -> _Mask:
         """Return the situations from which one of the goal is certainly reached if somebody wants that.
 
         Somebody makes any of the helpful moves, or waits. Which deadline comes next is not up to anybody, as
-        long as each that runs on and on comes at last. Where one situation stands for all values of an input
+        long as each that runs on and on comes at last; nor are the moves `against` it, which may come or not.
+        Where one situation stands for all values of an input
         it must be so for each of them, unless `values_change` on the way. Then where it is said to be so it
         is; not everything is said, since it may depend on the value which of two ways leads on at its end.
 
         Args:
             goal: situations.
             helpful: whose moves.
+            against: whose moves must not keep from the goal, beside deadlines.
             values_change: whether live values take any value on the way.
             advances: whether it is also enough that something is told of a target or of the mission.
         """
         reached = goal.copy()
+        told = self.does(Does.ADVANCES if advances else 0)
+        against |= Mover.TIMER
         while True:
-            reached = self._attracted(reached, helpful, values_change, advances)
-            stays = self._may_stay(~reached, advances)
+            reached = self._attracted(reached, helpful, against, values_change, told)
+            stays = self._may_stay(~reached, self.by(against) & ~told)
             if (stays | reached).all():
                 return reached
             reached = ~stays
 
-    def _attracted(self, goal: _Mask, helpful: Mover, values_change: bool, advances: bool) -> _Mask:
-        """Return the situations from which a helpful move leads on to the goal, or every deadline does."""
+    def _attracted(
+        self, goal: _Mask, helpful: Mover, against: Mover, values_change: bool, told: _Mask
+    ) -> _Mask:
+        """Return the situations from which a helpful move leads on to the goal, or all against it do."""
         reached = goal.copy()
-        deadline, helps = self.by(Mover.TIMER), self.by(helpful)
-        left = np.flatnonzero(deadline | helps)
-        others = np.bincount(self.sources[deadline], minlength=len(goal))
+        other, helps = self.by(against), self.by(helpful)
+        left = np.flatnonzero(other | helps)
+        others = np.bincount(self.sources[other], minlength=len(goal))
         waits = np.zeros(len(goal), bool)
         waits[self.sources[self._certain]] = True
         of = np.where(reached, self._all, np.uint64(0))
         while True:
-            new = reached[self.targets[left]] | (self._advances[left] if advances else False)
+            new = reached[self.targets[left]] | told[left]
             if not new.any():
                 return reached
             found = left[new]
             helped = found[helps[found]]
             values = self._all if values_change else self._values[helped]
             np.bitwise_or.at(of, self.sources[helped], values)
-            others -= np.bincount(self.sources[found[deadline[found]]], minlength=len(goal))
+            others -= np.bincount(self.sources[found[other[found]]], minlength=len(goal))
             reached = (of == self._all) | (waits & (others == 0))
             left = left[~new]
             left = left[~reached[self.sources[left]]]
 
-    def _may_stay(self, outside: _Mask, advances: bool) -> _Mask:
-        """Return the situations outside of a goal from which deadlines alone need not lead to it."""
-        inside = self.by(Mover.TIMER) & outside[self.sources] & outside[self.targets]
-        if advances:
-            inside &= ~self._advances
+    def _may_stay(self, outside: _Mask, against: _Mask) -> _Mask:
+        """Return the situations outside of a goal from which the moves against it need not lead to it."""
+        inside = against & outside[self.sources] & outside[self.targets]
         stuck = outside.copy()
         stuck[self.sources[self._certain]] = False
         return self.comes_from(stuck | self._in_fair_circles(inside), inside)
 
     def _in_fair_circles(self, allowed: _Mask) -> _Mask:
-        """Return situations from which deadlines go round without end, and no one that runs is left out.
+        """Return situations from which moves go round without end, and no deadline that runs is left out.
 
         A deadline that runs all the time and is never set anew comes at last, and a budget that is used up
         again and again is at its end at last. Fair cycles as in Emerson and Lei, Modalities for Model
         Checking, 1987.
         """
-        running, spends, of = self._running
-
-        def runs(name: TimerName) -> _Mask:
-            found: _Mask = np.array([name in one for one in running], bool)[of]
-            return found
-
-        at = np.flatnonzero(allowed & ~spends[of][self.sources])
+        at = np.flatnonzero(allowed)
         circles = self.in_circles(at)
-        names = frozenset[TimerName]().union(*(running[n] for n in np.unique(of[circles])))
+        at = at[circles[self.sources[at]] & circles[self.targets[at]]]
+        at = at[~self._spends(at)]
+        circles = self.in_circles(at)
+        names = self._running_in(circles)
         while True:
             before = circles
             for name in names:
                 if name[0] in _MAY_NOT_COME:
                     continue
                 at = at[circles[self.sources[at]] & circles[self.targets[at]]]
-                sets = np.array([name in one for one in self._deadlines], bool)[self._sets[at]]
-                is_running = runs(name)
-                goes_on = is_running[self.sources[at]] & is_running[self.targets[at]] & ~sets
                 ends = np.zeros(len(circles), bool)
-                ends[self.sources[at[~goes_on]]] = True
+                ends[self.sources[at[~self._goes_on(name, at)]]] = True
                 circles = circles & self.comes_from(ends, at)
             circles = circles & self.in_circles(at[circles[self.sources[at]] & circles[self.targets[at]]])
             if (circles == before).all():
                 return circles
 
+    def _spends(self, at: NDArray[np.intp]) -> _Mask:
+        """Return which transitions use up a part of a budget, if no others than these are taken.
+
+        They are by deadlines that were set when the budget ran already, which has run on since.
+        """
+        spends = np.zeros(len(at), bool)
+        sources, targets = self.sources[at], self.targets[at]
+        numbers = np.unique(self._timers[sources])
+        budgets = frozenset[TimerName]().union(*map(self._moves.spending, numbers.tolist()))
+        timed = np.unique(self._by[at[self.by(Mover.TIMER)[at] & ~self.by(Mover.AT_ONCE)[at]]]).tolist()
+        for budget, move in itertools.product(budgets, timed):
+            timer = self._moves.all[move].timer
+            fires, runs = self._by[at] == move, self._has(self._moves.spending, budget)
+            goes_on = self._goes_on(budget, at) & self._goes_on(timer, at)
+            is_set = self._is_set(timer, at)
+            since = runs & self._runs(timer)
+            while True:
+                left = since[targets] & ~(is_set | (goes_on & since[sources]))
+                if not left.any():
+                    break
+                since[targets[left]] = False
+            spends |= fires & since[sources]
+        return spends
+
+    def _goes_on(self, name: TimerName, at: NDArray[np.intp]) -> _Mask:
+        """Return through which transitions a deadline runs on."""
+        running = self._runs(name)
+        found: _Mask = running[self.sources[at]] & running[self.targets[at]] & ~self._is_set(name, at)
+        return found
+
+    def _is_set(self, name: TimerName, at: NDArray[np.intp]) -> _Mask:
+        """Return which transitions set a deadline."""
+        found: _Mask = np.array([name in one for one in self._deadlines], bool)[self._sets[at]]
+        return found
+
+    def _runs(self, name: TimerName) -> _Mask:
+        """Return where a deadline runs."""
+        return self._has(self._moves.running, name)
+
+    def _has(self, of: Callable[[int], frozenset[TimerName]], name: TimerName) -> _Mask:
+        """Return where a deadline is one of those that run there and that `of` gives."""
+        numbers, where = self._numbers
+        found: _Mask = np.array([name in of(number) for number in numbers], bool)[where]
+        return found
+
+    def _running_in(self, situations: _Mask) -> frozenset[TimerName]:
+        """Return the deadlines that run in one of some situations."""
+        numbers = np.unique(self._timers[situations]).tolist()
+        return frozenset[TimerName]().union(*map(self._moves.running, numbers))
+
     @cached_property
-    def _running(self) -> tuple[list[frozenset[TimerName]], _Mask, NDArray[np.intp]]:
-        """The sets of deadlines that run together, whether one uses a budget up, and which set runs where."""
-        numbers, of = np.unique(self._timers, return_inverse=True)
-        running = [self._moves.running(number) for number in numbers.tolist()]
-        spends = np.array([bool(self._moves.spending(number)) for number in numbers.tolist()], bool)
-        return running, spends, of
+    def _numbers(self) -> tuple[list[int], NDArray[np.intp]]:
+        """The numbers of the deadlines that run together, each once, and which of them is where."""
+        numbers, where = np.unique(self._timers, return_inverse=True)
+        return numbers.tolist(), where
 
     def comes_from(self, goal: _Mask, allowed: _Mask | NDArray[np.intp]) -> _Mask:
         """Return the situations from which one of the goal can be reached by allowed transitions."""
@@ -215,17 +273,20 @@ def _not_home(graph: Graph) -> _Mask:
 
 
 def _untold(graph: Graph) -> _Mask:
-    return ~graph.leads_to(graph.situations(Is.TOLD), Mover(0))
+    return ~graph.leads_to(graph.situations(Is.TOLD), _NOBODY)
 
 
 def _moves_on(graph: Graph) -> _Mask:
-    return ~graph.leads_to(_rests(graph), Mover.ABORT)
+    servers = Mover.ANSWER | Mover.FAILURE
+    return ~graph.leads_to(_rests(graph), Mover.ABORT, against=servers)
 
 
 def _rests(graph: Graph) -> _Mask:
     """Return where nothing moves, nor will by deadlines and answers alone."""
-    alone = graph.by(Mover.ANSWER | Mover.FAILURE | Mover.TIMER | Mover.AT_ONCE)
-    return ~graph.comes_from(graph.situations(Is.MOVES), alone)
+    alone = graph.by(Mover.ANSWER | Mover.FAILURE | Mover.TIMER)
+    moves = graph.situations(Is.MOVES)
+    moves[graph.sources[alone & graph.does(Does.MOVES)]] = True
+    return ~graph.comes_from(moves, alone)
 
 
 def _livelock(graph: Graph) -> _Mask:
@@ -255,11 +316,11 @@ OF_THE_GRAPH = (
         "abort_stops",
         "From every situation, aborting (repeatedly if accepted) and waiting end all movement for good.",
         _moves_on,
-        "something moves or will move by itself, and neither an abort nor a deadline certainly ends that",
+        "something moves or will move by itself, and no abort or deadline certainly ends that",
     ),
     GraphProperty(
         NO_ZENO,
-        "No cycle of steps takes zero time.",
+        "No cycle of deadlines takes zero time.",
         lambda graph: graph.in_circles(graph.by(Mover.AT_ONCE)),
         "deadlines of 0 s lead to each other without end",
     ),

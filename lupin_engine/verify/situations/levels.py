@@ -119,7 +119,7 @@ class _Effects:
         #: What effects have, each once, as many have the same.
         self._shared: dict[Any, Any] = {}
         self._marks = marks
-        self._progress, self._cut, self._breaks = (bytearray() for _ in range(3))
+        self._does, self._cut, self._breaks = (bytearray() for _ in range(3))
         self._low, self._high = array("Q"), array("Q")
         self._starts, self._slots, self._values = array("I", [0]), array("H"), array("H")
         self._before = array("H")
@@ -158,7 +158,7 @@ class _Effects:
         self._low.append(low)
         self._high.append(high)
         self._starts.append(len(self._slots))
-        self._progress.append(effect.progress)
+        self._does.append(effect.does)
         self._cut.append(effect.cut)
         self._breaks.append(bool(effect.breaches))
         timing = None if effect.deadlines is None else (effect.deadlines, effect.fresh, effect.renamed)
@@ -212,8 +212,9 @@ class _Effects:
         """Return which slot effects set to which value if that is all they do (see `only`); 0 otherwise."""
         return np.frombuffer(self._only, np.uint32)[effects]
 
-    def progressing(self, effects: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        return np.frombuffer(self._progress, np.bool_)[effects]
+    def does(self, effects: NDArray[np.uint32]) -> NDArray[np.uint8]:
+        """Return what effects do, from `Does`."""
+        return np.frombuffer(self._does, np.uint8)[effects]
 
     def setting(self, effects: NDArray[np.uint32]) -> NDArray[np.uint16]:
         """Return the places of the deadlines that effects set."""
@@ -527,28 +528,24 @@ class LevelWalk:
     def _take_in(self, origins: Origins, every: Moved) -> None:
         """Take in the transitions that matter, and the situations to which they are the first.
 
-        What changes nothing matters if it is a deadline, or tells something.
+        What changes nothing matters if it is a deadline, or does something.
         """
         ranks = self._effects.ranks_after(origins.rows[self._ranks, every.columns], every.effects)
         low, high = self._change(origins.rows, every, ranks)
         matters = (low | high) != 0
-        matters |= self._is_deadline(every.moves) | self._effects.progressing(every.effects)
+        matters |= self._is_deadline(every.moves) | (self._effects.does(every.effects) != 0)
         every, ranks = every.at(matters), ranks[matters]
         low, high = low[matters] ^ origins.low[every.columns], high[matters] ^ origins.high[every.columns]
         targets, new = self._seen.numbers(low, high)
         numbers = origins.numbers[every.columns].astype(np.uint32)
-        found, progress, advances = (
-            self._found,
-            self._found.progress,
-            self._effects.progressing(every.effects),
-        )
+        found, progress, does = self._found, self._found.progress, self._effects.does(every.effects)
         # With values that were told before, another one may be what changes.
-        kept = (targets != numbers) | self._is_deadline(every.moves) | advances
+        kept = (targets != numbers) | self._is_deadline(every.moves) | (does != 0)
         found.sources.frombytes(numbers[kept].tobytes())
         found.targets.frombytes(targets[kept].tobytes())
         found.by.frombytes(every.moves[kept].tobytes())
         found.sets.frombytes(self._effects.setting(every.effects[kept]).tobytes())
-        found.advances += advances[kept].tobytes()
+        found.does += does[kept].tobytes()
         progress.transitions += self._looked_at
         progress.depth = origins.depth
         self._looked_at = 0

@@ -23,7 +23,7 @@ from lupin_engine.plugin.builtin import is_builtin
 
 #: Actions whose arguments stay in the memory, or go on as an event.
 KEEPING = ("set", "add", "remove")
-_ROOTS = ("context", "input", "known")
+_ROOTS = ("context", "input", "known", "param")
 
 
 def reads(value: Value | None) -> frozenset[tuple[str, str]]:
@@ -67,6 +67,8 @@ class Relevance:
         decides: set[tuple[str, str]] = set()
         for value in deciding(chart):
             decides |= reads(value)
+        for name, variable in chart.context.items():
+            self._made_of.setdefault(name, set()).update(reads(variable.default))
         for call in actions_of(chart):
             self._take(call, decides)
         known = {found for found in decides if found[0] in _ROOTS}
@@ -79,6 +81,7 @@ class Relevance:
         unclear = not all(isinstance(value.evaluate, Compiled) for value in values)
         variables = {name for root, name in known if root == "context"}
         self.variables = frozenset(chart.context if unclear else variables)
+        self.parameters = frozenset(name for root, name in known if root == "param")
         inputs = {name for root, name in known if root in ("input", "known")}
         inputs |= heard_inputs(chart)
         inputs = set(chart.inputs) if unclear or ("input", "") in known else inputs
@@ -145,7 +148,7 @@ class Relevance:
         answer = None if value.answer is None else self._told(value.answer)
         # Whether the server has accepted already makes no difference to the machine.
         phase = Phase.REQUESTED if value.phase is Phase.ACCEPTED and answer is None else value.phase
-        return value.invocation, value.operation, value.uses, phase.value, value.timeout is None, answer
+        return value.invocation, value.operation, value.uses, phase.value, value.timeout, answer
 
     def _invocation(self, _: str, value: Invocation) -> Hashable:
         cause = frozen(value.event) if self._cause.get(value.state) else ()
@@ -173,9 +176,6 @@ class Relevance:
             data["code"] = ""
         return name, frozen(data)
 
-    def _present(self, _: str, value: Any) -> Hashable:
-        return value > 0.0 if isinstance(value, float) else value is not None
-
 
 def _unordered(_: Relevance, __: str, value: Any) -> Hashable:
     return frozenset(value)
@@ -190,7 +190,6 @@ _KEYS: Mapping[str, Any] = {
     "timers": Relevance._timers,
     "frozen": Relevance._timers,
     "deferred": Relevance._deferred,
-    "budgets": Relevance._present,
     "started_at": lambda *_: True,
     "wall": lambda *_: True,
     "asked": lambda _, __, value: tuple(value),
@@ -405,6 +404,7 @@ def _bounds(level: Any) -> tuple[Value | None, ...]:
 
 
 def _all(chart: Chart) -> Iterator[Expression]:
-    """Yield every expression that decides, or that an action computes."""
+    """Yield every expression that decides, or that a variable is made of or an action computes."""
     values = [*deciding(chart), *(v for call in actions_of(chart) for v in call.arguments.values())]
+    values += [variable.default for variable in chart.context.values()]
     yield from (value for value in values if isinstance(value, Expression))

@@ -162,6 +162,10 @@ class SlotTable:
             raise TooMany(name, found, value)
         return found
 
+    def count(self, name: SlotName) -> int:
+        """Return how many values a slot has had."""
+        return len(self._numbers[self.index[name]])
+
     def value(self, slot: int, number: int) -> Any:
         """Return a value that nobody else changes."""
         kept = self._values[slot][number]
@@ -347,12 +351,12 @@ class TrackedMemory(Memory):
             if whatever is None or dict.get(entries, key) is value:
                 dict.pop(entries, key, None)
 
-    def take_over(self, other: Memory) -> None:
-        """Become what another memory is that goes on from this one."""
+    def take_over(self, other: Memory, *compared: str) -> None:
+        """Become what another memory is that goes on from this one, and in these fields, too."""
         for name in (*WHOLE, "held"):
             setattr(self, name, getattr(other, name))
         for name in (*ORDERED, *UNORDERED):
-            if name not in (*THROUGH, *COMPARED):
+            if name in compared or name not in (*THROUGH, *COMPARED):
                 getattr(self, name).replaced(getattr(other, name))
 
     def looked_at_timers(self) -> list[list[Timer]]:

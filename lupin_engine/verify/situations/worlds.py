@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import enum
 import math
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -44,8 +45,8 @@ from lupin_engine.verify.situations.situation import (
 _Entry = TypeVar("_Entry", str, ResourceClaim)
 #: A deadline: its kind, its owner and the event that it makes there.
 TimerName = tuple[str, str, str]
-#: Two deadlines of which the first certainly comes before the second.
-Rank = tuple[TimerName, TimerName]
+#: Two deadlines of which the first certainly comes before the second: by at least so many seconds.
+Rank = tuple[TimerName, TimerName, float]
 #: Deadlines that are in no order: a time of day, and the end of a freshness, which each report puts off.
 _UNRANKED = frozenset({"at", "fresh"})
 
@@ -53,8 +54,10 @@ _UNRANKED = frozenset({"at", "fresh"})
 Watched = tuple[tuple[str, Remembered], ...]
 #: The missions are loaded anew, as they are; where one is under way, that waits for its end.
 LOADED = Event("loaded")
-#: The kind of the deadlines of properties.
-OF_PROPERTY = "property"
+#: The kind of the deadlines of properties; each comes after what is due at the same moment.
+OF_PROPERTY, _LAST = "property", sys.maxsize
+#: To so many digits differences of deadlines are kept.
+_DIGITS = 9
 
 
 class Mover(enum.IntFlag):
@@ -183,20 +186,17 @@ class WorldMoves:
         armed = self._table.value(slot, timers) if timers else ()
         return frozenset((kind, *about) for _, _, kind, about in armed)
 
-    def spending(self, timers: int) -> frozenset[str]:
-        """Return the states that use their budgets up, but those whose budgets begin anew."""
+    def spending(self, timers: int) -> frozenset[TimerName]:
+        """Return the budgets that run and are not at their end, but those that begin anew."""
         armed = self._table.value(self.slots_of_timers[0], timers) if timers else ()
-        states = (owner for due, _, kind, (owner, _) in armed if kind == "budget" and due > 0.0)
-        return frozenset(state for state in states if not self._is_of_a_part(state))
+        found = ((kind, *about) for due, _, kind, about in armed if kind == "budget" and due > 0.0)
+        return frozenset(name for name in found if not self._is_of_a_part(name[1]))
 
-    def _is_of_a_part(self, state: str | None) -> bool:
+    def _is_of_a_part(self, state: str) -> bool:
         """Say whether a state is inside of one that uses a mission, which begins anew with each entry."""
         states = self._table.relevance.chart.states
-        while state is not None:
-            if states[state].use is not None:
-                return True
-            state = states[state].parent
-        return False
+        around = states[state].parent
+        return around is not None and (states[around].use is not None or self._is_of_a_part(around))
 
     def attempts(self, number: int) -> tuple[int, ...]:
         """Return the slots of the attempts, by the value of `slot_of_order`."""
@@ -220,7 +220,7 @@ class WorldMoves:
             move = WorldMove(Mover.TIMER | Mover.AT_ONCE, timer=now[0])
             return Due(True, (self._number(("at once", *now[0]), move),))
         armed = [(kind, *about) for _, _, kind, about in timers]
-        late = {after for before, after in ranks if before in armed}
+        late = {after for before, after, _ in ranks if before in armed}
         return Due(
             False,
             tuple(
@@ -323,7 +323,7 @@ def running(table: SlotTable, situation: Situation) -> list[Timer]:
 def deadlines_of(watched: Watched) -> list[Timer]:
     """Return what properties wait for as deadlines."""
     due = [(state[0], name) for name, state in watched if state and state[0] < math.inf]
-    return [(seconds, 0, OF_PROPERTY, (name, "")) for seconds, name in due]
+    return [(seconds, _LAST, OF_PROPERTY, (name, "")) for seconds, name in due]
 
 
 def forget_unwanted(memory: TrackedMemory, owed: int) -> None:
@@ -435,7 +435,9 @@ def ranks_after(
     One that is set now comes after every other that was set for as long or less: that one's time runs
     already. Of those that are set in the same step the shorter comes first. Deadlines that a hold stops
     come later by as long as it lasts than those that it does not stop. A budget may be used up in part, and a
-    tick may come sooner if the one before was late, so these come after nothing.
+    tick may come sooner if the one before was late, so these come after nothing. How much later is kept of
+    the deadlines of properties alone: at a step that much is left of one at least, and what is set then for
+    no longer comes before it, too. So the times of states that follow each other are added up.
 
     Args:
         before: the same before the step; so the step itself does not depend on it.
@@ -446,14 +448,21 @@ def ranks_after(
     named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in _both(*deadlines)]
     stops = {name: stopped for name, _, stopped in named}
     old = stops.keys() - fresh
-    known = ((name_after(a, renamed), name_after(b, renamed)) for a, b in before)
-    pairs = {(a, b) for a, b in known if a in old and b in old and (stops[b] or not stops[a])}
+    left = {late: max(lead for _, other, lead in before if other == late) for _, late, _ in before}
+    known = ((name_after(a, renamed), name_after(b, renamed), lead) for a, b, lead in before)
+    ranks = {(a, b, lead) for a, b, lead in known if {a, b} <= old and (stops[b] or not stops[a])}
     for late, late_timer, late_stopped in named:
-        is_late = late in fresh and late[0] != "budget" and not late[2].startswith("every")
-        for early, early_timer, early_stopped in named if is_late else ():
-            if early != late and early_timer[:2] < late_timer[:2] and (late_stopped or not early_stopped):
-                pairs.add((early, late))
-    return frozenset(pairs)
+        is_property = late[0] == OF_PROPERTY
+        if late not in fresh:
+            least = left.get(late, -1.0) if is_property else -1.0
+        else:
+            least = -1.0 if late[0] == "budget" or late[2].startswith("every") else late_timer[0]
+        for early, early_timer, early_stopped in named:
+            is_new = early != late and (late in fresh or early in fresh)
+            if is_new and early_timer[:2] < (least, late_timer[1]) and (late_stopped or not early_stopped):
+                lead = round(least - early_timer[0], _DIGITS) if is_property else 0.0
+                ranks.add((early, late, lead))
+    return frozenset(ranks)
 
 
 def name_after(timer: TimerName, renamed: Mapping[str, str]) -> TimerName:

@@ -18,10 +18,11 @@ def name_of(loaded: LoadedMissions, varied: str) -> str:
 
 def result(proof: Proof) -> str:
     """Return what came of a proof, in a few words."""
+    grows = f"; {proof.growth}" if proof.growth and str(proof.growth) != proof.stopped else ""
     if proof.broken:
-        unfinished = f", and not all was explored: {proof.stopped}" if proof.stopped else ""
+        unfinished = f", and not all was explored: {proof.stopped}{grows}" if proof.stopped else ""
         return f"{len(proof.broken)} of {counted(len(proof.properties), 'property')} broken{unfinished}"
-    return "proven" if proof.complete else f"not proven: {proof.stopped}"
+    return "proven" if proof.complete else f"not proven: {proof.stopped}{grows}"
 
 
 def last_line(proof: Proof) -> str:
