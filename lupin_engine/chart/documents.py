@@ -550,10 +550,11 @@ class PropertyNode(Node):
         None, description="time in which `eventually` comes true; holds do not stop this clock"
     )
     after: Annotated[Condition, Meaning.CONDITION] = Field(
-        None, description="from each moment on at which this holds; without it from the start"
+        None,
+        description="the watch begins each time that this becomes true; without it at the start",
     )
     until: Annotated[Condition, Meaning.CONDITION] = Field(
-        None, description="moment from which on nothing is asked, until `after` holds again"
+        None, description="the watch ends when this becomes true, until `after` holds again"
     )
     summary: str = Field("", description="one sentence for people")
 

@@ -93,6 +93,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "broken-property": "a property holds in everything that can happen, as far as lupin prove looks",
             "never-applies": "a property concerns something that can happen",
             "never-reached": "in what can happen every state is entered and every transition is taken",
+            "not-proven": "a proof comes to its end in the time that it is given",
             "grows-without-end": "what a mission remembers has a bound, so that a proof comes to its end",
         },
         "What nobody uses": {

@@ -17,7 +17,8 @@ from lupin_engine.verify.situations.graph import OF_THE_GRAPH
 #: The rules of the checker that such findings belong to.
 RULE = "broken-property"
 GROWS, UNREACHED, UNUSED = "grows-without-end", "never-reached", "never-applies"
-RULES = (RULE, GROWS, UNREACHED, UNUSED)
+UNPROVEN = "not-proven"
+RULES = (RULE, GROWS, UNREACHED, UNUSED, UNPROVEN)
 
 
 def findings(proof: Proof, mission: str) -> list[Diagnostic]:
@@ -36,6 +37,10 @@ def _warnings(proof: Proof) -> Iterator[Diagnostic]:
     chart, warn, grows = proof.chart, Severity.WARN, proof.growth
     if grows is not None:
         yield Diagnostic(grows.place, GROWS, grows.path, grows.text, grows.hint, warn)
+    if not proof.complete and proof.stopped != str(grows or ""):
+        places = [*(mission.place for mission in chart.missions.values()), chart.states[""].place]
+        hint = "nothing is known of the rest: give the proof more time"
+        yield Diagnostic(places[0], UNPROVEN, "", f"not proven: {proof.stopped}", hint, warn)
     for one in proof.never_applied:
         place, why = chart.properties[one.name].place, "it never applied: no explored step concerns it"
         hint = "see whether its conditions can ever be true"

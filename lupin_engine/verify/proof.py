@@ -269,7 +269,7 @@ def _elements(most: int) -> str:
 def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
     """Return what was explored, and what it was bounded by, as sentences."""
     bounds, classes = explorer.bounds, explorer.classes
-    late = "Answers to orders already given up are not explored; --late 1 adds them."
+    late = "Late answers, to orders that timed out or were cancelled, are not explored; --late 1 adds them."
     if bounds.owed:
         late = f"Of the orders already given up, up to {bounds.owed} may still be answered at any time."
     found = [
@@ -295,8 +295,8 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
         found.append(f"Values on which no condition depends are not distinguished: {names}.")
     if explored.cut:
         found.append(
-            "Not followed, because they lead beyond these bounds (a second event of one kind in a hold, one"
-            f" more order given up, success before a live value is known): {explored.cut:,} moves."
+            f"{explored.cut:,} moves were not followed, because they lead beyond these bounds: a second event"
+            " of one kind in a hold, one more order given up, success before a live value is known."
         )
     found += classes.words()
     found += [f"Not all values were tried: {text}." for text in classes.left_out]

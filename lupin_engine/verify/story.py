@@ -105,7 +105,7 @@ def _breach(broken: Proven, run: Run) -> StepLine:
 def why_none(broken: Proven) -> str:
     """Return why no scenario was written for a property that is broken."""
     if broken.steps is None:
-        return "no times were found at which this happens in that order: it may not be possible"
+        return "no times were found for these moves in this order: perhaps it cannot happen"
     if broken.name == OUTCOMES:
         return "no scenario was written, because scenarios do not read the page; these moves lead to it:"
     return "no scenario was written: a simulation of these moves does not break the property"

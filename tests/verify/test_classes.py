@@ -67,7 +67,7 @@ def test_what_is_added_is_tried(
     assert "  warning: never entered: late.yaml:20:3, state LATE\n" in told
     assert "  warning: never entered: late.yaml:21:3, state JUST_SO\n" in told
     assert "  warning: never taken: late.yaml:16:9, READING done → LATE\n" in told
-    assert "; 2 states never entered, 2 transitions of others never taken; " in told
+    assert "; 2 states never entered, 2 more transitions never taken; " in told
     assert asked("prove", tmp_path, "[31 %]", f"[{{reading: {READING}}}]") == 1
     told = capsys.readouterr().out
     assert "✗ never_late: never in_state('LATE')\n" in told
@@ -300,7 +300,7 @@ def test_what_is_not_understood_is_told(
     code, printed = proven(tmp_path, capsys, said)
     assert code == 0
     assert f"    Not all values were tried: {told}.\n" in printed
-    assert "; not all values were tried; " in printed
+    assert ": proven for the values that were tried; " in printed
 
 
 def test_the_values_are_told(

@@ -106,7 +106,7 @@ def test_what_nothing_concerns_is_a_warning(capsys: pytest.CaptureFixture[str]) 
     Path("unused.yaml").write_text(UNUSED, encoding="utf-8")
     asked = ["prove", "unused.yaml", "--no-restarts", "--no-scenarios"]
     assert main([*asked, "--quiet"]) == 0
-    unreached = "1 state never entered, 1 transition of others never taken"
+    unreached = "1 state never entered, 1 more transition never taken"
     last = f"Unused: proven; 1 of your properties never applied; {unreached}; "
     assert capsys.readouterr().out.startswith(last)
     assert main(asked) == 0
@@ -160,7 +160,7 @@ def test_broken_and_unfinished_is_said(capsys: pytest.CaptureFixture[str]) -> No
 BOUNDS = """\
   What was explored, and its bounds:
     Itineraries and lists have no elements.
-    Answers to orders already given up are not explored; --late 1 adds them.
+    Late answers, to orders that timed out or were cancelled, are not explored; --late 1 adds them.
     A deadline fires at any time, but not before one that was certainly due earlier.
     7 requests, 7 values of inputs and 0 events of plugins come at any time.
     During a hold at most one event of each kind, and one time of day, waits for the release.

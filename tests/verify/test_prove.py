@@ -60,13 +60,24 @@ def test_wrong_usage_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert "--budget: expected duration, got '60'" in told
 
 
+def told_as(form: str, capsys: pytest.CaptureFixture[str]) -> str:
+    """Return what a check tells for programs that has no time for a proof."""
+    capsys.readouterr()
+    assert main(["check", "inspection", "--prove", "0 s", form]) == 0
+    return capsys.readouterr().out
+
+
 def test_check_proves_within_a_budget(capsys: pytest.CaptureFixture[str]) -> None:
-    """What was not proven in time is told, and is no error; a budget that is none is."""
+    """What was not proven in time is a warning; a budget that is none is an error."""
     assert main(["check", "inspection", "--prove", "0 s"]) == 0
     told = capsys.readouterr().out
     stopped = "not proven: the budget of 0 s ran out"
     last = f"InspectionMission: {stopped}; 1 situation, 0 transitions, 1 still to explore"
     assert f"{last}\n" in told
+    rest = "nothing is known of the rest: give the proof more time [not-proven]"
+    assert f"warning: {stopped}; {rest}\n" in told
+    assert main(["check", "inspection", "--prove", "0 s", "--strict"]) == 1
+    assert f"::{stopped}; nothing" in told_as("--github", capsys)
     assert main(["check", "inspection", "--prove", "soon"]) == 2
     assert "--prove: expected duration, got 'soon'" in capsys.readouterr().err
     assert main(["check", "inspection", "--prove", "1 s", "--watch"]) == 2

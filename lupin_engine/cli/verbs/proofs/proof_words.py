@@ -22,7 +22,8 @@ def result(proof: Proof) -> str:
     if proof.broken:
         unfinished = f", and not all was explored: {proof.stopped}{grows}" if proof.stopped else ""
         return f"{len(proof.broken)} of {counted(len(proof.properties), 'property')} broken{unfinished}"
-    return "proven" if proof.complete else f"not proven: {proof.stopped}{grows}"
+    proven = "proven for the values that were tried" if proof.untried else "proven"
+    return proven if proof.complete else f"not proven: {proof.stopped}{grows}"
 
 
 def last_line(proof: Proof) -> str:
@@ -34,7 +35,7 @@ def last_line(proof: Proof) -> str:
         result(proof),
         f"{unused:,} of your properties never applied" if unused else "",
         _never_reached(proof.dead),
-        "not all values were tried" if proof.untried else "",
+        "not all values were tried" if proof.untried and (proof.broken or not proof.complete) else "",
         f"{seen}{deep}" if proof.complete else f"{seen}, {progress.waiting:,} still to explore",
     ]
     return "; ".join(filter(None, parts))
@@ -43,10 +44,10 @@ def last_line(proof: Proof) -> str:
 def _never_reached(dead: Sequence[Unreached]) -> str:
     """Return how many states were never entered, and how many transitions never taken; '' for none."""
     states = sum(part.is_state for part in dead)
-    of = " of others" if states else ""
+    more = "more transition" if states else "transition"
     parts = [
         f"{counted(states, 'state')} never entered" if states else "",
-        f"{counted(len(dead) - states, 'transition')}{of} never taken" if len(dead) > states else "",
+        f"{counted(len(dead) - states, more)} never taken" if len(dead) > states else "",
     ]
     return ", ".join(filter(None, parts))
 
