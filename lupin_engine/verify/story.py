@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError
+from lupin_engine.machine.step import Step
+from lupin_engine.plugin.contract import OWN_HOLDS
+from lupin_engine.plugin.profile import START
 from lupin_engine.replay.reconstruction import RunRecord, script_of
 from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.runtime.history import History
 from lupin_engine.sim import SUFFIX
-from lupin_engine.sim.narration import StepLine, tell
+from lupin_engine.sim.narration import StepLine, short_name, tell
 from lupin_engine.sim.scenario import Missions, load_scenario_text
 from lupin_engine.sim.simulation import Run
 from lupin_engine.verify.outcomes import OUTCOMES
@@ -28,6 +31,8 @@ _DIGITS = (3, 6, 12)
 _FOLLOW = 20
 #: How much longer a scenario goes on that waits for something that does not come.
 _WAIT = "1 h"
+#: How long a mission may go on in a scenario of one that tells nobody.
+_SOON = "30 min"
 #: Times of a run and of its scenario differ by less, in seconds.
 _NEARLY = 1e-3
 
@@ -80,9 +85,14 @@ def failing_scenario(
     chart = missions.chart(mission)
     for digits in _DIGITS if not broken.of_the_graph else _DIGITS[-1:]:
         parts = script_of(record, mission.stem, broken.says, chart, digits)
-        text = yaml_text({**parts, **_after(broken, chart, parts)})
-        run = _failing(broken, text, file, missions)
+        parts |= _after(broken, chart, parts)
+        run = _failing(broken, yaml_text(parts), file, missions)
+        if run is not None and run.unspent:
+            used = [mock for number, mock in enumerate(parts.pop("mocks")) if number not in run.unspent]
+            parts |= {"mocks": used} if used else {}
+            run = _failing(broken, yaml_text(parts), file, missions)
         if run is not None:
+            text = yaml_text(parts)
             told = run.history.steps[: len(broken.steps) + _FOLLOW]
             more = len(run.history.steps) - len(told)
             told_run = replace(run, history=History(told), seconds=told[-1].time) if more else run
@@ -93,13 +103,16 @@ def failing_scenario(
 def _breach(broken: Proven, run: Run) -> StepLine:
     """Return the line of a story that says at which time a property is broken, and how."""
     assert broken.steps is not None, "a story has steps"
-    time = broken.ends
-    if broken.of_the_graph:
-        time = run.history.steps[: len(broken.steps)][-1].time
-    elif not broken.waits:
+    time = broken.ends + _started(run.history.steps) - _started(broken.steps)
+    if not (broken.of_the_graph or broken.waits):
         time = next((step.time for step, name, _ in run.violated if step and name == broken.name), time)
     how = broken.text.partition("): ")[2] if broken.text.startswith("property ") else broken.text
     return StepLine(time, f"✗ {broken.name}: {how}", "", (), (), refused=True, remark=True)
+
+
+def _started(steps: Sequence[Step]) -> float:
+    """Return when the first mission was asked for; 0.0 if none was."""
+    return next((step.time for step in steps if step.event.name == START), 0.0)
 
 
 def why_none(broken: Proven) -> str:
@@ -115,14 +128,27 @@ def _after(broken: Proven, chart: Chart, parts: Mapping[str, Any]) -> dict[str, 
     """Return what a scenario says of the time after the steps that lead to the breach."""
     if not broken.of_the_graph or broken.name == NO_ZENO:
         return {"limit": _WAIT, "expect": {}} if broken.waits or broken.of_the_graph else {"expect": {}}
-    found: dict[str, Any] = {"limit": _WAIT}
     if broken.name == SILENCE:
         silent = dict.fromkeys(invoke.name for _, invoke in invokes(chart))
-        found["mocks"] = [*parts.get("mocks", ()), *({"do": name, "then": "never"} for name in silent)]
+        mocks = [*parts.get("mocks", ()), *({"do": name, "then": "never"} for name in silent)]
+        found = {"limit": _WAIT, "properties": _somebody_is_told(chart), "expect": {}}
+        return {**found, "mocks": mocks} if mocks else found
     ended = (*chart.profile.stages.ended, *chart.profile.stages.ready)
     labels = {state.label for state in chart.states.values()}
     final = next((label for label in ended if label in labels), "")
-    return {**found, "expect": {"final": final} if final else {}}
+    return {"limit": _WAIT, "expect": {"final": final} if final else {}}
+
+
+def _somebody_is_told(chart: Chart) -> dict[str, Any]:
+    """Return the property that a mission does not go on for long without a state that tells somebody."""
+    stages, states = chart.profile.stages, chart.states
+    labels = {*stages.over, *stages.ready, *stages.starting}
+    telling = [one for one in states.values() if one.paused or one.ask is not None or one.label in labels]
+    outer = [one for one in telling if one.parent is None or states[one.parent] not in telling]
+    told = [f"in_state('{short_name(chart, one.name)}')" for one in outer]
+    told += [f"held({hold})" for hold in (*chart.holds, *OWN_HOLDS)]
+    some = " or ".join(told)
+    return {"somebody_is_told": {"after": f"not ({some})", "eventually": some, "within": _SOON}}
 
 
 def _failing(broken: Proven, text: str, file: Path, missions: Missions) -> Run | None:

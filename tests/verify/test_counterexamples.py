@@ -201,6 +201,37 @@ def test_of_a_circle_that_takes_time_as_much_is_told_as_tells_enough(
     assert "and so on: 340 more steps" in page.read_text(encoding="utf-8")
 
 
+#: Drives without an end if the server says nothing; then FAULT tells that.
+SILENT = """\
+mission: Silent
+initial: GO
+states:
+  GO:
+    invoke: {do: nav.go_to, with: {pose: "${ param.dock_pose }"}, timeout: never}
+    on_done: done
+    on_error: FAULT
+  done: {type: final}
+"""
+
+
+def test_the_scenario_of_a_silent_server_holds_once_somebody_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """However the mission tells it."""
+    shutil.copy(LIFECYCLE, tmp_path)
+    faulty = LIFECYCLE.read_text(encoding="utf-8").rstrip() + "\n  FAULT: {on: {operator.reset: READY}}\n"
+    (tmp_path / "lifecycle.yaml").write_text(faulty, encoding="utf-8")
+    mission, scenario = tmp_path / "silent.yaml", tmp_path / "silent.silence_is_told.scenario.yaml"
+    mission.write_text(SILENT, encoding="utf-8")
+    assert main(["prove", str(mission), "--targets", "0", "--no-restarts", "--quiet"]) == 1
+    assert "mocks:\n  - {do: nav.go_to, then: [{accepted: never}]}\n" in scenario.read_text(encoding="utf-8")
+    assert main(["test", str(scenario)]) == 1
+    assert "violated: somebody_is_told" in capsys.readouterr().out
+    mended = SILENT.replace("timeout: never", "timeout: {after: 60 s, code: late}")
+    mission.write_text(mended, encoding="utf-8")
+    assert main(["test", str(scenario)]) == 0
+
+
 #: Drives again and again until it arrives; where the robot is nobody has said before.
 UNTIL = """\
 mission: Until

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 
 from lupin_engine.cli.verbs.proofs.evidence import ASSUMPTIONS, MEANINGS, NOT_SHOWN, Origin, catalogs_hash
-from lupin_engine.cli.verbs.proofs.proof_words import counted, name_of, result, shown_place
+from lupin_engine.cli.verbs.proofs.proof_words import counted, name_of, shown_place, summary
 from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.svg import svg as draw
 from lupin_engine.diagram.trace import Counts, coloured
@@ -27,10 +27,11 @@ table { border-collapse: collapse; } td, th { padding: .25rem 1.2rem .25rem 0; t
 td, th { vertical-align: top; border-bottom: 1px solid #e4e8ec; } td:first-child { white-space: nowrap; }
 code { font-size: .85em; overflow-wrap: anywhere; } td:last-child { overflow-wrap: anywhere; }
 pre { background: #f5f7f9; overflow-x: auto; padding: .6rem; } svg { height: auto; max-width: 100%; }
-.holds { color: #2d7a4b; } .broken { color: #cf4458; } .not-proven { color: #a15c00; }
+.holds { color: #2d7a4b; } .broken { color: #cf4458; } .not-proven, .warning { color: #a15c00; }
 .not-relevant { color: #66727f; } .result { border-left: .4rem solid; padding: .4rem .8rem; }
 .result { background: #f5f7f9; font-weight: 600; } .verdict { white-space: nowrap; font-weight: 600; }
 details { margin: 1rem 0; } summary { cursor: pointer; font-weight: 600; }
+@media (max-width: 40rem) { td { border: 0; display: block; } tr { border-bottom: 1px solid #d5dbe1; } }
 """
 #: How wide a story is on the page, in characters.
 _COLUMNS = 110
@@ -50,11 +51,12 @@ def proof_page(proofs: Sequence[ProvenMission], made_by: Origin) -> str:
         made_by: when and by what.
     """
     body = "\n".join(part for one in proofs for part in _mission(*one))
-    head = f"<meta charset='utf-8'><title>Proof, {escape(made_by.date)}</title><style>{_STYLE}</style>"
+    head = "<meta charset='utf-8'><meta name='viewport' content='width=device-width'>"
+    head += f"<title>Proof, {escape(made_by.date)}</title><style>{_STYLE}</style>"
     made = f"<h1>Proof</h1>{_table(_made(made_by))}"
     results = [(escape(name_of(loaded, proof.varied)), _result(proof)) for loaded, proof, _ in proofs]
-    summary = f"<h2>Results</h2>{_table(results)}" if len(results) > 1 else ""
-    told = "\n".join((made, summary, body, *_meaning()))
+    every = f"<h2>Results</h2>{_table(results)}" if len(results) > 1 else ""
+    told = "\n".join((made, every, body, *_meaning()))
     return f"<!doctype html><html lang='en'><head>{head}</head><body>{told}</body></html>\n"
 
 
@@ -75,9 +77,9 @@ def _meaning() -> Iterator[str]:
 
 def _mission(loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingScenario]) -> Iterator[str]:
     yield f"<h2>{escape(name_of(loaded, proof.varied))}</h2>"
-    yield f"<p class='result {_kind(proof)}'>{escape(_short(loaded, result(proof)))}</p>"
+    yield f"<p class='result {_kind(proof)}'>{escape(_short(loaded, summary(proof)))}</p>"
     yield _table(_facts(loaded, proof))
-    rows = [(f"<code>{one.name}</code>", escape(one.says), _verdict(one)) for one in proof.properties]
+    rows = [(f"<code>{one.name}</code>", escape(one.says), _verdict(proof, one)) for one in proof.properties]
     yield "<h3>Properties</h3>" + _table(rows)
     for one in proof.broken:
         yield from _counterexample(loaded, one, written.get(one.name))
@@ -118,7 +120,7 @@ def _kind(proof: Proof) -> str:
 
 
 def _result(proof: Proof) -> str:
-    return f"<b class='{_kind(proof)}'>{escape(result(proof))}</b>"
+    return f"<b class='{_kind(proof)}'>{escape(summary(proof))}</b>"
 
 
 def _short(loaded: LoadedMissions, text: str) -> str:
@@ -129,9 +131,11 @@ def _short(loaded: LoadedMissions, text: str) -> str:
     return text
 
 
-def _verdict(one: Proven) -> str:
+def _verdict(proof: Proof, one: Proven) -> str:
+    """Return the verdict in its colour; that an author's own property never applied is a warning."""
     told = _VERDICTS.get(one.verdict.value, one.verdict.value)
-    return f"<span class='verdict {one.verdict.value.replace(' ', '-')}'>{told}</span>"
+    kind = "warning" if one in proof.never_applied else one.verdict.value.replace(" ", "-")
+    return f"<span class='verdict {kind}'>{told}</span>"
 
 
 def _list(texts: Iterable[str]) -> str:
@@ -150,8 +154,8 @@ def _counterexample(loaded: LoadedMissions, one: Proven, scenario: FailingScenar
     rows = (row for line in told for row in laid_out(line, columns))
     lines = "\n".join(["".join(text for text, _ in row) for row in rows] + [scenario.rest])
     yield f"<pre>{escape(lines.rstrip())}</pre>{svg(timeline(scenario.run))}"
-    summary = f"As a scenario: {escape(scenario.file.name)}"
-    yield f"<details><summary>{summary}</summary><pre>{escape(scenario.text)}</pre></details>"
+    name = f"As a scenario: {escape(scenario.file.name)}"
+    yield f"<details><summary>{name}</summary><pre>{escape(scenario.text)}</pre></details>"
 
 
 def _table(rows: Iterable[tuple[str, ...]]) -> str:

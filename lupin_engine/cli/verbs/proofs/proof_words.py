@@ -26,19 +26,25 @@ def result(proof: Proof) -> str:
     return proven if proof.complete else f"not proven: {proof.stopped}{grows}"
 
 
-def last_line(proof: Proof) -> str:
-    """Return what came of a proof and how much was explored."""
-    progress, unused = proof.progress, len(proof.never_applied)
-    seen = f"{counted(progress.situations, 'situation')}, {counted(progress.transitions, 'transition')}"
-    deep = f", up to {counted(progress.depth, 'move')} deep" if proof.complete and not proof.broken else ""
+def summary(proof: Proof) -> str:
+    """Return what came of a proof, with its warnings counted."""
+    unused = len(proof.never_applied)
     parts = [
         result(proof),
         f"{unused:,} of your properties never applied" if unused else "",
         _never_reached(proof.dead),
         "not all values were tried" if proof.untried and (proof.broken or not proof.complete) else "",
-        f"{seen}{deep}" if proof.complete else f"{seen}, {progress.waiting:,} still to explore",
     ]
     return "; ".join(filter(None, parts))
+
+
+def last_line(proof: Proof) -> str:
+    """Return what came of a proof and how much was explored."""
+    progress = proof.progress
+    seen = f"{counted(progress.situations, 'situation')}, {counted(progress.transitions, 'transition')}"
+    deep = f", up to {counted(progress.depth, 'move')} deep" if proof.complete and not proof.broken else ""
+    left = deep if proof.complete else f", {progress.waiting:,} still to explore"
+    return f"{summary(proof)}; {seen}{left}"
 
 
 def _never_reached(dead: Sequence[Unreached]) -> str:
