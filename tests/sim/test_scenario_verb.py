@@ -187,3 +187,16 @@ def test_wrong_usage_is_a_sentence(
     """Exit code 2, and no traceback."""
     assert main(["test", *arguments]) == 2
     assert told in capsys.readouterr().err
+
+
+def test_what_a_proof_has_written_runs_with_the_scenarios(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So a breach that is known stays red; a folder of missions alone will do."""
+    monkeypatch.chdir(tmp_path)
+    found = Path("missions/go.no_deaf_wait.scenario.yaml")
+    found.parent.mkdir()
+    found.write_text("", encoding="utf-8")
+    assert list(_default()) == [found]
+    Path("scenarios").mkdir()
+    assert list(_default()) == [Path("scenarios"), found]

@@ -63,8 +63,9 @@ def test(
     """Run scenarios against missions, without ROS.
 
     PATHS are scenario files (*.scenario.yaml) or folders of them; without any, the folder scenarios or
-    tests/scenarios is taken. To choose by name, to share the work between processes and to write JUnit XML,
-    run them with pytest: pytest scenarios -k abort -n auto --junitxml report.xml
+    tests/scenarios is taken, and what lupin prove has written beside the missions in missions. To choose by
+    name, to share the work between processes and to write JUnit XML, run them with pytest:
+    pytest scenarios -k abort -n auto --junitxml report.xml
 
     Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run.
     """
@@ -110,9 +111,11 @@ def _chosen(paths: Sequence[Path]) -> list[Path]:
 
 
 def _default() -> Iterable[Path]:
-    for place in _PLACES:
-        if place.is_dir():
-            return [place]
+    """Return the nearest folder of scenarios, and what `lupin prove` has written beside missions."""
+    folder = next(([place] for place in _PLACES if place.is_dir()), [])
+    found = [*folder, *sorted(Path("missions").glob(f"*{SUFFIX}"))]
+    if found:
+        return found
     raise UsageError(f"name scenario files or a folder; neither {_PLACES[0]} nor {_PLACES[1]} is here")
 
 
