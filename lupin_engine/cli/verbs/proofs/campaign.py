@@ -8,6 +8,7 @@ import re
 import time
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Executor
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,14 +31,17 @@ _ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://\S+:\d+")
 
 
 class Written(NamedTuple):
-    """The scenario of a violation, found by so many runs; without a file `why` says why there is none."""
+    """The scenario of a violation, made by so many runs in `took` s; without a file `why` says why."""
 
     file: Path | None
     tries: int = 0
     why: str = ""
+    took: float = 0.0
 
     def __str__(self) -> str:
-        return self.why if self.file is None else f"{self.file}, by {self.tries} runs"
+        if self.file is None:
+            return self.why
+        return f"{self.file}, made smaller by {self.tries} runs in {self.took:.1f} s"
 
 
 @click.command(short_help="Run a mission in thousands of random worlds.")
@@ -121,8 +125,9 @@ def _run(
     try:
         with _progress(dealer, show):
             dealer.run()
-        for violation in dealer.found.first.values():
-            written[violation.name] = _write(campaign, violation, out)
+        for number, violation in enumerate(dealer.found.first.values(), 1):
+            with _status(f"{violation.name}: making its scenario smaller ({number})", show):
+                written[violation.name] = _write(campaign, violation, out)
     except (KeyboardInterrupt, LupinError) as stopped:
         return written, stopped
     return written, None
@@ -224,6 +229,14 @@ def _progress(dealer: Dealer, show: bool) -> Any:
     return bar
 
 
+def _status(text: str, show: bool) -> AbstractContextManager[Any]:
+    """Return what shows a text while it is entered; nothing where nobody watches."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    return console.status(text) if show and console.is_terminal else nullcontext()
+
+
 def _write(campaign: Campaign, violation: Violation, out: Path) -> Written:
     """Write a violation as a scenario, as small as can be."""
     from lupin_engine.sim import SUFFIX
@@ -233,12 +246,13 @@ def _write(campaign: Campaign, violation: Violation, out: Path) -> Written:
     file = out / f"{violation.name}_{violation.seed}{SUFFIX}"
     missions, mission = Missions(campaign.chart.catalog), campaign.loaded.files[0]
     minimiser = Minimiser(violation.name, campaign.watched[violation.name], file, mission, missions)
+    began = time.perf_counter()
     try:
         text = minimiser.text(campaign.recorded(violation), campaign.script(violation.seed))
     except UsageError as problem:
         return Written(None, minimiser.tries, str(problem))
     write_text(file, text)
-    return Written(file, minimiser.tries)
+    return Written(file, minimiser.tries, took=time.perf_counter() - began)
 
 
 def _tell(campaign: Campaign, dealer: Dealer, written: dict[str, Written], quiet: bool) -> None:
@@ -309,5 +323,5 @@ def _record(campaign: Campaign, dealer: Dealer, written: dict[str, Written]) -> 
 
 def _record_of(written: Written | None) -> dict[str, Any]:
     if written is None:
-        return {"scenario": None, "why_none": "interrupted"}
-    return {"scenario": written.file, "why_none": written.why}
+        return {"scenario": None, "why_none": "interrupted", "made_smaller_in": 0.0}
+    return {"scenario": written.file, "why_none": written.why, "made_smaller_in": written.took}
