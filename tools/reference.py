@@ -11,6 +11,7 @@ docs/examples (one file a model, named like it: a state's content, or a whole fi
 
 from __future__ import annotations
 
+import inspect
 import re
 import sys
 import types
@@ -465,7 +466,7 @@ def _model(model: type[Node]) -> Iterator[str]:
 
 def _head(model: type[Node], holders: Iterable[type[Node]]) -> Iterator[str]:
     yield from ("", f"### {_title(model)}", "")
-    yield (model.__doc__ or "").strip()
+    yield inspect.cleandoc(model.__doc__ or "")
     places = _places_of(model, holders)
     if places:
         yield f"Stands under {places}."
