@@ -182,6 +182,7 @@ CHARTS: dict[str, tuple[Callable[[], Chart], str]] = {
         lambda: trip(REST={"after": {}, "every": {5.0: {"do": ("arm.wave", {})}}}),
         "abort_stops",
     ),
+    "a budget that each mission begins anew": (lambda: _waves(), "abort_stops"),
     "a drive that begins by itself after the end": (lambda: trip(DONE={"after": {1.0: "GO"}}), "abort_stops"),
 }
 
@@ -273,6 +274,12 @@ def _homes(then: str) -> Chart:
     home = {"invoke": {"do": "nav.dock", "timeout": 30.0}, "on_done": then, "on_error": "DONE"}
     check = {"invoke": {"do": "bridge.read", "timeout": 5.0}, "on_done": "HOME", "on_error": "DONE"}
     return chart({**TRIP, "GO": go, "HOME": home, "CHECK": check})
+
+
+def _waves() -> Chart:
+    """Return a chart that moves in rounds; at their ends there is no mission, so no budget goes on."""
+    wave = {"every": {3.0: {"do": ("arm.wave", {})}}, "after": {5.0: "DONE"}, "budget": {60.0: "FAULT"}}
+    return chart({"GO": wave, "DONE": {"after": {1.0: "GO"}}, "FAULT": {}})
 
 
 def _passing() -> Chart:

@@ -187,7 +187,8 @@ class Graph:
                     break
                 since[targets[left]] = False
             spends |= fires & since[sources]
-        return spends
+        # Where there is no mission budgets are forgotten.
+        return spends & ~self.comes_from(~self.situations(Is.MISSION), at)[sources]
 
     def _goes_on(self, name: TimerName, at: NDArray[np.intp]) -> _Mask:
         """Return through which transitions a deadline runs on."""
