@@ -216,7 +216,11 @@ def test_a_restart_counts_for_properties() -> None:
     folder = Path(__file__).parent / "planted"
     of = load_chart(folder / "counting.yaml", [folder / "one_after_another.yaml"], shipped.catalog())
     proof = prove(make_world(of, {}), Bounds())
-    assert {"kept", "stays", "recovers"} <= {one.name for one in proof.broken}
+    found = {one.name: one for one in proof.broken}
+    assert {"kept", "stays", "goes_on", "recovers"} <= found.keys()
+    assert len(found["goes_on"].moves) == 2  # how long the process was gone nobody knows
+    calm = prove(make_world(of, {}), Bounds(restarts=False))
+    assert not {"kept", "goes_on", "recovers"} & {one.name for one in calm.broken}
 
 
 def _growing_old() -> Chart:

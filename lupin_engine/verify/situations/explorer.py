@@ -201,7 +201,7 @@ class SituationExplorer:
             self._set(delta, memory, WATCHED, watched or None)
         fresh |= self._due_now(situation, watched)
         slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]
-        deadlines, is_restart = None, step.event.name == RESUMED
+        deadlines, is_restart = None, before is not None and step.event.name in _RESTARTS
         if fresh or is_restart or any(slot in delta for slot in slots):
             # What was due while the process was gone comes now, and may be later than what a property allows.
             running = (*memory.timers, *(() if is_restart else deadlines_of(watched)))
@@ -427,5 +427,7 @@ class _Those:
         return self.is_one(str(name))
 
 
+#: The first steps of a process that goes on, and of one that begins anew.
+_RESTARTS = (RESUMED, "start")
 _OF_VISITS = ("closed_once",)
 _OF_REQUESTS = ("refusals_have_reasons",)
