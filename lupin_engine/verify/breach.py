@@ -46,7 +46,7 @@ def _warnings(proof: Proof) -> Iterator[Diagnostic]:
         hint = "see whether its conditions can ever be true"
         yield Diagnostic(place, UNUSED, f"properties.{one.name}", why, hint, warn)
     for part in proof.dead:
-        hint = "leave it out, or see what should lead there"
+        hint = "see what should lead there, or leave it out"
         told = f"{part.text} is {part.says}, with these parameters and bounds"
         yield Diagnostic(part.place, UNREACHED, part.path, told, hint, warn)
 
