@@ -224,6 +224,8 @@ def test_an_interruption_tells_what_was_found(jobs: str, shown: list[str]) -> No
         stderr=theirs,
         env={**os.environ, "COLUMNS": "200", "TERM": "xterm"},
         start_new_session=True,
+        # A shell lets what it begins in the background ignore a Ctrl-C, and these tests with it.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     os.close(theirs)
     told = ""
