@@ -9,7 +9,13 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.cli.main import main
+from lupin_engine.cli.verbs.proofs.proof_words import result
+from lupin_engine.missions.load import load_chart
+from lupin_engine.runtime.setup import make_world
+from lupin_engine.verify import growth
+from lupin_engine.verify.proof import prove
 from lupin_engine.verify.situations.explorer import Bounds
+from tests import shipped
 
 LIFECYCLE = Path(__file__).parents[1] / "charts" / "mini" / "lifecycle.yaml"
 BREAKS = """\
@@ -82,6 +88,16 @@ def test_growth_is_a_finding_at_the_variable(capsys: pytest.CaptureFixture[str])
         "::warning file=grows.yaml,line=3,col=3,title=grows-without-end"
         f"::context.n: {HOW.format('; ')} [grows-without-end]"
     ]
+
+
+def test_what_has_most_values_is_named_where_a_proof_ends_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may be what keeps the proof from its end."""
+    monkeypatch.setattr(growth, "_MANY", 20)
+    of = load_chart(Path("lifecycle.yaml"), [Path("grows.yaml")], shipped.catalog())
+    proof = prove(make_world(of, {}), Bounds(restarts=False), lambda p: "no time" if p.depth > 50 else "")
+    assert proof.stopped == "no time"
+    assert result(proof).startswith("not proven: no time; 'n' has had ")
+    assert "values so far: bound it, with a guard where it is set" in result(proof)
 
 
 #: READING is never entered, and of its two properties nothing can be said.

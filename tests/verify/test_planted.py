@@ -211,6 +211,14 @@ def test_what_is_broken_in_missions_is_found(name: str) -> None:
     assert {one.name for one in proof.broken} == FILES[name]
 
 
+def test_which_target_it_is_is_told_as_not_tried() -> None:
+    """A condition on one of them may lead anywhere."""
+    folder = Path(__file__).parent / "planted"
+    of = load_chart(folder / "lifecycle.yaml", [folder / "one_target.yaml"], shipped.catalog())
+    proof = prove(make_world(of, {}), Bounds(restarts=False))
+    assert proof.untried == ("target: no other values were tried, although `target == '20'` reads it",)
+
+
 def test_a_restart_counts_for_properties() -> None:
     """What a new process begins anew is another value for a property, and its time goes on meanwhile."""
     folder = Path(__file__).parent / "planted"
