@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from bisect import insort
-from collections.abc import Iterable, Iterator
 from operator import itemgetter
 from typing import Any
 
-from lupin_engine.machine.memory import Memory, Timer
+from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.step import Macrostep
 
 #: Deadlines about the world go on while the chart is held: a server answers or it doesn't, a value grows old,
@@ -82,20 +80,18 @@ class Timers:
         """Let the chart's clocks go on where they stopped; what had passed comes in its order."""
         memory = self._memory
         those = [(now + left, token, kind, about) for left, token, kind, about in memory.frozen]
-        memory.timers[:] = sorted([*memory.timers, *_apart(those, now)], key=itemgetter(0))
+        memory.timers[:] = sorted([*memory.timers, *those], key=itemgetter(0))
         memory.frozen.clear()
 
     def catch_up(self, now: float) -> None:
-        """Let the deadlines that have passed while nobody watched come now, in their order."""
+        """Let the deadlines that have passed while nobody watched come from now on, one after the other.
+
+        So what the first of them leads to at once is done before the second, as it would have been in its
+        time.
+        """
         timers = self._memory.timers
-        timers[:] = sorted(_apart(list(timers), now), key=itemgetter(0))
-
-
-def _apart(timers: Iterable[Timer], now: float) -> Iterator[Timer]:
-    """Yield deadlines, those that have passed a little after each other from now on.
-
-    So what the first of them leads to at once is done before the second, as it would have been in its time.
-    """
-    moments = itertools.count()
-    for due, token, kind, about in timers:
-        yield now + _APART * next(moments) if due <= now else due, token, kind, about
+        later = (
+            (now + _APART * place, *timer[1:]) if timer[0] <= now else timer
+            for place, timer in enumerate(timers)
+        )
+        timers[:] = sorted(later, key=itemgetter(0))

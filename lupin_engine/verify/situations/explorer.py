@@ -46,7 +46,6 @@ from lupin_engine.verify.situations.situation import (
     COMPARED,
     FIRST_NEW,
     RANKS,
-    THROUGH,
     WATCHED,
     Overflow,
     Situation,
@@ -158,7 +157,7 @@ class SituationExplorer:
             if is_restart and label_of(self.chart, memory.configuration) in begins_anew:
                 if len(self.properties) == len(BUILT_IN):
                     return Effect()  # it is as at the beginning
-                memory.take_over(Memory(), *THROUGH, *COMPARED)
+                memory.take_over(Memory(), whole=True)
                 step: Step | None = self._start(machine)
             elif move.event is LOADED:
                 if not is_idle(machine):
@@ -201,10 +200,10 @@ class SituationExplorer:
             self._set(delta, memory, WATCHED, watched or None)
         fresh |= self._due_now(situation, watched)
         slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]
-        deadlines, is_restart = None, before is not None and step.event.name in _RESTARTS
-        if fresh or is_restart or any(slot in delta for slot in slots):
+        deadlines, was_gone = None, before is not None and step.event.name in _RESTARTS
+        if fresh or was_gone or any(slot in delta for slot in slots):
             # What was due while the process was gone comes now, and may be later than what a property allows.
-            running = (*memory.timers, *(() if is_restart else deadlines_of(watched)))
+            running = (*memory.timers, *(() if was_gone else deadlines_of(watched)))
             ordered = (tuple(rankable(self.chart, timers)) for timers in (running, memory.frozen))
             deadlines = Deadlines(*ordered)
         self._set(delta, memory, CALM, machine.calm)

@@ -87,9 +87,9 @@ class Graph:
 
         Somebody makes any of the helpful moves, or waits. Which deadline comes next is not up to anybody, as
         long as each that runs on and on comes at last; nor are the moves `against` it, which may come or not.
-        Where one situation stands for all values of an input
-        it must be so for each of them, unless `values_change` on the way. Then where it is said to be so it
-        is; not everything is said, since it may depend on the value which of two ways leads on at its end.
+        Where one situation stands for all values of an input it must be so for each of them, unless
+        `values_change` on the way. Then where it is said to be so it is; not everything is said, since it may
+        depend on the value which of two ways leads on at its end.
 
         Args:
             goal: situations.
@@ -147,21 +147,18 @@ class Graph:
         Checking, 1987.
         """
         at = np.flatnonzero(allowed)
-        circles = self.in_circles(at)
-        at = at[circles[self.sources[at]] & circles[self.targets[at]]]
+        at = self._inside(at, self.in_circles(at))
         at = at[~self._spends(at)]
         circles = self.in_circles(at)
-        names = self._running_in(circles)
+        names = self._deadlines_in(circles, self._moves.running)
         while True:
             before = circles
-            for name in names:
-                if name[0] in _MAY_NOT_COME:
-                    continue
-                at = at[circles[self.sources[at]] & circles[self.targets[at]]]
+            for name in (one for one in names if one[0] not in _MAY_NOT_COME):
+                at = self._inside(at, circles)
                 ends = np.zeros(len(circles), bool)
                 ends[self.sources[at[~self._goes_on(name, at)]]] = True
                 circles = circles & self.comes_from(ends, at)
-            circles = circles & self.in_circles(at[circles[self.sources[at]] & circles[self.targets[at]]])
+            circles = circles & self.in_circles(self._inside(at, circles))
             if (circles == before).all():
                 return circles
 
@@ -172,8 +169,7 @@ class Graph:
         """
         spends = np.zeros(len(at), bool)
         sources, targets = self.sources[at], self.targets[at]
-        numbers = np.unique(self._timers[sources])
-        budgets = frozenset[TimerName]().union(*map(self._moves.spending, numbers.tolist()))
+        budgets = self._deadlines_in(sources, self._moves.spending)
         timed = np.unique(self._by[at[self.by(Mover.TIMER)[at] & ~self.by(Mover.AT_ONCE)[at]]]).tolist()
         for budget, move in itertools.product(budgets, timed):
             timer = self._moves.all[move].timer
@@ -211,10 +207,17 @@ class Graph:
         found: _Mask = np.array([name in of(number) for number in numbers], bool)[where]
         return found
 
-    def _running_in(self, situations: _Mask) -> frozenset[TimerName]:
-        """Return the deadlines that run in one of some situations."""
+    def _deadlines_in(
+        self, situations: _Mask | NDArray[np.uint32], of: Callable[[int], frozenset[TimerName]]
+    ) -> frozenset[TimerName]:
+        """Return the deadlines that run in one of some situations and that `of` gives."""
         numbers = np.unique(self._timers[situations]).tolist()
-        return frozenset[TimerName]().union(*map(self._moves.running, numbers))
+        return frozenset[TimerName]().union(*map(of, numbers))
+
+    def _inside(self, at: NDArray[np.intp], situations: _Mask) -> NDArray[np.intp]:
+        """Return those of some transitions that lead from one of some situations to one of them."""
+        found: NDArray[np.intp] = at[situations[self.sources[at]] & situations[self.targets[at]]]
+        return found
 
     @cached_property
     def _numbers(self) -> tuple[list[int], NDArray[np.intp]]:

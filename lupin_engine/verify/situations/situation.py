@@ -351,12 +351,12 @@ class TrackedMemory(Memory):
             if whatever is None or dict.get(entries, key) is value:
                 dict.pop(entries, key, None)
 
-    def take_over(self, other: Memory, *compared: str) -> None:
-        """Become what another memory is that goes on from this one, and in these fields, too."""
+    def take_over(self, other: Memory, whole: bool = False) -> None:
+        """Become what another memory is: one that goes on from this one, or on the `whole` another one."""
         for name in (*WHOLE, "held"):
             setattr(self, name, getattr(other, name))
         for name in (*ORDERED, *UNORDERED):
-            if name in compared or name not in (*THROUGH, *COMPARED):
+            if whole or name not in (*THROUGH, *COMPARED):
                 getattr(self, name).replaced(getattr(other, name))
 
     def looked_at_timers(self) -> list[list[Timer]]:

@@ -448,19 +448,24 @@ def ranks_after(
     named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in _both(*deadlines)]
     stops = {name: stopped for name, _, stopped in named}
     old = stops.keys() - fresh
-    left = {late: max(lead for _, other, lead in before if other == late) for _, late, _ in before}
+    #: How much is left at least of the deadlines of which that is known.
+    left: dict[TimerName, float] = {}
+    for _, late, lead in before:
+        if late[0] == OF_PROPERTY:
+            left[late] = max(lead, left.get(late, lead))
+    left |= {
+        name: timer[0]
+        for name, timer, _ in named
+        if name in fresh and name[0] != "budget" and not name[2].startswith("every")
+    }
     known = ((name_after(a, renamed), name_after(b, renamed), lead) for a, b, lead in before)
     ranks = {(a, b, lead) for a, b, lead in known if {a, b} <= old and (stops[b] or not stops[a])}
     for late, late_timer, late_stopped in named:
-        is_property = late[0] == OF_PROPERTY
-        if late not in fresh:
-            least = left.get(late, -1.0) if is_property else -1.0
-        else:
-            least = -1.0 if late[0] == "budget" or late[2].startswith("every") else late_timer[0]
+        least = left.get(late, -1.0)
         for early, early_timer, early_stopped in named:
             is_new = early != late and (late in fresh or early in fresh)
             if is_new and early_timer[:2] < (least, late_timer[1]) and (late_stopped or not early_stopped):
-                lead = round(least - early_timer[0], _DIGITS) if is_property else 0.0
+                lead = round(least - early_timer[0], _DIGITS) if late[0] == OF_PROPERTY else 0.0
                 ranks.add((early, late, lead))
     return frozenset(ranks)
 
