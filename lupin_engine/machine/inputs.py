@@ -13,7 +13,7 @@ from lupin_engine.machine.event import Event
 from lupin_engine.machine.memory import Reported
 from lupin_engine.machine.scope import EvaluationScope, input_part
 from lupin_engine.machine.step import Macrostep
-from lupin_engine.plugin.types import TIME_OF_DAY, Notation, fitted, problems
+from lupin_engine.plugin.types import TIME_OF_DAY, Notation, beyond, fitted, problems
 
 
 class Inputs:
@@ -282,6 +282,8 @@ def _flaw(spec: Input, value: Any) -> str:
         inside = problems(value, spec.type, Notation.DATA)
         return f"no {spec.type} ({inside[0].at()})" if inside else ""
     if spec.minimum is not None and value < spec.minimum:
+        return "out of range"
+    if spec.type.kind in ("integer", "number") and beyond(value, spec.type):
         return "out of range"
     return "out of range" if spec.maximum is not None and value > spec.maximum else ""
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.step import Macrostep
+from lupin_engine.plugin.types import MAX_SECONDS
 
 #: Deadlines about the world go on while the chart is held: a server answers or it doesn't, a value grows old,
 #: it becomes half past six.
@@ -23,11 +24,13 @@ def seconds(value: Any) -> float:
     """Return how long to wait; what lies in the past is due at once.
 
     Raises:
-        ValueError: no clock could wait that long.
+        ValueError: that is longer than anything may wait, or no number.
     """
     found = float(value)
-    if not found < math.inf:
+    if not math.isfinite(found):
         raise ValueError(f"{found:g} s is no time to wait")
+    if found > MAX_SECONDS:
+        raise ValueError(f"{found:g} s is too long to wait; at most 100 years ({MAX_SECONDS:.0f} s)")
     return max(0.0, found)
 
 

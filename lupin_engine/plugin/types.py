@@ -57,6 +57,10 @@ UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
     }
 )
 
+#: Whole numbers lie within this: programs that keep numbers as floats, as JSON and pages do, keep these whole.
+MAX_INTEGER = 2**53 - 1
+#: The longest duration, in seconds: 100 years of 365.25 days. Clocks of ROS count nanoseconds in 64 bits.
+MAX_SECONDS = 100 * 365.25 * 86400.0
 #: How many lists may be in each other.
 MAX_LISTS = 8
 #: The longest text that a variable keeps, in characters.
@@ -308,7 +312,8 @@ def _plainly_fits(value: Any, wanted: Type) -> bool:
     if made is float or made is int:
         low, high = wanted.minimum, wanted.maximum
         in_range = (low is None or value >= low) and (high is None or value <= high)
-        return in_range and (kind == "integer" if made is int else kind == "number" and math.isfinite(value))
+        is_number = kind == "integer" if made is int else kind == "number" and math.isfinite(value)
+        return in_range and is_number and not beyond(value, wanted)
     if isinstance(value, str):
         return kind == "text" and not wanted.values and not wanted.pattern
     if made is dict and kind == "record":
@@ -319,6 +324,15 @@ def _plainly_fits(value: Any, wanted: Type) -> bool:
     if made is list and kind == "list" and item is not None:
         return wanted.maximum is None and all(_plainly_fits(element, item) for element in value)
     return made is bool and kind == "bool"
+
+
+def beyond(value: float, kind: Type) -> str:
+    """Return what the language allows of every number of a kind, where a value is beyond that; else ''."""
+    if kind.kind == "integer" and not -MAX_INTEGER <= value <= MAX_INTEGER:
+        return f"of at most {MAX_INTEGER}" if value > 0 else f"of at least -{MAX_INTEGER}"
+    if kind.unit == "s" and not -MAX_SECONDS <= value <= MAX_SECONDS:
+        return f"of at most 100 years ({MAX_SECONDS:.0f} s)"
+    return ""
 
 
 def convert(value: Any, wanted: Type, notation: Notation = Notation.SETTING) -> Any:
@@ -362,10 +376,14 @@ def fitted(value: Any, kind: Type) -> Any:
     """Return a computed value as it is kept under a type that it has: of a set, each element once.
 
     Raises:
-        ValueError: it is out of range, a text is too long, or a list has too many elements.
+        ValueError: it is out of range or not finite, a text is too long, or a list has too many elements.
     """
     if isinstance(value, str) and len(value) > MAX_TEXT:
         raise ValueError(f"a text of {len(value)} characters; at most {MAX_TEXT} are kept")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"a {kind}, got {value!r}")
+    if kind.kind in ("integer", "number") and (allowed := beyond(value, kind)):
+        raise ValueError(f"a {kind} {allowed}, got {value!r}")
     if kind.kind != "list" or kind.item is None:
         low, high = kind.minimum, kind.maximum
         if low is not None and value < low:
@@ -461,6 +479,9 @@ def _number(value: Any, wanted: Type, notation: Notation) -> _Answer:
         return _expected(wanted, value)
     if wanted.kind == "number" and not _is_finite(number):
         return _expected(wanted, value, fault=Fault.NOT_FINITE)
+    allowed = beyond(number, wanted)
+    if allowed:
+        return Fault.RANGE, f"expected {wanted} {allowed}, got {value!r}"
     low, high = wanted.minimum, wanted.maximum
     if (low is not None and number < low) or (high is not None and number > high):
         return Fault.RANGE, f"expected {wanted} {_range(wanted, value)}, got {value!r}"

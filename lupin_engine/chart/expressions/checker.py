@@ -28,7 +28,7 @@ from typing import Any
 
 from lupin_engine.chart.expressions import units as q
 from lupin_engine.chart.expressions.builtins import BUILTINS
-from lupin_engine.chart.expressions.evaluation import MAX_INTEGER, Compiled, Expression, to_function
+from lupin_engine.chart.expressions.evaluation import Compiled, Expression, to_function
 from lupin_engine.chart.expressions.loops import by_name, called, comprehension, holding
 from lupin_engine.chart.expressions.reader import (
     MAX_STEPS,
@@ -63,13 +63,16 @@ from lupin_engine.plugin.types import (
     BOOL,
     COUNT,
     INTEGER,
+    MAX_INTEGER,
     NUMBER,
     TEXT,
     UNITS,
     Type,
+    beyond,
     innermost,
     is_moment,
     list_of,
+    parse_quantity,
 )
 
 #: How long the code of an expression may be in which values stand that a part was given.
@@ -182,6 +185,11 @@ class _Checker(ExpressionReader):
         if isinstance(value, bool):
             return Typed(BOOL, repr(value))
         if isinstance(value, str):
+            quantity = parse_quantity(value)
+            allowed = beyond(quantity[0], q.number(quantity[1])) if quantity is not None else ""
+            if allowed:
+                problem = f"expected a duration {allowed}, got {value!r}"
+                return self.wrong(node, "wrong-type", problem)
             return Typed(TEXT, repr(value), value)
         if isinstance(value, int) and abs(value) <= MAX_INTEGER:
             return Typed(q.ZERO if value == 0 else COUNT, repr(value))

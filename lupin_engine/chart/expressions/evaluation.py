@@ -8,10 +8,7 @@ from typing import Any
 
 from lupin_engine.chart.records import record
 from lupin_engine.errors import Place
-from lupin_engine.plugin.types import MAX_TEXT, UNITS, Type, in_base, in_unit
-
-#: Integers up to this size are told apart by a float.
-MAX_INTEGER = 2**53
+from lupin_engine.plugin.types import MAX_INTEGER, MAX_TEXT, UNITS, Type, in_base, in_unit
 
 #: What an expression sees: the records param, request, input, event, error, target, itinerary and clock;
 #: `item` (what a `for_each` is at); `context` (variables by name); and the callables `known(input)`,

@@ -57,6 +57,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from lupin_engine.errors import UsageError
+from lupin_engine.plugin.types import MAX_SECONDS
 from lupin_engine.ros.adapter.actions import (
     CANCEL_LIMIT_S,
     ActionCaller,
@@ -134,7 +135,8 @@ class RosTimer:
 
     def __init__(self, node: Node, period: float, callback: Callable[[], None], clock: Clock) -> None:
         self._node = node
-        self._timer = node.create_timer(period, callback, clock=clock)
+        # ROS counts nanoseconds in 64 bits; a period that is no number is waited for as long as possible.
+        self._timer = node.create_timer(min(MAX_SECONDS, period), callback, clock=clock)
 
     def cancel(self) -> None:
         """End the timer; its callback is not called any more. Cancelling twice does no harm."""

@@ -25,7 +25,7 @@ from structlog.typing import FilteringBoundLogger
 from lupin_engine.errors import LupinError, PluginError, nearest
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.parameters import named, narrowed, sorted_out
-from lupin_engine.plugin.types import Type
+from lupin_engine.plugin.types import MAX_INTEGER, Type
 
 _ROS_TYPES = {
     "bool": RosParameter.Type.BOOL,
@@ -66,9 +66,8 @@ def descriptor(spec: Parameter) -> ParameterDescriptor:
     if low is None and high is None:
         return described
     if kind.kind == "integer":
-        # The whole range of int64 stands for "no limit": IntegerRange has no infinity.
-        from_value = -(2**63) if low is None else math.ceil(low)
-        to_value = 2**63 - 1 if high is None else math.floor(high)
+        from_value = -MAX_INTEGER if low is None else math.ceil(low)
+        to_value = MAX_INTEGER if high is None else math.floor(high)
         described.integer_range = [IntegerRange(from_value=from_value, to_value=to_value, step=0)]
     elif kind.kind == "number":
         from_float = -math.inf if low is None else float(low)
