@@ -57,7 +57,7 @@ UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
     }
 )
 
-#: Whole numbers lie within this: programs that keep numbers as floats, as JSON and pages do, keep these whole.
+#: Whole numbers lie within this: pages, which keep numbers as floats, tell these apart.
 MAX_INTEGER = 2**53 - 1
 #: The longest duration, in seconds: 100 years of 365.25 days. Clocks of ROS count nanoseconds in 64 bits.
 MAX_SECONDS = 100 * 365.25 * 86400.0

@@ -56,7 +56,7 @@ class Keeping:
         self.folder = journal_folder(str(given["journal_path"] or ""))
         size = 1_000_000 * int(given["journal_megabytes"])
         keep = Keep(int(given["journal_missions"]), float(given["journal_days"]), size)
-        self.journal = Journal(self.folder, keep, self._post, self._changed)
+        self.journal = Journal(self.folder, keep, self._post, ros.guarded(self._changed))
         self._refusals = Refusals(self.journal.refused)
         #: What is written of many targets at once, and what is published of them.
         self._writes, self._slices = Slices(ros.post), Slices(ros.post)
@@ -91,7 +91,7 @@ class Keeping:
 
     def when_kept(self, then: Callable[[], None]) -> None:
         """Call `then` when what was noted until now is on the disk."""
-        self.journal.when_kept(then)
+        self.journal.when_kept(self._ros.guarded(then))
 
     # -- which file -------------------------------------------------------------------------------------
 
@@ -148,7 +148,7 @@ class Keeping:
             return
         counts = {outcome.counter: view.counts.get(outcome.name, 0) for outcome in profile.outcomes}
         self.journal.ended({"state": view.lifecycle, "code": view.code, "total": view.total, **counts})
-        self.journal.when_kept(lambda: self._writes.add(lambda: self._rest(head.mission_id, machine)))
+        self.when_kept(lambda: self._writes.add(lambda: self._rest(head.mission_id, machine)))
 
     def _rest(self, mission_id: str, machine: Machine) -> None:
         """Write into a file about no mission, unless the next one has begun meanwhile."""
@@ -249,7 +249,7 @@ class Keeping:
             else:
                 self._slices.add(publish)
 
-        self.journal.when_kept(kept)
+        self.when_kept(kept)
 
     # -- the disk -----------------------------------------------------------------------------------------
 

@@ -27,7 +27,7 @@ from lupin_engine.machine.step import Moment, Refusal, Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.builtin import BUILTIN
 from lupin_engine.plugin.clients import make_client
-from lupin_engine.plugin.contract import CLOSED_CODE, RESTARTED, Driver, Parameter
+from lupin_engine.plugin.contract import CLOSED_CODE, EXECUTION_CODE, RESTARTED, Driver, Parameter
 from lupin_engine.plugin.profile import (
     ANSWER,
     START,
@@ -111,10 +111,11 @@ class Orchestrator:
             machine,
             self._clock,
             drivers,
-            ros.guarded(self._stepped),
+            self._stepped,
             self._clock.wall,
             self._keeping.journal,
         )
+        self._engine.failed = self._failed
         self._outlet = RosOutlet(self._engine, self._clock, self._work)
         self._wire = messages.wire_of(chart.profile)
         self._state = _Publisher(ros, self._wire.state)
@@ -137,7 +138,7 @@ class Orchestrator:
         ros.on_parameter(self._prepare, self._set)
         self._answers: set[str] = set()
         self._clients = ClientClocks()
-        self._commands = CommandMemory(self._keeping.journal.answered)
+        self._commands = CommandMemory(ros.guarded(self._keeping.journal.answered))
         if back is not None:
             self._keeping.remember(back.left, self._commands)
         self._origin: tuple[Event | None, Mapping[str, str]] = (None, {})
@@ -275,7 +276,11 @@ class Orchestrator:
         def later(request: Any, response: Any, answer: Callable[[Any], None]) -> None:
             def act() -> None:
                 found = callback(request, response)
-                self._keeping.when_kept(lambda: answer(found))
+                try:
+                    self._keeping.when_kept(lambda: answer(found))
+                except Exception:
+                    self._ros.log.exception("answered without the journal", service=name)
+                    answer(found)
 
             self._in_turn(act, begins(request))
 
@@ -368,18 +373,33 @@ class Orchestrator:
     def _ask(self, event: Event, origin: Mapping[str, str] = NOTHING) -> Step:
         self._origin = event, origin
         self._work()
-        foreseen = self._machine.foresee(event, self._clock.now())
-        refusal = self._keeping.refusal(event, foreseen, self._chart.profile)
+        try:
+            refusal = self._refusal(event)
+        except Exception as problem:
+            self._ros.log.exception("request could not be judged", request=event.name)
+            # What stops the robot waits for nobody's judgement.
+            stops = commands.counts_however_late(event.name, self._chart)
+            why = f"{event.name.rpartition('.')[2]} refused: {type(problem).__name__}: {problem}"
+            refusal = None if stops else Refusal(EXECUTION_CODE, why)
         if refusal is None:
-            self._keeping.before(event, foreseen, self._machine)
             step = self._engine.request(event, origin)
         else:
             memory, now = self._machine.memory, self._clock.now()
             step = Step(memory.sequence, now, event, memory.configuration, accepted=False, refusal=refusal)
         self._work()
         answer = "accepted" if step.accepted else step.refusal.text if step.refusal else "refused"
-        self._ros.log.info("request", request=event.name, answer=answer, **origin)
+        self._ros.guarded(
+            partial(self._ros.log.info, "request", request=event.name, answer=answer, **origin)
+        )()
         return step
+
+    def _refusal(self, event: Event) -> Refusal | None:
+        """Return why a request is refused without a step; else begin the journal of what it starts."""
+        foreseen = self._machine.foresee(event, self._clock.now())
+        refusal = self._keeping.refusal(event, foreseen, self._chart.profile)
+        if refusal is None:
+            self._keeping.before(event, foreseen, self._machine)
+        return refusal
 
     # -- missions that come and go ----------------------------------------------------------------------
 
@@ -487,13 +507,26 @@ class Orchestrator:
     # -- the loop ---------------------------------------------------------------------------------------
 
     def _work(self) -> None:
-        """Step what is queued and due, then sleep until the next deadline or message."""
-        try:
-            self._engine.drain()
-        finally:
-            self._sleep_until(self._engine.next_deadline)
+        """Step what is queued and due, then sleep until the next deadline or message.
+
+        What raises in one part keeps no other from its turn, and no request from being carried out.
+        """
+        for part in (self._engine.drain, self._sleep, self._tend, self._tell_possible):
+            self._ros.guarded(part)()
+
+    def _tend(self) -> None:
         self._keeping.tend(self._machine)
+
+    def _tell_possible(self) -> None:
         self._telling.possible(self._machine)
+
+    def _failed(self, problem: Exception) -> None:
+        """Go on after an exception in the loop; the journal may lack a step, so it begins with a snapshot."""
+        self._ros.log.error("the loop failed", exc_info=problem)
+        self._keeping.journal.spoilt(f"{type(problem).__name__}: {problem}")
+
+    def _sleep(self) -> None:
+        self._sleep_until(self._engine.next_deadline)
 
     def _sleep_until(self, due: float | None) -> None:
         if self._deadline is not None:
@@ -509,23 +542,35 @@ class Orchestrator:
         self._work()
 
     def _stepped(self, step: Step) -> None:
-        """Tell the world what a step did."""
+        """Tell the world what a step did; what raises in one part keeps no other from being told."""
         if step.event.name == START and step.accepted:
             self._told.mission_started()
-        if not self._telling.is_news(step):
-            self._publish_if_changed(self._machine.view)
-            return
         view = self._machine.view
+        parts = _PARTS if self._telling.is_news(step) else (Orchestrator._tell_state,)
+        for part in parts:
+            self._ros.guarded(part)(self, step, view)
+
+    def _tell_outcomes(self, step: Step, view: View) -> None:
         if outcomes := outcomes_of(step):
             self._keeping.publish(outcomes, self._told.outcome, self._outcomes.publish)
+
+    def _tell_reports(self, step: Step, view: View) -> None:
         for command in step.commands:
             if isinstance(command, Report):
                 self._telling.report(command, view)
+
+    def _tell_moments(self, step: Step, view: View) -> None:
         for moment in step.trail[:-1]:
             self._publish_if_changed(view, moment)
+
+    def _tell_state(self, step: Step, view: View) -> None:
         self._publish_if_changed(view)
+
+    def _tell_step(self, step: Step, view: View) -> None:
         asked, origin = self._origin
         self._telling.step(step, view, origin if step.event is asked else NOTHING)
+
+    def _keep(self, step: Step, view: View) -> None:
         self._keeping.after(step, view, self._machine)
 
     # -- publishing -------------------------------------------------------------------------------------
@@ -545,6 +590,17 @@ class Orchestrator:
             return {"sec": int(time), "nanosec": int(time % 1.0 * 1e9)}
         stamp = self._ros.stamp()
         return {"sec": stamp.sec, "nanosec": stamp.nanosec}
+
+
+#: What the world is told of a step that is news, in this order.
+_PARTS = (
+    Orchestrator._tell_outcomes,
+    Orchestrator._tell_reports,
+    Orchestrator._tell_moments,
+    Orchestrator._tell_state,
+    Orchestrator._tell_step,
+    Orchestrator._keep,
+)
 
 
 class _Publisher:

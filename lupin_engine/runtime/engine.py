@@ -7,14 +7,14 @@ queue and are stepped after it, so a step never runs inside another.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Protocol, TypeVar
 
 from lupin_engine.errors import shortened
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import NOTHING, STILL, Act, Cancel, Command, Event, Start
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Phase
+from lupin_engine.machine.memory import Attempt, Phase
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Driver, RecoveringDriver
 from lupin_engine.runtime.clock import Clock
@@ -30,6 +30,9 @@ _CIRCLE = 100
 
 #: By so much the robot's clock may come to differ from what the machine was told, in seconds.
 CLOCK_TOLERANCE_S = 0.5
+
+
+_T = TypeVar("_T")
 
 
 class InputLog(Protocol):
@@ -83,6 +86,9 @@ class Engine:
         self.listener = listener
         self._wall = wall
         self._log = log
+        #: Gets an exception of listener, clock, log or machine, and the loop goes on. Without it the exception
+        #: is raised, after what the step had to end was ended.
+        self.failed: Callable[[Exception], None] | None = None
         #: Attempts that wait for the log, and are not begun yet.
         self._withheld: set[str] = set()
         self._queue: deque[Event] = deque()
@@ -97,7 +103,7 @@ class Engine:
         now = self.clock.now()
         ahead = self._ahead(now)
         if self._log is not None:
-            self._log.started(now, ahead)
+            self._safely(self._log.started, now, ahead)
         self._carry_out(self.machine.start(now, ahead))
         self.drain()
 
@@ -105,7 +111,7 @@ class Engine:
         """Run another machine from here on, which goes on from this one's memory."""
         now = self.clock.now()
         if self._log is not None:
-            self._log.loaded(now)
+            self._safely(self._log.loaded, now)
         step = machine.go_on(now)
         self.machine = machine
         self._carry_out(step)
@@ -119,28 +125,32 @@ class Engine:
         self.machine = machine
         now = self.clock.now()
         if self._log is not None:
-            self._log.handled(now, event, NOTHING)
+            self._safely(self._log.handled, now, event, NOTHING)
         step = machine.handle(event, now)
-        self.listener(step)
+        left = list(machine.memory.attempts.values())
+        self._recover(left, Phase.CANCELLING)
+        self._safely(self.listener, step)
         self._send_all([command for command in step.commands if isinstance(command, (Start, Act))])
-        for attempt in list(machine.memory.attempts.values()):
-            if attempt.phase in (Phase.ACCEPTED, Phase.CANCELLING):
-                adopt = attempt.phase is Phase.ACCEPTED
-                self._recover(Cancel(attempt.id, attempt.operation), adopt=adopt)
+        self._recover(left, Phase.ACCEPTED)
         self.drain()
 
-    def _recover(self, of: Cancel, *, adopt: bool) -> None:
-        plugin, _, name = of.operation.partition(".")
-        driver = self.drivers.get(plugin)
-        if isinstance(driver, RecoveringDriver):
-            try:
-                driver.recover(of.attempt, name, adopt=adopt)
-            except Exception as problem:
-                self.post(events.failed(of.attempt, DRIVER_CODE, f"{type(problem).__name__}: {problem}"))
-        elif adopt:
-            self.post(events.failed(of.attempt, DRIVER_CODE, "its driver cannot go on with it"))
-        else:
-            self.post(events.cancelled(of.attempt))
+    def _recover(self, left: Iterable[Attempt], phase: Phase) -> None:
+        """Have the attempts in one phase followed that a process which is gone has begun."""
+        adopt = phase is Phase.ACCEPTED
+        for attempt in left:
+            if attempt.phase is not phase:
+                continue
+            plugin, _, name = attempt.operation.partition(".")
+            driver = self.drivers.get(plugin)
+            if isinstance(driver, RecoveringDriver):
+                try:
+                    driver.recover(attempt.id, name, adopt=adopt)
+                except Exception as problem:
+                    self.post(events.failed(attempt.id, DRIVER_CODE, f"{type(problem).__name__}: {problem}"))
+            elif adopt:
+                self.post(events.failed(attempt.id, DRIVER_CODE, "its driver cannot go on with it"))
+            else:
+                self.post(events.cancelled(attempt.id))
 
     def post(self, event: Event) -> None:
         """Queue an event; the caller, or whoever owns the loop, drains."""
@@ -156,8 +166,18 @@ class Engine:
 
     def _handle(self, event: Event, now: float, origin: Mapping[str, str] = NOTHING) -> Step:
         if self._log is not None:
-            self._log.handled(now, event, origin)
+            self._safely(self._log.handled, now, event, origin)
         return self.machine.handle(event, now)
+
+    def _safely(self, call: Callable[..., _T], *arguments: Any) -> _T | None:
+        """Call what may raise; where somebody hears of the exception, nothing else is kept from its turn."""
+        try:
+            return call(*arguments)
+        except Exception as problem:
+            if self.failed is None:
+                raise
+            self.failed(problem)
+        return None
 
     def drain(self, more: bool = False) -> None:
         """Fire what is due and step every queued event; events queued meanwhile are stepped as well.
@@ -171,7 +191,7 @@ class Engine:
         if self._stepping:
             return
         self._at_once = self._at_once if more else 0
-        while self._set_clock() or self._fire_due() or self._take_next():
+        while self._safely(self._set_clock) or self._safely(self._fire_due) or self._take_next():
             if self._at_once > MOST_AT_ONCE:
                 self._carry_out(self._handle(Event(STILL, {"detail": self._circle()}), self.clock.now()))
                 self._at_once = 0
@@ -217,7 +237,7 @@ class Engine:
         if due is None or due > now:
             return False
         if self._log is not None:
-            self._log.fired(now)
+            self._safely(self._log.fired, now)
         step = self.machine.advance(now)
         if step is not None:
             self._carry_out(step)
@@ -226,10 +246,13 @@ class Engine:
     def _take_next(self) -> bool:
         if not self._queue:
             return False
-        machine = self.machine
-        event = as_declared(self._queue.popleft(), machine.chart.catalog, machine.memory.attempts)
-        self._carry_out(self._handle(event, self.clock.now()))
+        self._safely(self._take, self._queue.popleft())
         return True
+
+    def _take(self, told: Event) -> None:
+        machine = self.machine
+        event = as_declared(told, machine.chart.catalog, machine.memory.attempts)
+        self._carry_out(self._handle(event, self.clock.now()))
 
     def _carry_out(self, step: Step) -> None:
         """Stop what must stop, tell of the step, do the rest; a listener that fails keeps nothing from that.
@@ -238,19 +261,20 @@ class Engine:
         while a step is carried out waits in the queue.
         """
         self._stepping = True
-        self._count(step)
         try:
-            commands = [command for command in step.commands if isinstance(command, (Start, Cancel, Act))]
-            first = 0
-            for command in commands:
-                if not isinstance(command, Cancel):
-                    break
-                self._end(command)
-                first += 1
+            # What this step begins itself is not under way yet, so its end keeps its place.
+            new = {command.attempt for command in step.commands if isinstance(command, Start)}
+            rest: list[Start | Cancel | Act] = []
+            for command in step.commands:
+                if isinstance(command, Cancel) and command.attempt not in new:
+                    self._end(command)
+                elif isinstance(command, (Start, Cancel, Act)):
+                    rest.append(command)
             try:
-                self.listener(step)
+                self._count(step)
+                self._safely(self.listener, step)
             finally:
-                self._send_all(commands[first:])
+                self._send_all(rest)
         finally:
             self._stepping = False
 
@@ -266,7 +290,7 @@ class Engine:
                 waiting.append(command)
                 self._withheld.update([command.attempt] if isinstance(command, Start) else [])
         if waiting and self._log is not None:
-            self._log.when_kept(lambda: self._begin(waiting))
+            self._safely(self._log.when_kept, lambda: self._begin(waiting))
 
     def _begin(self, commands: list[Start | Act]) -> None:
         """Send what has waited, unless it is not wanted any more."""

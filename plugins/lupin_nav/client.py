@@ -101,10 +101,10 @@ class NavClient:
 
     def cancel(self, attempt: str) -> None:
         """Ask that an attempt ends; a goal not yet accepted is left to be cancelled when it is."""
+        self._drives.cancel(attempt)
         if self._localizing.pop(attempt, None) is not None:
             self._outlet.cancelled(attempt)
         self._explorer.cancel(attempt)
-        self._drives.cancel(attempt)
 
     def recover(self, attempt: str, operation: str, *, adopt: bool) -> None:
         """Have a drive of a process that is gone ended; what that process only looked for ended with it."""

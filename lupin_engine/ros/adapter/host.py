@@ -108,10 +108,12 @@ class Slices:
 
     def _next_turn(self) -> None:
         self._room, self._posted = SLICE, False
-        self._go_on()
-        if self._waiting:
-            self._posted = True
-            self._post(self._next_turn)
+        try:
+            self._go_on()
+        finally:  # what raises has had its turn, and the rest has the next one
+            if self._waiting:
+                self._posted = True
+                self._post(self._next_turn)
 
     def _go_on(self) -> None:
         while self._room and (act := self._take()) is not None:

@@ -4,6 +4,7 @@ there, and lines that are not repeated.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import time
 from collections.abc import Callable
@@ -35,7 +36,8 @@ def guarded(callback: Callable[..., Any], log: FilteringBoundLogger) -> Callable
         try:
             return callback(*arguments)
         except Exception:
-            log.exception("callback failed", callback=getattr(callback, "__qualname__", repr(callback)))
+            with contextlib.suppress(Exception):  # nothing comes after this that could tell it
+                log.exception("callback failed", callback=getattr(callback, "__qualname__", repr(callback)))
             return None
 
     return guard

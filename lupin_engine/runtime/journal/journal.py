@@ -259,6 +259,11 @@ class Journal:
         if self._writer.waits > PATIENCE_S and not self.problem:
             self._on_failure(f"the disk has not answered for {PATIENCE_S:g} s", self._writer.give_up())
 
+    def spoilt(self, reason: str) -> None:
+        """Write no more into this file: what is read of it would not lead to where the machine is."""
+        self.problem = reason
+        self._post(partial(self._on_failure, reason, []))  # not in the midst of a step
+
     def _on_failure(self, reason: str, waiting: list[Callable[[], None]]) -> None:
         self.problem = reason
         if not self._told:
@@ -283,8 +288,7 @@ class Journal:
         try:
             content = encoded(*record)
         except (TypeError, ValueError) as problem:
-            self.problem = f"{self._short.name_in(record)} cannot be written: {problem}"
-            self._post(partial(self._on_failure, self.problem, []))  # not in the midst of a step
+            self.spoilt(f"{self._short.name_in(record)} cannot be written: {problem}")
             return
         self._short.time = now
         self._put(content, urgent=urgent)

@@ -168,8 +168,8 @@ class JournalWriter:
                 self._urgent, ended = False, self._ended
             try:
                 self._write(queue, wait=bool(waiting) or ended)
-            except OSError as problem:
-                self._fail(problem.strerror or str(problem), waiting)
+            except Exception as problem:  # whatever it is: without this thread nothing that waits goes on
+                self._fail(getattr(problem, "strerror", None) or str(problem), waiting)
             else:
                 self._tell(waiting)
             if ended:
