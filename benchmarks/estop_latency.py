@@ -1,6 +1,6 @@
 """How long after an e-stop the base is told to stop, beside a bare rclpy node that does nothing else.
 
-    .venv/bin/python benchmarks/estop_latency.py [--trials 500]
+    .venv/bin/python benchmarks/estop_latency.py [--trials 500] [--tags 0]
 
 This process publishes the Bool and is the action server; it takes the time from `publish(True)` to the
 server's cancel callback. In turn, on the same domain and in the same minute, it stops:
@@ -73,6 +73,38 @@ executor = SingleThreadedExecutor()
 executor.add_node(node)
 try:
     executor.spin()
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass
+"""
+
+
+BESIDE = """
+import sys
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
+
+rclpy.init()
+node = rclpy.create_node("beside")
+latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+publisher = node.create_publisher(DiscoveredTags, "/perception/discovered_tags", latched)
+message = DiscoveredTags()
+message.header.frame_id = "map"
+for number in range(int(sys.argv[1])):
+    tag = DiscoveredTag(tag_id=str(number), species="tulip", sightings=5)
+    tag.pose_in_map.position.x, tag.pose_in_map.orientation.w = float(number), 1.0
+    message.tags.append(tag)
+
+def tell():
+    message.header.stamp = node.get_clock().now().to_msg()
+    for tag in message.tags:
+        tag.pose_in_map.position.y += 0.001
+    publisher.publish(message)
+
+node.create_timer(1.0, tell)
+try:
+    rclpy.spin(node)
 except (KeyboardInterrupt, ExternalShutdownException):
     pass
 """
@@ -201,11 +233,15 @@ def main() -> None:
     """Measure both in turn and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--trials", type=int, default=500)
-    trials = parser.parse_args().trials
+    parser.add_argument("--tags", type=int, default=0, help="discovered tags that are told each second")
+    given = parser.parse_args()
+    trials = given.trials
     os.environ.setdefault("ROS_DOMAIN_ID", DOMAIN)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     before = os.getloadavg()[0]
-    commands = ([LUPIN, "node", "mission_orchestrator"], [sys.executable, "-c", BARE])
+    commands = [[LUPIN, "node", "mission_orchestrator"], [sys.executable, "-c", BARE]]
+    if given.tags:
+        commands.append([sys.executable, "-c", BESIDE, str(given.tags)])
     bench = Bench()
     others = [subprocess.Popen(c, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) for c in commands]
     ours, bare = [], []

@@ -86,8 +86,8 @@ class Engine:
         self.listener = listener
         self._wall = wall
         self._log = log
-        #: Gets an exception of listener, clock, log or machine, and the loop goes on. Without it the exception
-        #: is raised, after what the step had to end was ended.
+        #: Gets an exception of listener, clock, log or machine, and the loop goes on. Without it the
+        #: exception is raised, after what the step had to end was ended.
         self.failed: Callable[[Exception], None] | None = None
         #: Attempts that wait for the log, and are not begun yet.
         self._withheld: set[str] = set()

@@ -18,8 +18,9 @@ from lupin_engine.errors import shortened
 from lupin_greenhouse.poses import Pose
 from lupin_perception.flowers import ScanSummary
 
-#: Tags that are remembered; more in one greenhouse are a detector gone wild.
-MAX_TAGS = 1000
+#: Tags that are remembered; more in one greenhouse are a detector gone wild. The message with all of them is
+#: within `ros.adapter.sizes.OBJECT_BYTES`.
+MAX_TAGS = 400
 #: A pose that differs by less (m; cosine of half the angle) is the same.
 _STILL_M, _STILL_TURN = 1e-3, 1.0 - 1e-6
 

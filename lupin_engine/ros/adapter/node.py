@@ -24,6 +24,7 @@ Each work-around lives in this package, for this reason:
 * type hashes compared with the peers' (`peers`): a mismatch is otherwise silent;
 * a node that stood still for longer than others remember it ends itself (`process`): Fast DDS may never
   match the two again;
+* bytes counted before a message is read (`sizes`): a list of thousands keeps a stop waiting for a second;
 * diagnostics of every node (`vitals`): one that hangs is on the network all the same;
 * servers counted (`peers`): two of one name are otherwise both obeyed.
 """
@@ -53,6 +54,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
@@ -83,6 +85,7 @@ from lupin_engine.ros.adapter.process import (
     standstill_calls,
 )
 from lupin_engine.ros.adapter.qos import Qos
+from lupin_engine.ros.adapter.sizes import most_bytes
 from lupin_engine.ros.adapter.vitals import REPORT_S, CountedPublisher, Vitals
 
 __all__ = [
@@ -194,6 +197,8 @@ class RosNode:
         self._stood_still: float | None = None
         self._told_findings: frozenset[str] = frozenset()
         self._seen_rivals: frozenset[str] = frozenset()
+        #: Topics whose last message was too large.
+        self._refused: set[str] = set()
         try:
             self._declared = DeclaredParameters(self.node, self.log, arguments, parameters)
             self._one_shot(FIRST_PEER_CHECK_S, self._check_peers, self._steady)
@@ -322,11 +327,38 @@ class RosNode:
         self.watch_channels([f"rt{publisher.topic_name}"])
         return publisher
 
-    def subscribe(self, kind: Any, topic: str, qos: Qos, callback: Callable[[Any], None]) -> Subscription:
-        """Call `callback` with every message of `topic`, until the node's `destroy_subscription`."""
-        subscription = self.node.create_subscription(kind, topic, self.guarded(callback), qos.profile())
+    def subscribe(
+        self, kind: Any, topic: str, qos: Qos, callback: Callable[[Any], None], most: int | None = None
+    ) -> Subscription:
+        """Call `callback` with every message of `topic`, until the node's `destroy_subscription`.
+
+        One of more than `most` bytes, by default what `sizes` says of its kind, is refused and reported.
+        """
+        limit, guard = most or most_bytes(kind), self.guarded(callback)
+        if limit is None:
+            subscription = self.node.create_subscription(kind, topic, guard, qos.profile())
+        else:
+            read = self.guarded(partial(self._read, kind, topic, limit, callback))
+
+            def take(data: bytes) -> None:  # rclpy counts the arguments
+                read(data)
+
+            subscription = self.node.create_subscription(kind, topic, take, qos.profile(), raw=True)
         self.watch_channels([f"rt{subscription.topic_name}"])
         return subscription
+
+    def _read(self, kind: Any, topic: str, limit: int, callback: Callable[[Any], None], data: bytes) -> None:
+        """Make a message of its bytes, unless they are too many to be read while a stop waits."""
+        if len(data) <= limit:
+            if topic in self._refused:
+                self._refused.discard(topic)
+                self.trouble(topic, "")
+            callback(deserialize_message(data, kind))
+            return
+        problem = f"{topic}: messages of more than {limit} bytes are refused"
+        self._refused.add(topic)
+        self.trouble(topic, problem)
+        self.log.error(problem)
 
     def subscribe_raw(
         self, kind: Any, topic: str, profile: QoSProfile, callback: Callable[[bytes, Any], None]

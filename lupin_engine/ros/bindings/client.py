@@ -25,6 +25,7 @@ from lupin_engine.ros.adapter.service_driver import (
     ServiceDriver,
     ServiceOperation,
 )
+from lupin_engine.ros.adapter.sizes import OBJECT_BYTES
 from lupin_engine.ros.bindings.definitions import (
     fill,
     interface_class,
@@ -231,7 +232,10 @@ class _Listener:
         self._is_told = False
         endpoint = heard.endpoint
         kind = interface_class(endpoint.type)
-        self._subscription = world.ros.subscribe(kind, endpoint.name, _QOS[endpoint.qos], self._take)
+        # All of it becomes plain data, number by number.
+        self._subscription = world.ros.subscribe(
+            kind, endpoint.name, _QOS[endpoint.qos], self._take, OBJECT_BYTES
+        )
 
     def _take(self, message: Any) -> None:
         endpoint = self._heard.endpoint
