@@ -90,8 +90,10 @@ class Inputs:
         if not spec.of_mission or spec.type.kind != "list":
             return value
         self._scope.memory.heard[spec.name] = list(value)
-        before = self._scope.memory.before.get(spec.name, ())
-        return [item for item in value if item not in before]
+        known: dict[Any, list[Any]] = {}
+        for item in self._scope.memory.before.get(spec.name, ()):
+            known.setdefault(_name_of(item), []).append(item)
+        return [item for item in value if item not in known.get(_name_of(item), ())]
 
     def _is_of_mission(self, stamp: float) -> bool:
         started = self._scope.memory.started_at
@@ -269,6 +271,12 @@ _MADE_OF: Mapping[str, type | tuple[type, ...]] = {
     "record": Mapping,
     "any": object,
 }
+
+
+def _name_of(item: Any) -> Any:
+    """Return what equal elements of a list have alike, and others mostly not: to compare each with all is slow."""
+    name = item.get("id") if isinstance(item, Mapping) else item
+    return name if isinstance(name, (str, int, float)) else None
 
 
 def _flaw(spec: Input, value: Any) -> str:
