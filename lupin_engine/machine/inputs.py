@@ -274,7 +274,7 @@ _MADE_OF: Mapping[str, type | tuple[type, ...]] = {
 
 
 def _name_of(item: Any) -> Any:
-    """Return what equal elements of a list have alike, and others mostly not: to compare each with all is slow."""
+    """Return what equal elements of a list have in common, and others mostly not: a key to find them by."""
     name = item.get("id") if isinstance(item, Mapping) else item
     return name if isinstance(name, (str, int, float)) else None
 

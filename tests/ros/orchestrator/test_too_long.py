@@ -50,9 +50,8 @@ def test_what_is_computed_is_an_error_at_its_place(world: World, operator: Opera
 def test_a_parameter_is_refused(verb: str, ros_domain: int) -> None:
     """Before anything is started."""
     lupin = str(Path(sys.executable).with_name("lupin"))
-    done = subprocess.run(
-        [lupin, verb, "inspection", "--set", "nav_timeout_s=1e11 s"], capture_output=True, text=True, timeout=60
-    )
+    command = [lupin, verb, "inspection", "--set", "nav_timeout_s=1e11 s"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     told = "expected duration of at most 100 years (3155760000 s), got '1e11 s'"
     assert (done.returncode, done.stderr) == (2, f"lupin: --set: parameter 'nav_timeout_s': {told}\n")
 
