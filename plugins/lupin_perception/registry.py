@@ -19,7 +19,7 @@ from lupin_greenhouse.poses import Pose
 from lupin_perception.flowers import ScanSummary
 
 #: Tags that are remembered; more in one greenhouse are a detector gone wild. The message with all of them is
-#: within `ros.adapter.sizes.OBJECT_BYTES`.
+#: within `ros.adapter.qos.OBJECT_BYTES`.
 MAX_TAGS = 400
 #: A pose that differs by less (m; cosine of half the angle) is the same.
 _STILL_M, _STILL_TURN = 1e-3, 1.0 - 1e-6

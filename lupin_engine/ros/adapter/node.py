@@ -24,7 +24,7 @@ Each work-around lives in this package, for this reason:
 * type hashes compared with the peers' (`peers`): a mismatch is otherwise silent;
 * a node that stood still for longer than others remember it ends itself (`process`): Fast DDS may never
   match the two again;
-* bytes counted before a message is read (`sizes`): a list of thousands keeps a stop waiting for a second;
+* bytes counted before a message is read (`qos`): a list of thousands keeps a stop waiting for a second;
 * diagnostics of every node (`vitals`): one that hangs is on the network all the same;
 * servers counted (`peers`): two of one name are otherwise both obeyed.
 """
@@ -84,8 +84,7 @@ from lupin_engine.ros.adapter.process import (
     signals_call,
     standstill_calls,
 )
-from lupin_engine.ros.adapter.qos import Qos
-from lupin_engine.ros.adapter.sizes import most_bytes
+from lupin_engine.ros.adapter.qos import Qos, most_bytes
 from lupin_engine.ros.adapter.vitals import REPORT_S, CountedPublisher, Vitals
 
 __all__ = [
@@ -332,7 +331,7 @@ class RosNode:
     ) -> Subscription:
         """Call `callback` with every message of `topic`, until the node's `destroy_subscription`.
 
-        One of more than `most` bytes, by default what `sizes` says of its kind, is refused and reported.
+        One of more than `most` bytes, by default what `qos` says of its kind, is refused and reported.
         """
         limit, guard = most or most_bytes(kind), self.guarded(callback)
         if limit is None:

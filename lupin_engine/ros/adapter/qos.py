@@ -1,13 +1,22 @@
-"""The quality-of-service profiles of the system: declared once, so that two ends cannot disagree.
+"""How topics travel: the quality-of-service profiles, and how large a message may be.
+
+The profiles are declared once, so that two ends cannot disagree.
 
 A TRANSIENT_LOCAL subscriber never matches a VOLATILE publisher, and says nothing about it; that is why a
 topic is created with one of these names and never with a profile of its own.
+
+Reading a message holds the thread on which a stop waits for its turn: rclpy makes Python objects of all of it
+before anybody can look. That takes about 20 us for each message or text in a list, and 0.6 ms for a megabyte
+of numbers or of one text. Lists and texts have no bound on the wire, so the bytes are counted first.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -16,6 +25,12 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 HEARD_DEPTH = 1000
 #: Requests kept per service. The default of 10 is shared by all clients and loses the rest silently.
 SERVICE_DEPTH = 1000
+#: Of messages with a list of messages or texts, in bytes: 550 poses with their names, 10 ms.
+OBJECT_BYTES = 49_152
+#: Of messages with one text or with lists of numbers, in bytes: a map of 8 million cells, 5 ms.
+FLAT_BYTES = 8_388_608
+
+_NUMBER = re.compile(r"u?int\d+|float|double|boolean|octet|byte|char")
 
 
 class Qos(enum.Enum):
@@ -104,3 +119,23 @@ def _offer_text(profile: QoSProfile) -> str:
 def _span_text(span: Duration) -> str:
     seconds, nanoseconds = divmod(span.nanoseconds, 1_000_000_000)
     return f"    sec: {seconds}\n    nsec: {nanoseconds}"
+
+
+@cache
+def most_bytes(kind: Any) -> int | None:
+    """Return how many bytes a message of a kind may have; None for one that has no list and no text."""
+    elements = list(_unbounded(kind()))
+    if not elements:
+        return None
+    return FLAT_BYTES if all(map(_NUMBER.fullmatch, filter(None, elements))) else OBJECT_BYTES
+
+
+def _unbounded(message: Any) -> Iterator[str]:
+    """Yield the type of the elements of each list in a message, and '' for each text."""
+    for name, declared in message.get_fields_and_field_types().items():
+        if declared.startswith("sequence<"):
+            yield declared.removeprefix("sequence<").partition(">")[0].partition(",")[0]
+        elif declared in ("string", "wstring"):
+            yield ""
+        elif hasattr(value := getattr(message, name), "get_fields_and_field_types"):
+            yield from _unbounded(value)

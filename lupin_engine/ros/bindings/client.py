@@ -18,6 +18,7 @@ from lupin_engine.plugin.contract import Outlet
 from lupin_engine.ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
 from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode, RosTimer, peer_mismatches
 from lupin_engine.ros.adapter.peers import is_listened_to
+from lupin_engine.ros.adapter.qos import OBJECT_BYTES
 from lupin_engine.ros.adapter.service_driver import (
     CALL_DEADLINE_S,
     Done,
@@ -25,7 +26,6 @@ from lupin_engine.ros.adapter.service_driver import (
     ServiceDriver,
     ServiceOperation,
 )
-from lupin_engine.ros.adapter.sizes import OBJECT_BYTES
 from lupin_engine.ros.bindings.definitions import (
     fill,
     interface_class,

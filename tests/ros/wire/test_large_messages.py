@@ -10,7 +10,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
 from lupin_engine.ros.adapter.node import Qos
-from lupin_engine.ros.adapter.sizes import OBJECT_BYTES
+from lupin_engine.ros.adapter.qos import OBJECT_BYTES
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from tests.ros.wire.wire import Drive, Wire, running_node
 
