@@ -479,13 +479,11 @@ def _number(value: Any, wanted: Type, notation: Notation) -> _Answer:
         return _expected(wanted, value)
     if wanted.kind == "number" and not _is_finite(number):
         return _expected(wanted, value, fault=Fault.NOT_FINITE)
-    allowed = beyond(number, wanted)
-    if allowed:
-        return Fault.RANGE, f"expected {wanted} {allowed}, got {value!r}"
     low, high = wanted.minimum, wanted.maximum
     if (low is not None and number < low) or (high is not None and number > high):
         return Fault.RANGE, f"expected {wanted} {_range(wanted, value)}, got {value!r}"
-    return _FINE
+    allowed = beyond(number, wanted)
+    return (Fault.RANGE, f"expected {wanted} {allowed}, got {value!r}") if allowed else _FINE
 
 
 def _unit_hint(wanted: Type) -> str:
