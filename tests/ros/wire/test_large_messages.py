@@ -71,8 +71,8 @@ def test_a_stop_does_not_wait_for_a_list(wire: Wire, count: int) -> None:
         assert wire.operator.ask("resume").success
     print(f"{count} tags: p50 {1e3 * statistics.median(took):.1f} ms, slowest {1e3 * max(took):.1f} ms")
     # 30 ms on a robot's computer (benchmarks/estop_latency.py); this one may be busy with other tests.
-    assert statistics.median(took) < 0.15
-    assert max(took) < 0.5
+    assert statistics.median(took) < 0.3
+    assert max(took) < 1.0
     refused = f"{TOPIC}: messages of more than {OBJECT_BYTES} bytes are refused"
     log = wire.world.log("mission_orchestrator").read_text()
     if count == 10_000:
