@@ -29,7 +29,8 @@ from lupin_engine.ros.adapter.logs import WarnOnce
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.adapter.service_driver import Done, Failed
 from lupin_greenhouse.frames import frame_name
-from lupin_greenhouse.node.estop import RELEASED, SILENT, EmergencyStop
+from lupin_greenhouse.node.estop import StopListener
+from lupin_greenhouse.stops import StopState
 from lupin_nav import goal_status, localization
 from lupin_nav.battery import charge
 from lupin_nav.exploration import Explorer
@@ -65,7 +66,7 @@ class NavClient:
         ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
         for topic in dict.fromkeys((parameters["battery_topic"], parameters["other_battery_topic"])):
             ros.subscribe(BatteryState, topic, Qos.EVENT, self._on_battery)
-        self._estop = EmergencyStop(
+        self._estop = StopListener(
             ros, parameters["estop_topic"], parameters["estop_timeout_s"], self._on_estop
         )
         self._watching = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._watch)
@@ -239,10 +240,10 @@ class NavClient:
         if fraction is not None:
             self._report("robot.battery", fraction)
 
-    def _on_estop(self, how: str) -> None:
-        if how == SILENT:
+    def _on_estop(self, state: StopState) -> None:
+        if state.silent:
             self._ros.log.warning("the emergency stop has fallen silent, which counts as engaged")
-        self._report("robot.estop", how != RELEASED)
+        self._report("robot.estop", state.engaged)
 
     def _report(self, name: str, value: Any) -> None:
         if not self._closed:

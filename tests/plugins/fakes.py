@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 from lupin_engine.plugin.contract import Plugin
@@ -143,6 +144,9 @@ class FakeGraph:
 
     def count_publishers(self, topic: str) -> int:
         return self.publishers
+
+    def get_publishers_info_by_topic(self, topic: str) -> list[SimpleNamespace]:
+        return [SimpleNamespace(endpoint_gid=[number]) for number in range(self.publishers)]
 
 
 class FakeRos:

@@ -30,6 +30,7 @@ from lupin_engine.plugin.wire import time_fields
 from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
 from lupin_greenhouse.node import watchdog
+from lupin_greenhouse.node.estop import StopListener
 from lupin_greenhouse.node.watchdog import OrchestratorWatchdog
 from lupin_greenhouse.poses import heading
 from lupin_msgs.msg import MissionState
@@ -80,7 +81,7 @@ PARAMETERS = {
     "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
     "start_pose": Parameter(POSE, {"x": 0.5, "y": 0.5, "yaw": 0.0}, "where the robot stands at the start"),
     "speed": Parameter(number_in("m/s"), 0.5, "driving speed", minimum=0.01, maximum=10.0),
-    "estop": Parameter(BOOL, False, "whether the emergency stop is engaged, besides /lupin/hmi/estop"),
+    "estop": Parameter(BOOL, False, "whether the emergency stop is engaged, besides those of pages and HMIs"),
     "battery": Parameter(NUMBER, 1.0, "charge of the battery, 0 to 1; setting it sets the level", 0.0, 1.0),
     "drain_per_s": Parameter(NUMBER, 0.0, "charge that the battery loses in a second", minimum=0.0),
     "fault": Parameter(_FAULTS, InjectedFault.NONE.value, "what goes wrong"),
@@ -119,7 +120,6 @@ class SimNode:
         self._fault_count: int = values["fault_count"]
         self._correcting_fault = False
         self._estop_parameter = False
-        self._estop_hmi = False
         self._goal: ServedGoal | None = None
         self._goal_began = 0.0
         self._moving = Repeater(ros.timer, MOVE_S, self._move)
@@ -143,7 +143,7 @@ class SimNode:
         self._transforms = ros.publisher(TFMessage, "/tf", Qos.EVENT)
         self._batteries = ros.publisher(BatteryState, "/io/power/power_watcher", Qos.EVENT)
         self._estops = ros.publisher(Bool, "/e_stop_state", Qos.EVENT)
-        ros.subscribe(Bool, "/lupin/hmi/estop", Qos.EVENT, self._on_hmi_estop)
+        self._stops = StopListener(ros, "", 0.0, lambda _: self._on_stop())
         ros.serve_action(
             NavigateToPose,
             "navigate_to_pose",
@@ -193,11 +193,9 @@ class SimNode:
 
         self._ros.post(show)
 
-    def _on_hmi_estop(self, message: Bool) -> None:
-        if message.data != self._estop_hmi:
-            self._estop_hmi = message.data
-            self._advance()
-            self._settle()
+    def _on_stop(self) -> None:
+        self._advance()
+        self._settle()
 
     def _on_mission(self, message: MissionState) -> None:
         self._watchdog.heard(message.lifecycle_state)
@@ -205,7 +203,7 @@ class SimNode:
 
     @property
     def _estop(self) -> bool:
-        return self._estop_parameter or self._estop_hmi
+        return self._estop_parameter or self._stops.engaged
 
     def _settle(self) -> None:
         """Apply a change at once: to the brake, and to what is published."""

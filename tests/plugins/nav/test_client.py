@@ -16,7 +16,7 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
 from lupin_engine.ros.adapter.action_driver import SERVER_GRACE_S
-from lupin_greenhouse.node.estop import LOOKS, STEADY
+from lupin_greenhouse.stops import HMI_TOPIC, PAGES_TOPIC
 from lupin_nav.goal_status import failure
 from tests.plugins.fakes import FakeGoal
 from tests.plugins.nav.bench import NavBench
@@ -378,16 +378,15 @@ def test_the_emergency_stop_is_reported_as_it_comes() -> None:
     bench = Bench()
     for engaged in (True, True, False):
         bench.ros.subscriptions["/e_stop_state"](Bool(data=engaged))
-    assert bench.outlet.of("robot.estop") == [True, True, False]
+    assert bench.outlet.of("robot.estop") == [True, False]
 
 
 def test_an_emergency_stop_that_falls_silent_is_engaged() -> None:
     bench = Bench()
-    for _ in range(STEADY):
+    for _ in range(8):
         bench.ros.subscriptions["/e_stop_state"](Bool(data=False))
         bench.ros.pass_time(0.5)
-    for _ in range(LOOKS):
-        bench.ros.pass_time(0.5)
+    bench.ros.pass_time(2.0)
     assert bench.outlet.of("robot.estop")[-2:] == [False, True]
     assert bench.ros.log.warnings == [("the emergency stop has fallen silent, which counts as engaged", {})]
 
@@ -395,5 +394,5 @@ def test_an_emergency_stop_that_falls_silent_is_engaged() -> None:
 def test_topics_and_frame_are_those_of_the_parameters() -> None:
     changed = {"amcl_pose_topic": "/p", "estop_topic": "/e", "battery_topic": "/b", "frame_id": "hall"}
     bench = Bench(changed=changed)
-    assert set(bench.ros.subscriptions) == {"/p", "/e", "/b", "/battery"}
+    assert set(bench.ros.subscriptions) == {"/p", "/e", "/b", "/battery", PAGES_TOPIC, HMI_TOPIC}
     assert bench.dock().request.pose.header.frame_id == "hall"
