@@ -23,7 +23,6 @@ from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.folder import MissionsFolder
 from lupin_gateway.audit import AuditLog, last_lines
 from lupin_gateway.doors import (
-    STOP_TOPIC,
     AllowList,
     Doors,
     IssuedToken,
@@ -35,6 +34,7 @@ from lupin_gateway.node.kept import StateFile
 from lupin_gateway.people import MOST_COMMANDS, NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
 from lupin_gateway.sides import CallFailed, RosSide
 from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter
+from lupin_greenhouse.stops import HMI_TOPIC, PAGES_TOPIC
 
 #: Addresses at which only this machine is heard.
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -63,6 +63,11 @@ PARAMETERS = {
         list_of(TEXT), [], "topics, services and actions that engineers may use beside those declared"
     ),
     "viewers_stop": Parameter(BOOL, True, "whether a viewer may stop the robot, too"),
+    "shared_false": Parameter(
+        BOOL,
+        False,
+        f"whether {HMI_TOPIC} is told steadily, and not only once at a release, that no page stops the robot",
+    ),
     "on_link_lost": Parameter(
         one_of(*(one.value for one in OnLinkLost)),
         OnLinkLost.CONTINUE.value,
@@ -128,10 +133,9 @@ def house_rules(ros: RosNode, side: RosSide, values: Mapping[str, Any]) -> House
     stops = StopArbiter(OnLinkLost(values["on_link_lost"]), values["viewers_stop"])
     stops_file = StateFile(ros, folder / "stops.json", "stops")
     stops.restore(_kept_stops(ros, stops_file), time.monotonic())
-    told = ros.publisher(Bool, STOP_TOPIC, Qos.EVENT)
     shown = ros.publisher(String, STOPS_TOPIC, Qos.LATCHED)
     hands = Hands(
-        tell_stop=lambda stopped: told.publish(Bool(data=stopped)),
+        tell_stop=_telling_stop(ros, values["shared_false"]),
         tell_state=lambda state: shown.publish(String(data=state)),
         pause=_pausing(side, catalog),
         keep=lambda kept: stops_file.keep(asdict(kept)),
@@ -143,6 +147,25 @@ def house_rules(ros: RosNode, side: RosSide, values: Mapping[str, Any]) -> House
     rules = HouseRules(doors, allowed, stops, log, TwoClocks(time.monotonic, time.time), hands)
     rules.people = _people(ros, folder, audit_file)
     return rules
+
+
+def _telling_stop(ros: RosNode, shared_false: bool) -> Callable[[bool], None]:
+    """Return what publishes the stop of all pages: on a topic of our own, and on the one that HMIs share.
+
+    Who keeps the last word of the shared one, as the bridge of today's robot does, needs a false when our
+    stop is released; one that is repeated would release the stops of other HMIs there.
+    """
+    own, shared = ros.publisher(Bool, PAGES_TOPIC, Qos.LATCHED), ros.publisher(Bool, HMI_TOPIC, Qos.EVENT)
+    was_stopped = False
+
+    def tell(stopped: bool) -> None:
+        nonlocal was_stopped
+        own.publish(Bool(data=stopped))
+        if stopped or was_stopped or shared_false:
+            shared.publish(Bool(data=stopped))
+        was_stopped = stopped
+
+    return tell
 
 
 def state_folder() -> Path:
