@@ -161,6 +161,7 @@ class FakeRos:
         self.timers: list[FakeTimer] = []
         self.subscriptions: dict[str, Callable[[Any], None]] = {}
         self.profiles: dict[str, Any] = {}
+        self.troubles: dict[str, str] = {}
         self.time = 100.0
 
     def now(self) -> float:
@@ -184,6 +185,12 @@ class FakeRos:
     def service(self, kind: Any, name: str) -> FakeService:
         self.remote.name = name
         return self.remote
+
+    def trouble(self, about: str, problem: str) -> None:
+        self.troubles[about] = problem
+
+    def timer(self, period: float, callback: Callable[[], None]) -> FakeTimer:
+        return self.steady_timer(period, callback)
 
     def steady_timer(self, period: float, callback: Callable[[], None]) -> FakeTimer:
         self.timers.append(FakeTimer(period, callback))
