@@ -274,8 +274,8 @@ class NavClient:
             self._report("robot.battery", fraction)
 
     def _on_estop(self, state: StopState) -> None:
-        if state.silent:
-            self._ros.log.warning("the emergency stop has fallen silent, which counts as engaged")
+        if state.engaged:
+            self._ros.log.warning(self._estop.reason)
         self._ros.trouble("stop", self._estop.reason)
         self._report("robot.estop", state.engaged)
 

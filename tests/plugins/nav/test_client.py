@@ -367,11 +367,42 @@ def test_the_battery_is_reported_as_a_fraction_and_junk_is_not() -> None:
     assert bench.outlet.of("robot.battery") == pytest.approx([0.8, 0.35, 1.0])
 
 
-def test_the_battery_is_heard_wherever_a_robot_tells_it() -> None:
+BATTERY, OTHER_BATTERY = "/io/power/power_watcher", "/battery"
+
+
+def test_of_several_batteries_the_worst_counts_and_its_topic_is_reported() -> None:
     bench = Bench()
-    bench.ros.subscriptions["/battery"](BatteryState(percentage=0.6))
-    bench.ros.subscriptions["/io/power/power_watcher"](BatteryState(percentage=0.5))
-    assert bench.outlet.of("robot.battery") == pytest.approx([0.6, 0.5])
+    for topic, reading in ((OTHER_BATTERY, 0.1), (BATTERY, 1.0), (OTHER_BATTERY, 0.6), (BATTERY, 0.5)):
+        bench.ros.subscriptions[topic](BatteryState(percentage=reading))
+    assert bench.outlet.of("robot.battery") == pytest.approx([0.1, 0.1, 0.6, 0.5])
+    assert bench.outlet.of("robot.battery_source") == [OTHER_BATTERY, BATTERY]
+
+
+def test_a_battery_that_falls_silent_is_unknown_and_reported_while_that_lasts() -> None:
+    bench = Bench()
+    bench.ros.subscriptions[OTHER_BATTERY](BatteryState(percentage=0.1))
+    for _ in range(13):
+        bench.ros.subscriptions[BATTERY](BatteryState(percentage=1.0))
+        bench.ros.pass_time(2.5)
+    assert bench.outlet.of("robot.battery")[-2:] == [0.1, 1.0]
+    assert bench.outlet.events == [("nav.battery_silent", {"source": OTHER_BATTERY})]
+    unknown = "the charge of the battery is unknown: /battery is silent"
+    assert bench.ros.troubles["battery"] == unknown
+    bench.ros.pass_time(30.0)
+    assert bench.outlet.events[1:] == [
+        ("nav.battery_silent", {"source": name}) for name in (OTHER_BATTERY, BATTERY)
+    ]
+    bench.ros.subscriptions[OTHER_BATTERY](BatteryState(percentage=0.3))
+    assert bench.outlet.of("robot.battery")[-1] == pytest.approx(0.3)
+    assert bench.ros.troubles["battery"] == f"the charge of the battery is unknown: {BATTERY} is silent"
+
+
+def test_a_battery_may_be_told_as_seldom_as_it_likes() -> None:
+    bench = Bench(changed={"battery_timeout_s": 0.0})
+    bench.ros.subscriptions[BATTERY](BatteryState(percentage=0.5))
+    bench.ros.pass_time(1000.0)
+    assert bench.outlet.events == []
+    assert bench.ros.timers == []
 
 
 def test_the_emergency_stop_is_reported_as_it_comes() -> None:
@@ -388,7 +419,8 @@ def test_an_emergency_stop_that_falls_silent_is_engaged() -> None:
         bench.ros.pass_time(0.5)
     bench.ros.pass_time(2.0)
     assert bench.outlet.of("robot.estop")[-2:] == [False, True]
-    assert bench.ros.log.warnings == [("the emergency stop has fallen silent, which counts as engaged", {})]
+    assert bench.ros.log.warnings == [("the emergency stop is silent (/e_stop_state)", {})]
+    assert bench.ros.troubles["stop"] == "the emergency stop is silent (/e_stop_state)"
 
 
 def test_topics_and_frame_are_those_of_the_parameters() -> None:

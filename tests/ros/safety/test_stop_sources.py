@@ -1,4 +1,4 @@
-"""The stop of one source is never released by another's false: a gateway, another HMI, a robot that drives."""
+"""The stop of one source is never released by another's false: a gateway, another HMI, a robot."""
 
 from __future__ import annotations
 
