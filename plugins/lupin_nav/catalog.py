@@ -319,5 +319,6 @@ PLUGIN = Plugin(
             "/navigate_to_pose/_action/cancel_goal",
             "/navigate_through_poses/_action/cancel_goal",
         ),
+        motions=("/goal_pose",),
     ),
 )

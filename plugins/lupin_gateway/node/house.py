@@ -30,7 +30,9 @@ from lupin_gateway.doors import (
     read_tokens,
 )
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
+from lupin_gateway.motion import BASE_TOPIC, MotionGate
 from lupin_gateway.node.kept import StateFile
+from lupin_gateway.node.ros import NodeSide
 from lupin_gateway.people import MOST_COMMANDS, NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
 from lupin_gateway.sides import CallFailed, RosSide
 from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter
@@ -125,7 +127,7 @@ def host(values: Mapping[str, Any]) -> str:
     return "0.0.0.0" if values["open"] and named in LOOPBACK else named
 
 
-def house_rules(ros: RosNode, side: RosSide, values: Mapping[str, Any]) -> HouseRules:
+def house_rules(ros: RosNode, side: NodeSide, values: Mapping[str, Any]) -> HouseRules:
     """Return the rules, with the stops that an earlier gateway of this domain has left."""
     catalog, folder = load_catalog(), state_folder()
     tokens = Path(values["tokens"]) if values["tokens"] else None
@@ -134,11 +136,14 @@ def house_rules(ros: RosNode, side: RosSide, values: Mapping[str, Any]) -> House
     stops_file = StateFile(ros, folder / "stops.json", "stops")
     stops.restore(_kept_stops(ros, stops_file), time.monotonic())
     shown = ros.publisher(String, STOPS_TOPIC, Qos.LATCHED)
+    base = ros.publisher(String, BASE_TOPIC, Qos.LATCHED)
     hands = Hands(
         tell_stop=_telling_stop(ros, values["shared_false"]),
         tell_state=lambda state: shown.publish(String(data=state)),
         pause=_pausing(side, catalog),
         keep=lambda kept: stops_file.keep(asdict(kept)),
+        tell_base=lambda state: base.publish(String(data=state)),
+        halt=side.halt,
     )
     audit_file = Path(values["audit_file"]) if values["audit_file"] else folder / "audit.jsonl"
     log = AuditLog(audit_file, ros.log.error)
@@ -146,6 +151,9 @@ def house_rules(ros: RosNode, side: RosSide, values: Mapping[str, Any]) -> House
     ros.on_stop(log.close)
     rules = HouseRules(doors, allowed, stops, log, TwoClocks(time.monotonic, time.time), hands)
     rules.people = _people(ros, folder, audit_file)
+    wire = catalog.profile.wire
+    rules.motion = MotionGate((names.COMMAND_SERVICE, *([wire.requests.format("*")] if wire else ())))
+    side.moving = allowed.moving
     return rules
 
 
@@ -186,8 +194,10 @@ def _own(ros: RosNode, catalog: Catalog, values: Mapping[str, Any]) -> Iterator[
     except LupinError as problem:
         ros.log.warning(f"names of bindings are not offered to pages: {problem}")
         return
-    called = (call.endpoint.name for one in bindings.bindings.values() for call in one.calls.values())
-    yield Access(viewer=tuple(bindings.heard), engineer=tuple(called))
+    calls = [call for one in bindings.bindings.values() for call in one.calls.values()]
+    called = tuple(call.endpoint.name for call in calls)
+    moving = tuple(call.endpoint.name for call in calls if call.moves)
+    yield Access(viewer=tuple(bindings.heard), engineer=called, motions=moving)
 
 
 def _tokens(ros: RosNode, file: Path) -> tuple[IssuedToken, ...]:

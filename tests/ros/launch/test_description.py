@@ -70,11 +70,12 @@ def test_what_missions_do_not_use_is_not_simulated() -> None:
     assert with_the_arm.starts == ("fake_robot", "fake_hand", "twin", "hand", "mission_orchestrator")
 
 
-def test_what_looks_after_a_real_robot_stays_out_beside_a_simulated_one() -> None:
+def test_what_looks_after_a_robot_is_started_beside_a_real_and_a_simulated_one() -> None:
     guarded = replace(CATALOG.plugins["drive"], nodes={"guard": "g:main"}, guards={"guard": ("navigate",)})
     catalog = build_catalog([guarded, CATALOG.plugins["fake"]])
     there = PresentEndpoints(actions=frozenset({"/navigate"}))
-    assert describe_launch(["drive"], catalog, NOTHING, {}).starts == ("fake_robot", "mission_orchestrator")
+    simulated = describe_launch(["drive"], catalog, NOTHING, {}).starts
+    assert simulated == ("fake_robot", "guard", "mission_orchestrator")
     for present, simulate in ((there, True), (there, False), (NOTHING, False)):
         found = describe_launch(["drive"], catalog, present, {}, simulate=simulate)
         assert found.starts == ("guard", "mission_orchestrator")
