@@ -112,7 +112,7 @@ class HouseRules:
         self.settle_motion()
 
     def settle_motion(self) -> None:
-        """Look at what keeps pages from moving the robot now, end what they drive, and tell who has the base."""
+        """Look at what keeps pages from moving the robot, end what they drive, tell who has the base."""
         driver = self.motion.taken_by
         if self.motion.settle(self.stops.stopped, self.clocks.steady()):
             self._hands.halt()
@@ -284,7 +284,7 @@ class Guard:
         self._rules.settle_motion()
         refused = self._rules.motion.take(self.name)
         self._rules.settle_motion()
-        return {"success": not refused, "message": refused or f"{self.name} has the base until it is given back"}
+        return {"success": not refused, "message": refused or f"{self.name} has the base"}
 
     def _is_repeated(self, operation: protocol.Operation) -> bool:
         """Whether a publication repeats the last one: it is written down once."""

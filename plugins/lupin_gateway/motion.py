@@ -87,8 +87,8 @@ class MissionLevel:
 class MotionGate:
     """Who may move the robot now.
 
-    `hindrance` is why no page may: `stop`, `mission` (it has the base), `held` (it has, and a page may take it);
-    '' where pages with the role may.
+    `hindrance` is why no page may: `stop`, `mission` (it has the base), `held` (it has, and a page may take
+    it); '' where pages with the role may.
     """
 
     def __init__(self, commands: Iterable[str] = ()) -> None:
@@ -124,13 +124,14 @@ class MotionGate:
 
     def _look(self, stopped_by_pages: bool, now: float) -> tuple[str, str]:
         mission = self._mission
-        if stopped_by_pages or self._stops or mission.stopped:
+        is_silent = now - self._heard > SILENCE_S
+        if stopped_by_pages or self._stops or (mission.stopped and not is_silent):
             by = f" ({', '.join(self._stops)})" if self._stops else ""
             return "stop", f"e-stop engaged{by}: release it, then ask again"
         if not mission.under_way:
             return "", ""
-        if now - self._heard > SILENCE_S:
-            return "held", f"the orchestrator of a mission is silent ({mission.lifecycle}): take the base first"
+        if is_silent:
+            return "held", f"a mission's orchestrator is silent ({mission.lifecycle}): take the base first"
         if mission.held:
             return "held", f"a mission is held ({mission.lifecycle}): take the base first"
         return "mission", f"a mission has the base ({mission.lifecycle}): pause it first"

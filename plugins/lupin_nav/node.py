@@ -1,9 +1,9 @@
 """The node `nav_watchdog`: ends what navigation drives for an orchestrator that is silent, or under a stop.
 
-Nav2 follows a goal to its end, whoever sent it and whether that client still lives; a stop only interrupts it, and
-it would drive on at the release. So while a stop is engaged every goal is cancelled, again and again, also those
-that come meanwhile. It runs beside the simulated base as well. This node belongs on the computer of Nav2: from any
-other one a broken link silences the watchdog too.
+Nav2 follows a goal to its end, whoever sent it and whether that client still lives; a stop only interrupts
+it, and it would drive on at the release. So while a stop is engaged every goal is cancelled, again and again,
+also those that come meanwhile. It runs beside the simulated base as well. This node belongs on the computer
+of Nav2: from any other one a broken link silences the watchdog too.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ from collections.abc import Sequence
 from action_msgs.srv import CancelGoal
 
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import ROS_NAME
+from lupin_engine.plugin.types import DURATION, ROS_NAME
 from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode
 from lupin_greenhouse.node import watchdog
+from lupin_greenhouse.node.estop import StopListener
 from lupin_greenhouse.node.watchdog import OrchestratorWatchdog
+from lupin_greenhouse.stops import StopState
 from lupin_msgs.msg import MissionState
 
 #: Seconds between two cancels, and how long the answer to one may take.
@@ -25,6 +27,13 @@ PERIOD_S = 0.5
 
 PARAMETERS = {
     "nav_action_name": Parameter(ROS_NAME, "navigate_to_pose", "action server of Nav2"),
+    "estop_topic": Parameter(ROS_NAME, "/e_stop_state", "topic of the emergency stop, true while engaged"),
+    "estop_timeout_s": Parameter(
+        DURATION,
+        2.0,
+        "an emergency stop that was told steadily and is silent for so long counts as engaged; 0: never",
+        maximum=60.0,
+    ),
     **watchdog.PARAMETERS,
 }
 
@@ -46,16 +55,18 @@ class NavWatchdog:
         self._stopped = False
         #: Until when goals that end were accepted; all zeros: until now.
         self._until = CancelGoal.Request().goal_info.stamp
-        ros.subscribe(MissionState, "/mission/state", Qos.LATCHED, self._on_state)
+        ros.subscribe(
+            MissionState,
+            "/mission/state",
+            Qos.LATCHED,
+            lambda message: self._watchdog.heard(message.lifecycle_state),
+        )
+        StopListener(ros, values["estop_topic"], values["estop_timeout_s"], self._on_stop)
 
-    def _on_state(self, message: MissionState) -> None:
-        self._watchdog.heard(message.lifecycle_state)
-        self._on_stop(message.estop_engaged)
-
-    def _on_stop(self, engaged: bool) -> None:
-        before, self._stopped = self._stopped, engaged
-        if before != engaged:
-            self._end_goals("the stop is engaged" if engaged else "the stop was engaged until now")
+    def _on_stop(self, state: StopState) -> None:
+        before, self._stopped = self._stopped, state.engaged
+        if before != self._stopped:
+            self._end_goals("the stop is engaged" if self._stopped else "the stop was engaged until now")
 
     def _end_goals(self, reason: str) -> None:
         self._ros.log.warning("all goals are cancelled", action=self._action, reason=reason)

@@ -1,4 +1,4 @@
-"""What the gateway itself hears of the robot: steps and diagnostics, to notify people, and who has the base."""
+"""What the gateway hears of the robot: steps and diagnostics, to notify people, and who has the base."""
 
 from __future__ import annotations
 

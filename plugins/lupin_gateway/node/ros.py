@@ -28,7 +28,7 @@ class NodeSide:
         self._services = Services(ros)
         self._actions = Actions(ros)
         self._rosapi = Rosapi(ros, self._services)
-        #: What moves the robot; while it is stopped none of it is sent, also not what a page asked for before.
+        #: What moves the robot; while it is stopped none is sent, also not what a page asked for before.
         self.moving = MotionNames(())
         self._stopped = False
         self._stops = 0
@@ -79,7 +79,7 @@ class NodeSide:
         self._ros.post(call)
 
     def _still_allowed(self, stops: int) -> bool:
-        """Whether no stop has come since there were so many of them: a call may have waited for its server."""
+        """Whether no stop has come since there were so many: a call may have waited for its server."""
         return not self._stopped and self._stops == stops
 
     def send_goal(

@@ -16,6 +16,7 @@ from geometry_msgs.msg import (
     PoseWithCovarianceStamped,
     Transform,
     TransformStamped,
+    Twist,
     Vector3,
 )
 from nav2_msgs.action import NavigateToPose
@@ -59,6 +60,9 @@ LOOKS_WITHIN_S = 1.0
 #: Movements for which it stands at its goal, looking, before it says that it has arrived: as with Nav2, whose
 #: goal checkers see a robot stop, its camera has shown by then what it stands before.
 MOVES_STANDING = 4
+
+#: Seconds for which a velocity by hand is obeyed, as controllers of bases do it.
+TWIST_S = 0.5
 
 #: Variance of x, y (m²) and yaw (rad²) of a localized and of a lost robot, and its growth between two poses.
 VARIANCE, LOST_VARIANCE, LOSING = 0.01, 4.0, 4.0
@@ -151,6 +155,7 @@ class SimNode:
             started=self._start,
             cancelled=self._cancel,
         )
+        ros.subscribe(Twist, "/cmd_vel", Qos.EVENT, self._on_twist)
         self._display = Display(ros)
         ros.on_parameter(self._change)
         ros.on_stop(lambda: self._end_goal("aborted", "the simulated robot is switched off"))
@@ -205,8 +210,19 @@ class SimNode:
     def _estop(self) -> bool:
         return self._estop_parameter or self._stops.engaged
 
+    def _on_twist(self, message: Twist) -> None:
+        """Obey a velocity by hand, unless the robot is stopped or drives to a goal."""
+        forward, left = message.linear.x, message.angular.z
+        if self._estop or self._goal is not None or not (math.isfinite(forward) and math.isfinite(left)):
+            return
+        self._advance()
+        self._robot.obey(forward, left, self._ros.elapsed() + TWIST_S)
+        self._moving.start()
+
     def _settle(self) -> None:
         """Apply a change at once: to the brake, and to what is published."""
+        if self._estop and self._goal is None:
+            self._robot.halt()  # a velocity from before the stop is not obeyed after it
         self._robot.braked = self._estop or self._faults.now(InjectedFault.STALL)
         self._display.stop(self._estop)
         self._publish_estop()
@@ -250,8 +266,8 @@ class SimNode:
         self._advance()
         self._moves += 1
         if self._goal is None:
-            return
-        if self._faults.now(InjectedFault.ABORT):
+            self._roll_on()
+        elif self._faults.now(InjectedFault.ABORT):
             self._end_goal("aborted", "fault: abort")
         elif self._robot.arrived:
             self._stand()
@@ -261,6 +277,13 @@ class SimNode:
                 self._goal.feedback(self._feedback())
             if self._moves % MOVES_PER_PLAN == 0:
                 self._tell_plan(self._goal)
+
+    def _roll_on(self) -> None:
+        """Tell where the robot is while it is driven by hand, and when that has ended."""
+        self._publish_transforms()
+        if not self._robot.by_hand:
+            self._moving.stop()
+            self._publish_pose()
 
     def _stand(self) -> None:
         """Look ahead a few times at the goal; then the robot has arrived."""
@@ -321,7 +344,7 @@ class SimNode:
     def _beat(self) -> None:
         self._advance()
         self._publish_estop()
-        if not self._moving.running:
+        if self._goal is None:
             self._senses.look(self._robot.pose)
         if self._ros.elapsed() >= self._next_pose:
             if self._faults.now(InjectedFault.LOSE_LOCALIZATION):

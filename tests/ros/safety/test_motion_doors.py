@@ -1,7 +1,7 @@
 """Motion that a stop meets on the way: goals, clicks and twists of pages and strangers, in metres driven.
 
-Real processes; the pages speak the gateway's protocol over a socket. Every stop here is let go again, and what
-was asked for before or meanwhile must not drive then.
+Real processes; the pages speak the gateway's protocol over a socket. Every stop here is let go again, and
+what was asked for before or meanwhile must not drive then.
 """
 
 from __future__ import annotations
@@ -137,7 +137,8 @@ class Bystander(Operator):
 
     def _on_goals(self, message: GoalStatusArray) -> None:
         working = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING, GoalStatus.STATUS_CANCELING)
-        self.active.append({bytes(s.goal_info.goal_id.uuid) for s in message.status_list if s.status in working})
+        goals = [one.goal_info.goal_id.uuid for one in message.status_list if one.status in working]
+        self.active.append({bytes(goal) for goal in goals})
 
     def rest(self, seconds: float) -> float:
         """Let time go by; return the metres driven meanwhile."""
@@ -376,7 +377,7 @@ def test_a_stop_takes_the_base_back(robot: Bystander, page: Callable[[], Page]) 
 # -- twists ------------------------------------------------------------------------------------------------
 
 
-def test_a_twist_moves_the_simulated_base_until_it_is_old_stopped_or_drives_to_a_goal(robot: Bystander) -> None:
+def test_a_twist_moves_the_simulated_base_until_it_is_old_or_stopped(robot: Bystander) -> None:
     robot.until(lambda: robot.twists.get_subscription_count() > 0, "the base")
 
     def stream(seconds: float) -> float:
