@@ -426,5 +426,6 @@ def test_an_emergency_stop_that_falls_silent_is_engaged() -> None:
 def test_topics_and_frame_are_those_of_the_parameters() -> None:
     changed = {"amcl_pose_topic": "/p", "estop_topic": "/e", "battery_topic": "/b", "frame_id": "hall"}
     bench = Bench(changed=changed)
-    assert set(bench.ros.subscriptions) == {"/p", "/e", "/b", "/battery", PAGES_TOPIC, HMI_TOPIC}
+    status = "navigate_to_pose/_action/status"
+    assert set(bench.ros.subscriptions) == {"/p", "/e", "/b", "/battery", PAGES_TOPIC, HMI_TOPIC, status}
     assert bench.dock().request.pose.header.frame_id == "hall"
