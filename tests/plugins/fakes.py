@@ -122,6 +122,8 @@ class FakeLog:
     def warning(self, event: str, **details: Any) -> None:
         self.warnings.append((event, details))
 
+    error = warning
+
 
 class FakeTimer:
     """A timer that a test fires by `FakeRos.pass_time`."""

@@ -84,6 +84,8 @@ class Arm:
         self._claim: _Claim | None = None
         self._heard = float("-inf")
         self._was_stopped = False
+        #: How often the arm was stopped: what waited through a stop is not sent after it.
+        self.stops = 0
         self._feedback = Feedback(ros, self._states_topic)
         self._feedback.listen(self._on_feedback)
         self._estop = StopListener(ros, parameters["estop_topic"], parameters["estop_timeout"], self._stop)
@@ -309,6 +311,7 @@ class Arm:
         if not state.engaged:
             self._ros.log.info("emergency stop released")
             return
+        self.stops += 1
         self._ros.log.warning(f"{self._estop.reason}: the arm stays where it is")
         self.hold()
         self._interrupt(f"the emergency stop was {'silent' if state.silent else 'engaged'}")

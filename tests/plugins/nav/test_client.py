@@ -10,12 +10,14 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
+from unique_identifier_msgs.msg import UUID
 
-from lupin_engine.ros.adapter.action_driver import SERVER_GRACE_S
+from lupin_engine.ros.adapter.action_driver import OTHERS_ASKS, OTHERS_PERIOD_S, SERVER_GRACE_S
+from lupin_engine.ros.adapter.actions import goal_id
 from lupin_greenhouse.stops import HMI_TOPIC, PAGES_TOPIC
 from lupin_nav.goal_status import failure
 from tests.plugins.fakes import FakeGoal
@@ -429,3 +431,51 @@ def test_topics_and_frame_are_those_of_the_parameters() -> None:
     status = "navigate_to_pose/_action/status"
     assert set(bench.ros.subscriptions) == {"/p", "/e", "/b", "/battery", PAGES_TOPIC, HMI_TOPIC, status}
     assert bench.dock().request.pose.header.frame_id == "hall"
+
+
+# --- goals of others
+
+
+OTHER = list(range(16))
+STATUS = "navigate_to_pose/_action/status"
+
+
+def working(*goals: list[int]) -> GoalStatusArray:
+    executing = GoalStatus.STATUS_EXECUTING
+    told = [GoalStatus(goal_info=GoalInfo(goal_id=UUID(uuid=goal)), status=executing) for goal in goals]
+    return GoalStatusArray(status_list=told)
+
+
+def test_a_goal_of_another_client_ends_before_ours_is_sent() -> None:
+    bench = Bench()
+    bench.ros.subscriptions[STATUS](working(OTHER))
+    bench.client.start("a1", "dock", {"pose": POSE})
+    assert bench.ros.server.goals == []
+    (call,) = bench.ros.remote.calls
+    assert list(call.request.goal_info.goal_id.uuid) == OTHER
+    bench.ros.subscriptions[STATUS](working())
+    (goal,) = bench.ros.server.goals
+    bench.ros.subscriptions[STATUS](working(list(goal_id("navigate_to_pose", goal.key))))
+    bench.client.start("a2", "dock", {"pose": POSE})  # ours is no other's
+    assert len(bench.ros.server.goals) == 2
+
+
+def test_what_is_cancelled_while_it_waits_for_that_is_never_sent() -> None:
+    bench = Bench()
+    bench.ros.subscriptions[STATUS](working(OTHER))
+    bench.client.start("a1", "dock", {"pose": POSE})
+    bench.client.cancel("a1")
+    bench.ros.subscriptions[STATUS](working())
+    assert bench.ros.server.goals == []
+    assert bench.outlet.reports == [("cancelled", "a1")]
+
+
+def test_a_goal_that_does_not_end_is_replaced() -> None:
+    bench = Bench()
+    bench.ros.subscriptions[STATUS](working(OTHER))
+    bench.client.start("a1", "dock", {"pose": POSE})
+    for _ in range(OTHERS_ASKS):
+        assert bench.ros.server.goals == []
+        bench.ros.pass_time(OTHERS_PERIOD_S)
+    assert len(bench.ros.remote.calls) == OTHERS_ASKS
+    assert len(bench.ros.server.goals) == 1
