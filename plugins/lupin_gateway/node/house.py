@@ -64,6 +64,9 @@ PARAMETERS = {
     "engineer_names": Parameter(
         list_of(TEXT), [], "topics, services and actions that engineers may use beside those declared"
     ),
+    "motion_names": Parameter(
+        list_of(TEXT), [], "topics and services that move the robot, beside those that are declared"
+    ),
     "viewers_stop": Parameter(BOOL, True, "whether a viewer may stop the robot, too"),
     "shared_false": Parameter(
         BOOL,
@@ -188,7 +191,8 @@ def _own(ros: RosNode, catalog: Catalog, values: Mapping[str, Any]) -> Iterator[
     """Yield what no catalog declares: the gateway's own names, the engine's, bindings, and settings."""
     yield names.ACCESS
     yield OWN_ACCESS
-    yield Access(*(tuple(values[f"{role}_names"]) for role in ("viewer", "operator", "engineer")))
+    kinds = ("viewer", "operator", "engineer", "motion")
+    yield Access(*(tuple(values[f"{kind}_names"]) for kind in kinds))
     try:
         bindings = MissionsFolder(values, catalog).load()
     except LupinError as problem:
