@@ -27,6 +27,7 @@ from tf2_msgs.msg import TFMessage
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import Qos
 from tests.ros.world import Operator, World
 
@@ -131,6 +132,7 @@ class Bystander(Operator):
         self.ros.subscribe(TFMessage, "/tf", Qos.TRANSFORMS, self._on_transforms)
         self.ros.subscribe(GoalStatusArray, "/navigate_to_pose/_action/status", Qos.LATCHED, self._on_goals)
         self._estop = self.ros.publisher(Bool, STOP_TOPIC, Qos.EVENT)
+        self._pressed = Repeater(self.ros.steady_timer, 0.2, lambda: self._estop.publish(Bool(data=True)))
         self.twists = self.ros.publisher(Twist, "/cmd_vel", Qos.EVENT)
         self.navigation = self.ros.action(NavigateToPose, "/navigate_to_pose")
 
@@ -163,8 +165,16 @@ class Bystander(Operator):
 
     def press(self, engaged: bool) -> None:
         """Press or release the shared stop, as a panel without a gateway does."""
-        self._estop.publish(Bool(data=engaged))
+        self.tell_stop(engaged)
         self.until(lambda: self.state.estop_engaged is engaged, f"the stop is {engaged}")
+
+    def tell_stop(self, engaged: bool) -> None:
+        """The same, whoever hears it."""
+        if engaged:
+            self._pressed.start()
+        else:
+            self._pressed.stop()
+        self._estop.publish(Bool(data=engaged))
 
     def send(self) -> list[int]:
         """Send a goal as any action client does; the list gets how it ends, 0: rejected."""
@@ -274,9 +284,9 @@ def test_a_stop_without_an_orchestrator_ends_goals_too(robot: Bystander) -> None
     robot.rest(3.0)
     ended = robot.send()
     robot.drives()
-    robot._estop.publish(Bool(data=True))
+    robot.tell_stop(True)
     robot.until(lambda: ended, "the end of the goal")
-    robot._estop.publish(Bool(data=False))
+    robot.tell_stop(False)
     assert robot.rest(WATCHED_S) < STANDING_M
 
 
