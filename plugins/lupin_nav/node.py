@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
 
 from lupin_engine.plugin.contract import Parameter
@@ -24,6 +25,8 @@ from lupin_msgs.msg import MissionState
 
 #: Seconds between two cancels, and how long the answer to one may take.
 PERIOD_S = 0.5
+#: The status of goals that nobody has agreed to end.
+_DRIVING = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING)
 
 PARAMETERS = {
     "nav_action_name": Parameter(ROS_NAME, "navigate_to_pose", "action server of Nav2"),
@@ -42,7 +45,7 @@ class NavWatchdog:
     """Cancels the goals of the action while a stop is engaged, and those of an orchestrator that fell silent.
 
     The goals that are to end are those accepted until now, or until the stop was released or the silence was
-    noticed; cancelling them is repeated until the server has agreed.
+    noticed; cancelling them is repeated until the server has agreed for each.
     """
 
     def __init__(self, ros: RosNode) -> None:
@@ -55,6 +58,9 @@ class NavWatchdog:
         self._stopped = False
         #: Until when goals that end were accepted; all zeros: until now.
         self._until = CancelGoal.Request().goal_info.stamp
+        #: The goals that the server drives to, each with the time at which it was accepted.
+        self._driving: dict[bytes, tuple[int, int]] = {}
+        ros.subscribe(GoalStatusArray, f"{self._action}/_action/status", Qos.LATCHED, self._on_status)
         ros.subscribe(
             MissionState,
             "/mission/state",
@@ -67,6 +73,10 @@ class NavWatchdog:
         before, self._stopped = self._stopped, state.engaged
         if before != self._stopped:
             self._end_goals("the stop is engaged" if self._stopped else "the stop was engaged until now")
+
+    def _on_status(self, message: GoalStatusArray) -> None:
+        goals = [one.goal_info for one in message.status_list if one.status in _DRIVING]
+        self._driving = {bytes(one.goal_id.uuid): (one.stamp.sec, one.stamp.nanosec) for one in goals}
 
     def _end_goals(self, reason: str) -> None:
         self._ros.log.warning("all goals are cancelled", action=self._action, reason=reason)
@@ -83,10 +93,16 @@ class NavWatchdog:
     def _on_answer(self, answer: CancelGoal.Response | CallFailure) -> None:
         if isinstance(answer, CallFailure):
             self._ros.log.error("no answer to the cancel: the robot may drive on", action=self._action)
-        elif answer.return_code == CancelGoal.Response.ERROR_REJECTED:
+        elif answer.return_code == CancelGoal.Response.ERROR_REJECTED or self._left_out(answer):
             self._ros.log.error("the cancel is refused: the robot may drive on", action=self._action)
         elif not self._stopped:
             self._cancelling.stop()
+
+    def _left_out(self, answer: CancelGoal.Response) -> bool:
+        """Whether goals go on: a server of rclpy that refuses to end one only leaves it out of its answer."""
+        until = (self._until.sec, self._until.nanosec)
+        to_end = {goal for goal, at in self._driving.items() if self._stopped or at <= until}
+        return bool(to_end.difference(bytes(one.goal_id.uuid) for one in answer.goals_canceling))
 
 
 def main(arguments: Sequence[str]) -> int:

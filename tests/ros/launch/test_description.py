@@ -12,7 +12,7 @@ import pytest
 
 from lupin_engine.errors import LupinError, PluginError
 from lupin_engine.plugin.contract import Operation, Plugin
-from lupin_engine.plugin.registry import Catalog, build_catalog
+from lupin_engine.plugin.registry import Catalog, build_catalog, load_catalog
 from lupin_engine.ros.launch.description import (
     NodeLaunch,
     PresentEndpoints,
@@ -186,3 +186,9 @@ def test_what_a_node_checks_is_told_and_its_defects_are_its_own(monkeypatch: pyt
         PluginError, match=r"^node 'pump' of plugin 'water': its check failed: KeyError: 'high'$"
     ):
         node.check({"low": 5})
+
+
+def test_the_watchdog_of_navigation_is_started_beside_the_simulated_base() -> None:
+    shipped = load_catalog()
+    starts = describe_launch(["nav"], shipped, NOTHING, {}).starts
+    assert {"lupin_sim", "nav_watchdog"} <= set(starts)
