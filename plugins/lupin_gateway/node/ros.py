@@ -8,7 +8,8 @@ from typing import Any
 
 from lupin_engine.ros.adapter.node import RosNode
 from lupin_gateway.encoding import Sample
-from lupin_gateway.motion import STOPPED, MotionNames
+from lupin_gateway.motion import STOPPED
+from lupin_gateway.motion.names import MotionNames
 from lupin_gateway.node.calls import Actions, GoalUnderWay, Services
 from lupin_gateway.node.rosapi import Rosapi
 from lupin_gateway.node.topics import Publishers, Subscription, Subscriptions

@@ -18,7 +18,7 @@ from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.adapter.qos import heard_profile, is_latched
 from lupin_gateway.encoding import Sample
 from lupin_gateway.filling import DoesNotFit, filled
-from lupin_gateway.motion import MotionNames
+from lupin_gateway.motion.names import MotionNames
 from lupin_gateway.node import types
 from lupin_gateway.shapes import NotCarried
 

@@ -10,7 +10,8 @@ from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.pages import declared_access
 from lupin_engine.plugin.registry import load_catalog
 from lupin_gateway import protocol
-from lupin_gateway.motion import SILENCE_S, MissionLevel, MotionGate, MotionNames
+from lupin_gateway.motion import SILENCE_S, MissionLevel, MotionGate
+from lupin_gateway.motion.names import MotionNames
 
 NAMES = MotionNames(declared_access(load_catalog()))
 DRIVING = MissionLevel("INSPECTING", under_way=True)

@@ -6,14 +6,10 @@ Pure: time is an argument, in seconds of a clock that never goes back.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from fnmatch import translate
-from typing import Any
 
-from lupin_engine.plugin.contract import Access
-from lupin_gateway import protocol
+from lupin_gateway.motion.names import absolute, any_of
 
 #: The service by which a page takes the base of a mission that is held, and the topic that tells who has it.
 TAKE_BASE, BASE_TOPIC = "/lupin/hmi/take_base", "/lupin/hmi/base"
@@ -21,57 +17,6 @@ TAKE_BASE, BASE_TOPIC = "/lupin/hmi/take_base", "/lupin/hmi/base"
 STOPPED = "refused: e-stop engaged"
 #: Seconds after which an orchestrator that says nothing counts as gone.
 SILENCE_S = 3.0
-#: The service of an action that takes goals: a goal by another door.
-_SEND_GOAL = "/_action/send_goal"
-
-
-class MotionNames:
-    """Which operations of pages move the robot, as catalogs and bindings declare it; every goal does."""
-
-    def __init__(self, declared: Iterable[Access]) -> None:
-        known = list(declared)
-        self._velocities = _any_of(name for access in known for name in access.velocities)
-        self._motions = _any_of(name for access in known for name in access.motions)
-
-    def moved_by(self, operation: protocol.Operation | protocol.BadFrame) -> str:
-        """Return the name by which an operation moves the robot; '' where it moves nothing."""
-        match operation:
-            case protocol.SendGoal(action=name):
-                return _absolute(name)
-            case protocol.CallService(service=name) if self.called(name):
-                return _absolute(name)
-            case protocol.PublishMessage(topic=name, message=message) if self.published(name, message):
-                return _absolute(name)
-        return ""
-
-    def called(self, service: str) -> bool:
-        """Whether calling a service moves the robot."""
-        return service.endswith(_SEND_GOAL) or bool(self._motions.fullmatch(_absolute(service)))
-
-    def published(self, topic: str, message: Any) -> bool:
-        """Whether a message on a topic moves the robot; a velocity of zero stops it."""
-        if self.is_velocity(topic):
-            return not _is_still(message)
-        return bool(self._motions.fullmatch(_absolute(topic)))
-
-    def is_velocity(self, topic: str) -> bool:
-        """Whether messages of a topic are velocities."""
-        return bool(self._velocities.fullmatch(_absolute(topic)))
-
-
-def _any_of(names: Iterable[str]) -> re.Pattern[str]:
-    return re.compile("|".join(translate(name) for name in names) or r"(?!)")
-
-
-def _absolute(name: str) -> str:
-    return f"/{name.lstrip('/')}"
-
-
-def _is_still(message: Any) -> bool:
-    """Whether every number of a message is zero, its header aside; an empty one is all zeros."""
-    if isinstance(message, Mapping):
-        return all(_is_still(value) for name, value in message.items() if name != "header")
-    return isinstance(message, (int, float)) and message == 0
 
 
 @dataclass(frozen=True)
@@ -93,7 +38,7 @@ class MotionGate:
 
     def __init__(self, commands: Iterable[str] = ()) -> None:
         """`commands` are the orchestrator's services: who commands the mission gives the base back first."""
-        self._commands = _any_of(commands)
+        self._commands = any_of(commands)
         self._stops: tuple[str, ...] = ()
         self._mission = MissionLevel()
         self._heard = 0.0
@@ -155,7 +100,7 @@ class MotionGate:
 
     def is_command(self, service: str) -> bool:
         """Whether a service is one by which the mission is commanded."""
-        return bool(self._commands.fullmatch(_absolute(service)))
+        return bool(self._commands.fullmatch(absolute(service)))
 
     def state(self) -> Mapping[str, str]:
         """Return what pages can show."""
