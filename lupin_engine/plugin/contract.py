@@ -230,11 +230,16 @@ class Access:
     A viewer reads: topics are subscribed to, and services called that change nothing. What an operator
     commands and an engineer sets up is published on, called, or sent as an action. Names are absolute; `*`
     in one stands for any letters.
+
+    `motions` are topics and services that move the robot, and `velocities` topics of which a message of zeros
+    stops it, whoever may use them: nothing on them passes while the robot is stopped. Every action moves it.
     """
 
     viewer: tuple[str, ...] = ()
     operator: tuple[str, ...] = ()
     engineer: tuple[str, ...] = ()
+    motions: tuple[str, ...] = ()
+    velocities: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -245,8 +250,7 @@ class Plugin:
     plugins. `client` is `module:Class` of the `Driver`; `nodes` maps a node's name to `module:function`,
     called with the command line's ROS arguments and returning an exit code. `stands_in` maps a node that
     simulates something to the actions and services of the real thing: it is not started where those are.
-    `guards` maps a node that looks after something real to its actions and services: it is not started
-    beside a simulation of them, which looks after itself.
+    `guards` maps a node that looks after something, real or simulated, to its actions and services.
     `companions` names nodes that only listen, and run beside every mission, whether it uses the plugin or
     not. `simulated_defaults` are values, in base units, that parameters of missions take by default where
     the plugin's simulations are started. `serves` are the services, actions and topics that its nodes
@@ -283,7 +287,7 @@ class Plugin:
 
     @property
     def serving(self) -> dict[str, str]:
-        """The nodes that its driver may talk to: those that guard something real are none."""
+        """The nodes that its driver may talk to: those that guard something are none."""
         return {name: entry for name, entry in self.nodes.items() if name not in self.guards}
 
 

@@ -132,7 +132,7 @@ def _nodes(plugin: Plugin) -> Iterator[Entry]:
     for name, target in plugin.nodes.items():
         instead = ", ".join(plugin.stands_in.get(name, ()))
         guarded = ", ".join(plugin.guards.get(name, ()))
-        told = (("not started where there is", instead), ("not started beside a simulation of", guarded))
+        told = (("not started where there is", instead), ("looks after", guarded))
         facts = tuple((what, names) for what, names in told if names)
         yield Entry(name, f"Runs {target}.", facts=facts)
 

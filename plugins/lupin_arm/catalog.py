@@ -45,6 +45,17 @@ PLUGIN = Plugin(
             "/lupin/arm/library/record",
             "/lupin/arm/library/save_pose",
         ),
+        # Not the calibration and the servos' power: cancelling the one and switching off the other must pass,
+        # and the arm itself refuses what would move it.
+        motions=(
+            "/lupin/arm/preset",
+            "/lupin/arm/init",
+            "/lupin/arm/library/goto_pose",
+            "/lupin/arm/library/play",
+            "/lupin/*/set_angle_with_speed",
+            "/mirte_master_arm_controller/joint_trajectory",
+            "/io/servo/*/set_angle*",
+        ),
     ),
     stands_in={"lupin_arm_sim": ("mirte_master_gripper_controller/gripper_cmd",)},
 )

@@ -21,9 +21,11 @@ from urllib.parse import urlsplit
 
 from lupin_engine.errors import LupinError, Problems, meant, nearest, or_else, shortened
 from lupin_engine.plugin.contract import Access
+from lupin_gateway.motion.names import MotionNames
+from lupin_greenhouse.stops import HMI_TOPIC
 
 #: The topic on which each page tells its software stop. Everybody who may come in may tell it: `stop` judges.
-STOP_TOPIC = "/lupin/hmi/estop"
+STOP_TOPIC = HMI_TOPIC
 #: The cookie that carries a token.
 TOKEN_COOKIE = "lupin_token"
 #: The longest frame, in bytes; what one client may subscribe to; and its operations a second.
@@ -211,6 +213,9 @@ class AllowList:
     """
 
     def __init__(self, declared: Iterable[Access]) -> None:
+        declared = tuple(declared)
+        #: Which of their operations move the robot.
+        self.moving = MotionNames(declared)
         self._read: dict[str, UserRole] = {}
         self._commanded: dict[str, UserRole] = {}
         self._patterns: list[tuple[re.Pattern[str], UserRole]] = []

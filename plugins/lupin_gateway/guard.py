@@ -6,7 +6,7 @@ A guard says what its client may do, keeps its stop, and writes down its command
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from lupin_engine.plugin.contract import Access
 from lupin_gateway import protocol
 from lupin_gateway.audit import AuditLog, Repetitions, command_line
 from lupin_gateway.doors import STOP_TOPIC, Allowance, AllowList, Doors, Use, UserRole, Visitor
+from lupin_gateway.motion import BASE_TOPIC, TAKE_BASE, MotionGate
 from lupin_gateway.people import ACKNOWLEDGE, COMMANDS, HERE, NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
 from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter, stop_of
 
@@ -24,23 +25,30 @@ _ASKED = ("action_servers", "action_type", "get_time", "message_details", "nodes
 #: What the gateway itself has for pages.
 OWN_ACCESS = Access(
     viewer=(
-        *(STOP_TOPIC, STOPS_TOPIC, PEOPLE_TOPIC, NOTIFICATIONS_TOPIC, HERE),
+        *(STOP_TOPIC, STOPS_TOPIC, BASE_TOPIC, PEOPLE_TOPIC, NOTIFICATIONS_TOPIC, HERE),
         *(f"/rosapi/{name}" for name in (*_ASKED, "topic_type", "topics")),
     ),
-    operator=(RESET_STOP, COMMANDS, ACKNOWLEDGE, "/rosapi/*"),
+    operator=(RESET_STOP, TAKE_BASE, COMMANDS, ACKNOWLEDGE, "/rosapi/*"),
 )
+#: Who the gateway itself is in the audit log.
+_GATEWAY = {"who": "gateway", "role": "", "from": "", "page": ""}
 #: A frame that says stop is shorter than this, in bytes: a client that is too fast has no longer one read.
 STOP_FRAME = 4_000
 
 
 @dataclass(frozen=True)
 class Hands:
-    """What the rules do to the robot: tell it the stop, tell pages which stops there are, ask for a pause."""
+    """What the rules do to the robot: tell it the stop, tell pages which stops there are, ask for a pause.
+
+    `tell_base` tells pages who has the base, `halt` ends what pages drive.
+    """
 
     tell_stop: Callable[[bool], None]
     tell_state: Callable[[str], None]
     pause: Callable[[Callable[[Any], None]], None]
     keep: Callable[[KeptStops], object]
+    tell_base: Callable[[str], None] = lambda _: None
+    halt: Callable[[], None] = lambda: None
 
 
 @dataclass(frozen=True)
@@ -68,6 +76,8 @@ class HouseRules:
         self.stops = stops
         self.clocks = clocks
         self.people = People()
+        self.motion = MotionGate()
+        self._base = ""
         self._log = log
         self._hands = hands
         self._connections = 0
@@ -93,9 +103,32 @@ class HouseRules:
         self.tell_changes()
 
     def _decided(self, what: str, answer: Any) -> None:
-        who = {"who": "gateway", "role": "", "from": "", "page": ""}
         told = answer if isinstance(answer, Mapping) else str(getattr(answer, "text", answer))
-        self.write(who, "on_link_lost", what, {}, told)
+        self.write(_GATEWAY, "on_link_lost", what, {}, told)
+
+    def hear_stops(self, sources: Iterable[str]) -> None:
+        """Take the names of the sources of the stop that hold the robot."""
+        self.motion.hear_stops(sources)
+        self.settle_motion()
+
+    def settle_motion(self) -> None:
+        """Look at what keeps pages from moving the robot, end what they drive, tell who has the base."""
+        driver = self.motion.taken_by
+        if self.motion.settle(self.stops.stopped, self.clocks.steady()):
+            self._hands.halt()
+        if driver and not self.motion.taken_by:
+            self.write(_GATEWAY, "base_taken_back", driver, {}, {"accepted": True, **self.motion.state()})
+        told = json.dumps(self.motion.state())
+        if told != self._base:
+            self._base = told
+            self._hands.tell_base(told)
+
+    def give_back_base(self, page: str) -> None:
+        """End the drive of the page that has taken the base; nothing happens where it has not."""
+        if page and self.motion.taken_by == page:
+            self.motion.taken_by = ""
+            self._hands.halt()
+            self.settle_motion()
 
     def tell_changes(self) -> None:
         """Tell what has changed: the stop first of all."""
@@ -106,6 +139,7 @@ class HouseRules:
         before, self._told = self._told, told
         if before is None or before[0] is not stopped:
             self._hands.tell_stop(stopped)
+        self.settle_motion()
         if before != told:
             self._hands.tell_state(json.dumps(state))
         if (kept := self.stops.kept()) != self._kept:
@@ -165,7 +199,8 @@ class Guard:
         if isinstance(operation, protocol.BadFrame):
             return ""
         refused = self._visitor.has_expired(self._rules.clocks.wall()) or self._name_refusal(operation)
-        if refused and (named := _command(operation)):
+        refused = refused or self._motion_refusal(operation)
+        if refused and (named := _command(operation)) and not self._is_repeated(operation):
             self._rules.write(self._who, *named, refused)
         if not refused and isinstance(operation, protocol.SubscribeTopic):
             return self._allowance.subscription(subscriptions)
@@ -184,6 +219,15 @@ class Guard:
             case _:
                 return ""
         return self._rules.allowed.refusal(self._visitor, use, name)
+
+    def _motion_refusal(self, operation: protocol.Operation) -> str:
+        """Return why an operation does not move the robot; '' where it does, or moves nothing."""
+        name = self._rules.allowed.moving.moved_by(operation)
+        if not name:
+            return ""
+        self._rules.settle_motion()
+        reason = self._rules.motion.refusal(self.name)
+        return reason and f"{name} refused: {reason}"
 
     # -- what it does -----------------------------------------------------------------------------------
 
@@ -204,7 +248,10 @@ class Guard:
             HERE: self._is_here,
             COMMANDS: self._rules.people.commands,
             ACKNOWLEDGE: self._acknowledge,
+            TAKE_BASE: self._take_base,
         }
+        if self._rules.motion.is_command(service):
+            self._rules.give_back_base(self._rules.motion.taken_by)
         found = own.get(service)
         return found and found(arguments)
 
@@ -229,9 +276,26 @@ class Guard:
         self._rules.tell_changes()
         return {"success": not refused, "message": refused or f"the stop of {name} is released"}
 
+    def _take_base(self, arguments: Any) -> Mapping[str, Any]:
+        """Take the base of a mission that is held, or give it back with `take: false`."""
+        if isinstance(arguments, Mapping) and arguments.get("take") is False:
+            self._rules.give_back_base(self.name)
+            return {"success": True, "message": f"{self.name} has not taken the base"}
+        self._rules.settle_motion()
+        refused = self._rules.motion.take(self.name)
+        self._rules.settle_motion()
+        return {"success": not refused, "message": refused or f"{self.name} has the base"}
+
+    def _is_repeated(self, operation: protocol.Operation) -> bool:
+        """Whether a publication repeats the last one: it is written down once."""
+        if not isinstance(operation, protocol.PublishMessage):
+            return False
+        now = self._rules.clocks.steady()
+        return not self._repetitions.is_command(operation.topic, operation.message, now)
+
     def published(self, operation: protocol.PublishMessage) -> None:
         """Write down a publication, unless it repeats the last one."""
-        if self._repetitions.is_command(operation.topic, operation.message, self._rules.clocks.steady()):
+        if not self._is_repeated(operation):
             self._rules.write(self._who, "publish", operation.topic, operation.message, None)
 
     def answered(self, operation: protocol.Operation, answer: Any) -> None:
@@ -248,6 +312,7 @@ class Guard:
 
     def leave(self) -> None:
         """The client has gone; its stop stays."""
+        self._rules.give_back_base(self.name)
         self._rules.stops.gone(self._number, self._rules.clocks.steady())
         self._rules.people.presence.gone(self._number)
         self._rules.tell_changes()

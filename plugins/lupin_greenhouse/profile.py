@@ -101,5 +101,6 @@ PROFILE = Profile(
         viewer=("/scan", "/odom", "/io/imu/movement/data", "/rosout"),
         operator=("/cmd_vel", "/cmd_vel_manual", "/lupin/leds/set", "/lupin/leds/auto"),
         engineer=("/lupin/nav/clear_map",),
+        velocities=("/cmd_vel*",),
     ),
 )

@@ -9,6 +9,7 @@ from lupin_engine.plugin.contract import (
     Access,
     Argument,
     Code,
+    EventKind,
     Function,
     LiveValue,
     Mock,
@@ -210,8 +211,12 @@ VALUES: Mapping[str, LiveValue] = {
     # No freshness: a localizer publishes only while the robot moves, so an old pose of a robot that stands
     # still is right. Whether its publisher still lives is looked at by localize and go_to instead.
     "robot.pose": LiveValue("where the robot is, in frame `map`; unknown before the first pose", POSE),
-    # No freshness: a simulation may have no battery at all, and is full then.
-    "robot.battery": LiveValue("charge of the battery", CHARGE, initial=1.0, classes=(1.0, 0.5, 0.0)),
+    # No freshness: a simulation may have no battery at all, and is full then. A source that falls silent is
+    # the client's to notice (`battery_timeout_s`).
+    "robot.battery": LiveValue(
+        "charge of the battery, of several sources the worst", CHARGE, initial=1.0, classes=(1.0, 0.5, 0.0)
+    ),
+    "robot.battery_source": LiveValue("topic that tells the worst charge", TEXT, initial=""),
     # No freshness: a machine may have none, or one that speaks only when it is pressed; a silence that is a
     # fault the client tells as engaged (`estop_timeout_s`).
     "robot.estop": LiveValue("whether the emergency stop is engaged", BOOL, initial=False),
@@ -234,6 +239,12 @@ PARAMETERS: Mapping[str, Parameter] = {
     ),
     "battery_topic": Parameter(ROS_NAME, "/io/power/power_watcher", "topic of the battery state"),
     "other_battery_topic": Parameter(ROS_NAME, "/battery", "topic of the battery state on other robots"),
+    "battery_timeout_s": Parameter(
+        DURATION,
+        30.0,
+        "a topic of the battery that was heard and is silent for so long tells no charge any more; 0: never",
+        maximum=3600.0,
+    ),
     "frame_id": Parameter(TEXT, "map", "frame of goals and of the localizer's pose"),
     "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
     "tag_sequence": Parameter(list_of(TEXT), [], "tags to visit when a request names none; empty: all"),
@@ -280,6 +291,11 @@ PLUGIN = Plugin(
     operations=OPERATIONS,
     functions=FUNCTIONS,
     values=VALUES,
+    events={
+        "battery_silent": EventKind(
+            "A source of the battery's charge is silent: that charge is unknown.", {"source": TEXT}
+        )
+    },
     types={"tag": TAG, "quaternion": QUATERNION, "seen_tag": SEEN_TAG},
     readers={"tag": Reader(UNKNOWN_TAG, bind_tag_reader)},
     parameters=PARAMETERS,
@@ -303,5 +319,6 @@ PLUGIN = Plugin(
             "/navigate_to_pose/_action/cancel_goal",
             "/navigate_through_poses/_action/cancel_goal",
         ),
+        motions=("/goal_pose",),
     ),
 )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import Point as Position
@@ -29,14 +30,17 @@ from lupin_engine.ros.adapter.logs import WarnOnce
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.adapter.service_driver import Done, Failed
 from lupin_greenhouse.frames import frame_name
-from lupin_greenhouse.node.estop import RELEASED, SILENT, EmergencyStop
+from lupin_greenhouse.node.estop import StopListener
+from lupin_greenhouse.stops import StopState
 from lupin_nav import goal_status, localization
-from lupin_nav.battery import charge
+from lupin_nav.battery import Charges, charge
 from lupin_nav.exploration import Explorer
 from lupin_nav.frontier import Point
 
 #: How often a map is searched again while a frontier is waited for, in seconds; each new map is, too.
 SEARCH_PERIOD_S = 1.0
+#: Looks at the battery within the time after which a silent source is unknown.
+BATTERY_LOOKS = 12
 
 
 @dataclass
@@ -63,9 +67,14 @@ class NavClient:
         self._driving = ActionOperation(self._server, _outcome, _told, "nav_rejected", "nav_unavailable")
         self._pose_topic = ros.node.resolve_topic_name(parameters["amcl_pose_topic"])
         ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
+        self._charges = Charges(BATTERY_LOOKS if parameters["battery_timeout_s"] else 0)
+        self._battery_looks = 0
+        self._battery_source = ""
+        period = parameters["battery_timeout_s"] / BATTERY_LOOKS
+        self._watching_battery = Repeater(ros.timer, period, self._look_at_battery)
         for topic in dict.fromkeys((parameters["battery_topic"], parameters["other_battery_topic"])):
-            ros.subscribe(BatteryState, topic, Qos.EVENT, self._on_battery)
-        self._estop = EmergencyStop(
+            ros.subscribe(BatteryState, topic, Qos.EVENT, partial(self._on_battery, topic))
+        self._estop = StopListener(
             ros, parameters["estop_topic"], parameters["estop_timeout_s"], self._on_estop
         )
         self._watching = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._watch)
@@ -125,6 +134,7 @@ class NavClient:
         self._searching.stop()
         self._watching.stop()
         self._drives.close()
+        self._watching_battery.stop()
         self._estop.close()
 
     # --- localization
@@ -234,15 +244,40 @@ class NavClient:
 
     # --- live values
 
-    def _on_battery(self, message: BatteryState) -> None:
+    def _on_battery(self, topic: str, message: BatteryState) -> None:
         fraction = charge(message.percentage)
-        if fraction is not None:
+        if fraction is None or self._closed:
+            return
+        # What is heard counts from the next look on.
+        self._charges.heard(topic, fraction, self._battery_looks + 1)
+        if self._parameters["battery_timeout_s"]:
+            self._watching_battery.start()
+        self._report_battery()
+
+    def _look_at_battery(self) -> None:
+        """Count looks and not seconds: a node that was busy itself hears what has waited before the next."""
+        self._battery_looks += 1
+        for topic in self._charges.due(self._battery_looks):
+            self._ros.log.warning("the battery is not heard any more: its charge is unknown", topic=topic)
+            self._outlet.event("nav.battery_silent", {"source": topic})
+            self._report_battery()
+
+    def _report_battery(self) -> None:
+        worst, silent = self._charges.worst(self._battery_looks), self._charges.silent(self._battery_looks)
+        topics = ", ".join(silent)
+        self._ros.trouble("battery", topics and f"the charge of the battery is unknown: {topics} is silent")
+        if worst is not None:
+            source, fraction = worst
+            if source != self._battery_source:
+                self._battery_source = source
+                self._report("robot.battery_source", source)
             self._report("robot.battery", fraction)
 
-    def _on_estop(self, how: str) -> None:
-        if how == SILENT:
-            self._ros.log.warning("the emergency stop has fallen silent, which counts as engaged")
-        self._report("robot.estop", how != RELEASED)
+    def _on_estop(self, state: StopState) -> None:
+        if state.engaged:
+            self._ros.log.warning(self._estop.reason)
+        self._ros.trouble("stop", self._estop.reason)
+        self._report("robot.estop", state.engaged)
 
     def _report(self, name: str, value: Any) -> None:
         if not self._closed:

@@ -1,69 +1,108 @@
 """The node `nav_watchdog`: ends what navigation drives for an orchestrator that is silent, or under a stop.
 
-Nav2 follows a goal to its end, whoever sent it and whether he lives. A mission that is stopped cancels its
-own; a drive that somebody clicked would go on as soon as the stop is released, so it is cancelled here. This
-node belongs on the computer of Nav2: from any other one a broken link silences the watchdog too.
+Nav2 follows a goal to its end, whoever sent it and whether that client still lives; a stop only interrupts
+it, and it would drive on at the release. So while a stop is engaged every goal is cancelled, again and again,
+also those that come meanwhile. It runs beside the simulated base as well. This node belongs on the computer
+of Nav2: from any other one a broken link silences the watchdog too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
 
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import ROS_NAME
+from lupin_engine.plugin.types import DURATION, ROS_NAME
 from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode
-from lupin_greenhouse.mission import is_under_way
 from lupin_greenhouse.node import watchdog
+from lupin_greenhouse.node.estop import StopListener
 from lupin_greenhouse.node.watchdog import OrchestratorWatchdog
+from lupin_greenhouse.stops import StopState
 from lupin_msgs.msg import MissionState
 
-#: How long an answer to a cancel may take until it is sent again, in seconds.
-ANSWER_S = 0.5
+#: Seconds between two cancels, and how long the answer to one may take.
+PERIOD_S = 0.5
+#: The status of goals that nobody has agreed to end.
+_DRIVING = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING)
 
 PARAMETERS = {
     "nav_action_name": Parameter(ROS_NAME, "navigate_to_pose", "action server of Nav2"),
+    "estop_topic": Parameter(ROS_NAME, "/e_stop_state", "topic of the emergency stop, true while engaged"),
+    "estop_timeout_s": Parameter(
+        DURATION,
+        2.0,
+        "an emergency stop that was told steadily and is silent for so long counts as engaged; 0: never",
+        maximum=60.0,
+    ),
     **watchdog.PARAMETERS,
 }
 
 
 class NavWatchdog:
-    """Cancels every goal of the action, again and again until the server has answered."""
+    """Cancels the goals of the action while a stop is engaged, and those of an orchestrator that fell silent.
+
+    The goals that are to end are those accepted until now, or until the stop was released or the silence was
+    noticed; cancelling them is repeated until the server has agreed for each.
+    """
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
         values = ros.parameters()
         self._action = values["nav_action_name"]
         self._cancel = ros.service(CancelGoal, f"{self._action}/_action/cancel_goal")
-        self._cancelling = Repeater(ros.steady_timer, ANSWER_S, self._send)
+        self._cancelling = Repeater(ros.steady_timer, PERIOD_S, self._send)
         self._watchdog = OrchestratorWatchdog(ros.steady_timer, values[watchdog.TIMEOUT], self._end_goals)
         self._stopped = False
-        ros.subscribe(MissionState, "/mission/state", Qos.LATCHED, self._on_state)
+        #: Until when goals that end were accepted; all zeros: until now.
+        self._until = CancelGoal.Request().goal_info.stamp
+        #: The goals that the server drives to, each with the time at which it was accepted.
+        self._driving: dict[bytes, tuple[int, int]] = {}
+        ros.subscribe(GoalStatusArray, f"{self._action}/_action/status", Qos.LATCHED, self._on_status)
+        ros.subscribe(
+            MissionState,
+            "/mission/state",
+            Qos.LATCHED,
+            lambda message: self._watchdog.heard(message.lifecycle_state),
+        )
+        StopListener(ros, values["estop_topic"], values["estop_timeout_s"], self._on_stop)
 
-    def _on_state(self, message: MissionState) -> None:
-        self._cancelling.stop()  # the orchestrator looks after its goals itself
-        self._watchdog.heard(message.lifecycle_state)
-        before, self._stopped = self._stopped, message.estop_engaged
-        if self._stopped and not before and not is_under_way(message.lifecycle_state):
-            self._end_goals("the stop is engaged")
+    def _on_stop(self, state: StopState) -> None:
+        before, self._stopped = self._stopped, state.engaged
+        if before != self._stopped:
+            self._end_goals("the stop is engaged" if self._stopped else "the stop was engaged until now")
+
+    def _on_status(self, message: GoalStatusArray) -> None:
+        goals = [one.goal_info for one in message.status_list if one.status in _DRIVING]
+        self._driving = {bytes(one.goal_id.uuid): (one.stamp.sec, one.stamp.nanosec) for one in goals}
 
     def _end_goals(self, reason: str) -> None:
         self._ros.log.warning("all goals are cancelled", action=self._action, reason=reason)
+        self._until = self._ros.stamp()
         self._cancelling.start()
         self._send()
 
     def _send(self) -> None:
-        self._cancel.call(CancelGoal.Request(), ANSWER_S, self._on_answer)  # without id and time: all goals
+        request = CancelGoal.Request()  # without an id: every goal that was accepted until the stamp
+        if not self._stopped:
+            request.goal_info.stamp = self._until
+        self._cancel.call(request, PERIOD_S, self._on_answer)
 
     def _on_answer(self, answer: CancelGoal.Response | CallFailure) -> None:
         if isinstance(answer, CallFailure):
             self._ros.log.error("no answer to the cancel: the robot may drive on", action=self._action)
-        elif answer.return_code == CancelGoal.Response.ERROR_REJECTED:
+        elif answer.return_code == CancelGoal.Response.ERROR_REJECTED or self._left_out(answer):
             self._ros.log.error("the cancel is refused: the robot may drive on", action=self._action)
-        else:
+        elif not self._stopped:
             self._cancelling.stop()
+
+    def _left_out(self, answer: CancelGoal.Response) -> bool:
+        """Whether goals go on: a server of rclpy that refuses to end one only leaves it out of its answer."""
+        until = (self._until.sec, self._until.nanosec)
+        to_end = {goal for goal, at in self._driving.items() if self._stopped or at <= until}
+        return bool(to_end.difference(bytes(one.goal_id.uuid) for one in answer.goals_canceling))
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -1,4 +1,4 @@
-"""The robot's body: follows a path, turns on the spot, drains its battery. Time is an argument, in seconds.
+"""The robot's body: follows a path or a velocity, drains its battery. Time is an argument, in seconds.
 
 Metres and radians in frame `map`. Movement is exact for any step of time, so a late tick changes nothing.
 """
@@ -39,6 +39,13 @@ class Robot:
         self._now = now
         self._corners: deque[Point] = deque()
         self._final_yaw: float | None = None
+        #: Velocity by hand: m/s forward, rad/s to the left, and until when it is obeyed.
+        self._twist = (0.0, 0.0, -math.inf)
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether it obeys a velocity."""
+        return self._twist[2] > self._now
 
     @property
     def arrived(self) -> bool:
@@ -57,20 +64,29 @@ class Robot:
 
     def follow(self, corners: Iterable[Point], yaw: float) -> None:
         """Drive over `corners` from here, then turn to `yaw`."""
+        self.halt()
         self._corners = deque(corners)
         self._final_yaw = yaw
 
+    def obey(self, forward: float, left: float, until: float) -> None:
+        """Drive with a velocity in m/s and rad/s, no faster than it can, until a time; it sees no tables."""
+        most, most_turn = self.speed, TURN_RATE * self.speed
+        self._twist = max(-most, min(most, forward)), max(-most_turn, min(most_turn, left)), until
+
     def halt(self) -> None:
-        """Forget the path and stand still."""
+        """Forget the path, or the velocity, and stand still."""
         self._corners.clear()
         self._final_yaw = None
+        self._twist = (0.0, 0.0, -math.inf)
 
     def advance(self, now: float) -> None:
         """Let time pass until `now`: drive unless `braked` or empty, and drain."""
         passed = max(0.0, now - self._now)
+        obeyed = max(0.0, min(now, self._twist[2]) - self._now)
         self._now = now
         if not self.braked and self.charge > 0.0:
             self._drive(passed)
+            self._roll(obeyed)
         self.charge = max(0.0, self.charge - self.drain_per_s * passed)
 
     def _drive(self, time: float) -> None:
@@ -81,6 +97,15 @@ class Robot:
                 time = self._turn(self._final_yaw, time)
                 if self.pose.yaw == self._final_yaw:
                     self._final_yaw = None
+
+    def _roll(self, time: float) -> None:
+        """Roll along the arc of the velocity."""
+        forward, left, _ = self._twist
+        yaw = self.pose.yaw + left * time
+        middle, half = (self.pose.yaw + yaw) / 2.0, left * time / 2.0
+        chord = forward * time * (math.sin(half) / half if half else 1.0)
+        x, y = self.pose.x + chord * math.cos(middle), self.pose.y + chord * math.sin(middle)
+        self.pose = FloorPose(x, y, math.remainder(yaw, math.tau))
 
     def _towards(self, corner: Point, time: float) -> float:
         """Turn to and drive towards `corner`; returns the time that is left."""

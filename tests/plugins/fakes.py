@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 from lupin_engine.plugin.contract import Plugin
@@ -121,6 +122,8 @@ class FakeLog:
     def warning(self, event: str, **details: Any) -> None:
         self.warnings.append((event, details))
 
+    error = warning
+
 
 class FakeTimer:
     """A timer that a test fires by `FakeRos.pass_time`."""
@@ -144,6 +147,9 @@ class FakeGraph:
     def count_publishers(self, topic: str) -> int:
         return self.publishers
 
+    def get_publishers_info_by_topic(self, topic: str) -> list[SimpleNamespace]:
+        return [SimpleNamespace(endpoint_gid=[number]) for number in range(self.publishers)]
+
 
 class FakeRos:
     """What clients use of `RosNode`, with one action server, one service and a clock that a test moves."""
@@ -157,6 +163,7 @@ class FakeRos:
         self.timers: list[FakeTimer] = []
         self.subscriptions: dict[str, Callable[[Any], None]] = {}
         self.profiles: dict[str, Any] = {}
+        self.troubles: dict[str, str] = {}
         self.time = 100.0
 
     def now(self) -> float:
@@ -180,6 +187,12 @@ class FakeRos:
     def service(self, kind: Any, name: str) -> FakeService:
         self.remote.name = name
         return self.remote
+
+    def trouble(self, about: str, problem: str) -> None:
+        self.troubles[about] = problem
+
+    def timer(self, period: float, callback: Callable[[], None]) -> FakeTimer:
+        return self.steady_timer(period, callback)
 
     def steady_timer(self, period: float, callback: Callable[[], None]) -> FakeTimer:
         self.timers.append(FakeTimer(period, callback))

@@ -6,17 +6,20 @@ and tolerates servers that disappear from discovery for a moment.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
+from unique_identifier_msgs.msg import UUID
 
 from lupin_engine.plugin.contract import Outlet
+from lupin_engine.ros.adapter.actions import WORKING, goal_id
 from lupin_engine.ros.adapter.host import Repeater
-from lupin_engine.ros.adapter.node import Goal, RosNode
+from lupin_engine.ros.adapter.node import Goal, Qos, RosNode, ServiceCaller
 from lupin_engine.ros.adapter.service_driver import Done, Failed
 
 #: Period of the check whether servers of active goals are still there, in seconds.
@@ -30,13 +33,84 @@ RECOVERY_GRACE_S = 25.0
 _CLEARING_DEADLINE_S = 3.0
 
 
+#: Seconds between two requests to cancel a goal of another client, and how many there are at most.
+OTHERS_PERIOD_S, OTHERS_ASKS = 0.5, 6
+#: How many goals of ours are remembered, to know those of others by.
+OWN_GOALS = 100
+
+
+class _OthersGoals:
+    """The goals of other clients at a server of ours, as that publishes them: they end before ours begins.
+
+    Somebody may have driven the robot by hand while the mission was held.
+    """
+
+    def __init__(self, ros: RosNode, name: str, cancel: ServiceCaller) -> None:
+        self._ros = ros
+        self._name = name
+        self._cancel = cancel
+        self._own: deque[bytes] = deque(maxlen=OWN_GOALS)
+        self._working: frozenset[bytes] = frozenset()
+        self._waiting: list[Callable[[], None]] = []
+        self._asks = 0
+        self._asking = Repeater(ros.steady_timer, OTHERS_PERIOD_S, self._ask)
+        ros.subscribe(GoalStatusArray, f"{name}/_action/status", Qos.LATCHED, self._on_status)
+
+    def own(self, key: str) -> None:
+        """Know the goal with a key as one of ours."""
+        self._own.append(goal_id(self._name, key))
+
+    def ended(self, then: Callable[[], None]) -> None:
+        """Call `then` once there are none: at once, or when cancelled; after 3 s ours replaces them."""
+        if not self._others:
+            then()
+            return
+        self._ros.log.warning("goals of other clients are cancelled before ours is sent", action=self._name)
+        self._waiting.append(then)
+        self._asks = 0
+        self._asking.start()
+        self._ask()
+
+    @property
+    def _others(self) -> frozenset[bytes]:
+        return self._working.difference(self._own)
+
+    def _on_status(self, message: GoalStatusArray) -> None:
+        working = [one for one in message.status_list if one.status in WORKING]
+        self._working = frozenset(bytes(one.goal_info.goal_id.uuid) for one in working)
+        if self._waiting and not self._others:
+            self._go_on()
+
+    def _ask(self) -> None:
+        if self._asks == OTHERS_ASKS:
+            self._ros.log.error("a goal of another client does not end; ours replaces it", action=self._name)
+            self._go_on()
+            return
+        self._asks += 1
+        for other in self._others:
+            goal = GoalInfo(goal_id=UUID(uuid=list(other)))
+            self._cancel.call(CancelGoal.Request(goal_info=goal), OTHERS_PERIOD_S, lambda _: None)
+
+    def _go_on(self) -> None:
+        self._asking.stop()
+        waiting, self._waiting = self._waiting, []
+        for then in waiting:
+            then()
+
+    def close(self) -> None:
+        """Wait for nothing any more."""
+        self._asking.stop()
+        self._waiting.clear()
+
+
 class ActionServer:
-    """A server of an action. One that is `ours` serves this driver only: its earlier goals are cancelled."""
+    """A server of an action. One that is `ours` serves this driver only: goals of others are cancelled."""
 
     def __init__(self, ros: RosNode, kind: Any, name: str, *, ours: bool) -> None:
         self.name = name
         self._caller = ros.action(kind, name)
         self._cancel_all = ros.service(CancelGoal, f"{name}/_action/cancel_goal") if ours else None
+        self._others = _OthersGoals(ros, name, self._cancel_all) if self._cancel_all is not None else None
         self._clears = False
         self._is_cleared = not ours
 
@@ -69,17 +143,32 @@ class ActionServer:
         # Also without an answer: a server that does not answer must not keep the node from starting.
         self._is_cleared = True
 
+    def when_free(self, then: Callable[[], None]) -> None:
+        """Call `then` when no goal of another client is under way at a server of ours."""
+        if self._others is None:
+            then()
+        else:
+            self._others.ended(then)
+
+    def _own(self, key: str) -> None:
+        if self._others is not None:
+            self._others.own(key)
+
     def send(self, goal: Any, key: str, **callbacks: Callable[..., None]) -> Goal:
         """Send a goal; see `ActionCaller.send`."""
+        self._own(key)
         return self._caller.send(goal, key=key, **callbacks)
 
     def adopt(self, key: str, **callbacks: Callable[..., None]) -> Goal:
         """Follow a goal of a process that is gone; see `ActionCaller.adopt`."""
+        self._own(key)
         return self._caller.adopt(key, **callbacks)
 
     def close(self) -> None:
         """Release the client; no callback follows."""
         self._caller.close()
+        if self._others is not None:
+            self._others.close()
         if self._cancel_all is not None:
             self._cancel_all.close()
 
@@ -132,9 +221,15 @@ class ActionAttempts:
         if not operation.server.ready:
             self._fail(attempt, operation.failed(operation.unavailable, "not there"))
             return
-        made = self._running[attempt] = _GoalAttempt(operation)
+        self._running[attempt] = _GoalAttempt(operation)
         self._watching.start()
-        made.goal = operation.server.send(
+        operation.server.when_free(partial(self._send, attempt, goal))
+
+    def _send(self, attempt: str, goal: Any) -> None:
+        made = self._running.get(attempt)
+        if made is None:
+            return  # it has ended while goals of others were waited for
+        made.goal = made.operation.server.send(
             goal,
             self._key(attempt),
             accepted=partial(self._on_accepted, attempt),
@@ -165,7 +260,12 @@ class ActionAttempts:
     def cancel(self, attempt: str) -> None:
         """Ask that an attempt ends; a goal not yet accepted is left to be cancelled when it is."""
         running = self._running.get(attempt)
-        if running is not None and running.goal is not None:
+        if running is None:
+            return
+        if running.goal is None:  # not sent yet
+            del self._running[attempt]
+            self._outlet.cancelled(attempt)
+        else:
             running.cancelling = True
             running.goal.cancel()
 

@@ -38,7 +38,14 @@ RESULT_KEPT_S = 120
 #: What the ids of goals with a key are made in.
 _GOALS = uuid.UUID("6c7570696e20676f616c20696473202e")
 
+#: The status of goals that a server works on.
+WORKING = frozenset((GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING, GoalStatus.STATUS_CANCELING))
 _TERMINAL = frozenset((GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED))
+
+
+def goal_id(action: str, key: str) -> bytes:
+    """Return the id of the goal that is sent with a key."""
+    return uuid.uuid5(_GOALS, f"{action} {key}").bytes
 
 
 class ActionCaller:
@@ -184,8 +191,7 @@ class Goal:
         self._tell_feedback = feedback
         self._tell_ended = ended
         self._tell_rejected = rejected
-        chosen = uuid.uuid5(_GOALS, f"{caller.name} {key}") if key else uuid.uuid4()
-        self._id = UUID(uuid=list(chosen.bytes))
+        self._id = UUID(uuid=list(goal_id(caller.name, key) if key else uuid.uuid4().bytes))
         self._handle = self._own_handle()
         self._accepted = False
         self._over = False

@@ -88,8 +88,6 @@ def describe_launch(
             joined.append(there)
         else:
             starting.append(node)
-    simulated = {end for node in starting for end in _owner(node, catalog).stands_in.get(node.name, ())}
-    starting = [n for n in starting if simulated.isdisjoint(_owner(n, catalog).guards.get(n.name, ()))]
     given = {
         **parameters,
         ORCHESTRATOR: {**_assumed(starting, catalog, known), **parameters.get(ORCHESTRATOR, {})},

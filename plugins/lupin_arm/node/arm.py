@@ -22,7 +22,8 @@ from lupin_arm.node.torque import Done, Torque
 from lupin_arm.trajectory import FIRST_POINT_S, START_TOLERANCE, VELOCITY_HINT, Point, Trajectory
 from lupin_engine.plugin.wire import time_fields
 from lupin_engine.ros.adapter.node import Qos, RosNode
-from lupin_greenhouse.node.estop import EmergencyStop
+from lupin_greenhouse.node.estop import StopListener
+from lupin_greenhouse.stops import StopState
 
 #: Seconds without feedback after which the arm counts as gone; when it is back it is pinned like a new one.
 LOST_S = 2.0
@@ -69,7 +70,6 @@ class Arm:
 
     def __init__(self, ros: RosNode, parameters: Mapping[str, Any]) -> None:
         self._ros = ros
-        self._estop_topic: str = parameters["estop_topic"]
         self._states_topic: str = parameters["joint_states_topic"]
         self._trajectories = ros.publisher(JointTrajectory, parameters["trajectory_topic"], Qos.EVENT)
         self._gripper = Gripper(ros, parameters["gripper_action"])
@@ -78,20 +78,22 @@ class Arm:
             parameters["torque_service"],
             parameters["gate_service"],
             self._pin,
-            lambda: self._stop_reason,
+            lambda: self._estop.reason or None,
         )
         self._motion: _ArmMotion | None = None
         self._claim: _Claim | None = None
         self._heard = float("-inf")
-        self._stop_reason: str | None = None
+        self._was_stopped = False
+        #: How often the arm was stopped: what waited through a stop is not sent after it.
+        self.stops = 0
         self._feedback = Feedback(ros, self._states_topic)
         self._feedback.listen(self._on_feedback)
-        self._estop = EmergencyStop(ros, self._estop_topic, parameters["estop_timeout"], self._stop)
+        self._estop = StopListener(ros, parameters["estop_topic"], parameters["estop_timeout"], self._stop)
 
     @property
     def stopped(self) -> bool:
         """Whether the emergency stop is engaged, or should be told and is not."""
-        return self._stop_reason is not None
+        return self._estop.engaged
 
     # --- where it is --------------------------------------------------------------------------------------
 
@@ -160,7 +162,7 @@ class Arm:
         Raises:
             Refused: somebody else has it, the emergency stop is engaged, or servos are being switched.
         """
-        reason = self._stop_reason or self._claim_reason(owner) or self._switching_reason()
+        reason = self._estop.reason or self._claim_reason(owner) or self._switching_reason()
         if reason is not None:
             raise ArmRequestRefused(reason)
         self._claim = _Claim(owner, what, interrupted)
@@ -172,7 +174,7 @@ class Arm:
 
     def refusal(self, owner: str) -> str | None:
         """Say why `owner` may not move anything now; None if he may."""
-        reason = self._stop_reason or self._claim_reason(owner) or self._switching_reason()
+        reason = self._estop.reason or self._claim_reason(owner) or self._switching_reason()
         return reason or self._torque_reason()
 
     def _claim_reason(self, owner: str) -> str | None:
@@ -278,7 +280,7 @@ class Arm:
             Refused: somebody else has the arm; or, for on, the emergency stop is engaged, or it is not known
                 where the arm is, so that it might jump.
         """
-        reason = (self._stop_reason if on else None) or self._claim_reason(owner)
+        reason = (self._estop.reason if on else None) or self._claim_reason(owner)
         if reason is not None:
             raise ArmRequestRefused(reason)
         if on:
@@ -301,18 +303,18 @@ class Arm:
         if self._claim is not None:
             self._claim.interrupted(reason)
 
-    def _stop(self, how: str) -> None:
-        """Stop, or let go of what was stopped; see `EmergencyStop`."""
-        before = self.stopped
-        self._stop_reason = f"the emergency stop is {how} ({self._estop_topic})" if how else None
-        if before == self.stopped:
+    def _stop(self, state: StopState) -> None:
+        """Stop, or let go of what was stopped."""
+        before, self._was_stopped = self._was_stopped, state.engaged
+        if before == state.engaged:
             return
-        if not how:
+        if not state.engaged:
             self._ros.log.info("emergency stop released")
             return
-        self._ros.log.warning(f"{self._stop_reason}: the arm stays where it is")
+        self.stops += 1
+        self._ros.log.warning(f"{self._estop.reason}: the arm stays where it is")
         self.hold()
-        self._interrupt(f"the emergency stop was {how}")
+        self._interrupt(f"the emergency stop was {'silent' if state.silent else 'engaged'}")
 
 
 def _stay(pose: Pose, seconds: float) -> Trajectory:

@@ -150,5 +150,10 @@ def if_on(arm: Arm, owner: str, then: Done) -> None:
         raise ArmRequestRefused(reason)
     if arm.torque:
         then(None)
-    else:
-        arm.set_torque(True, owner, then)
+        return
+    stops = arm.stops
+
+    def on(problem: str | None) -> None:
+        then(problem or ("the robot was stopped meanwhile" if arm.stops != stops else None))
+
+    arm.set_torque(True, owner, on)

@@ -11,7 +11,8 @@ from typing import Any
 
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import COUNT, DURATION, TEXT, list_of
+from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin.types import COUNT, DURATION, ROS_NAME, TEXT, list_of
 from lupin_engine.ros import names
 from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import RosNode
@@ -24,6 +25,8 @@ from lupin_gateway.node.loop import LoopThread
 from lupin_gateway.node.ros import NodeSide
 from lupin_gateway.server import Address, Gateway, serve
 from lupin_gateway.session import Limits
+from lupin_greenhouse.node.estop import StopListener
+from lupin_greenhouse.stops import StopState
 
 #: The longest that either thread keeps Python's lock while the other one wants it, in seconds.
 SWITCH_INTERVAL_S = 0.001
@@ -71,6 +74,13 @@ PARAMETERS = {
             "/io/power/power_watcher sensor_msgs/msg/BatteryState 2 MB every 5 s",
         ],
         "topics whose past is kept for pages: TOPIC TYPE NUMBER MB, then `on change`, `every NUMBER s`",
+    ),
+    "estop_topic": Parameter(ROS_NAME, "/e_stop_state", "topic of the emergency stop, true while engaged"),
+    "estop_timeout": Parameter(
+        DURATION,
+        2.0,
+        "an emergency stop that was told steadily and is silent for so long counts as engaged; 0: never",
+        maximum=60.0,
     ),
     **house.PARAMETERS,
 }
@@ -128,7 +138,13 @@ def main(arguments: Sequence[str]) -> int:
         hub = Hub(side.listen, lambda topic: kept.get(topic, Backlog()))
         history = TopicHistory(hub, history_topics(values["history"]), time.time)
         rules = house.house_rules(ros, side, values)
-        loop.post(listen, hub, rules)
+        loop.post(listen, hub, rules, load_catalog().profile)
+
+        def hear_stop(state: StopState) -> None:
+            side.hear_stop(state.engaged)
+            loop.post(rules.hear_stops, state.sources)
+
+        StopListener(ros, values["estop_topic"], values["estop_timeout"], hear_stop)
         gateway = Gateway(side, hub, limits, rules, house.tls(values), history)
         opening = Repeater(
             ros.steady_timer, DISCOVERY_S, lambda: _open(opening, loop, partial(serve, gateway, sockets))

@@ -17,6 +17,7 @@ from lupin_engine.ros.adapter.network import type_name
 from lupin_engine.ros.adapter.node import ActionCaller, CallFailure, Goal, RosNode, ServiceCaller
 from lupin_engine.ros.adapter.peers import service_channels
 from lupin_gateway.filling import DoesNotFit, filled
+from lupin_gateway.motion import STOPPED
 from lupin_gateway.node import types
 from lupin_gateway.shapes import NotCarried
 from lupin_gateway.sides import CallFailed, GoalEnd
@@ -70,10 +71,18 @@ class Services:
         self._ros = ros
         self._callers: dict[tuple[str, str], ServiceCaller] = {}
 
-    def call(self, name: str, data: Any, limit: float, done: Callable[[Any], None]) -> None:
+    def call(
+        self,
+        name: str,
+        data: Any,
+        limit: float,
+        done: Callable[[Any], None],
+        still_allowed: Callable[[], bool] = lambda: True,
+    ) -> None:
         """Call a service with the fields of its request; `done` gets those of the response, or `CallFailed`.
 
-        The type is that of the server. Its deadline counts from now, finding the server included.
+        The type is that of the server. Its deadline counts from now, finding the server included; whether the
+        call is still allowed is asked once that is found.
         """
         type_ = service_type(self._ros, name)
         if not type_:
@@ -90,6 +99,9 @@ class Services:
         def found(is_there: bool) -> None:
             if not is_there:
                 done(CallFailed(f"{name}: its server was not reached within {limit:g} s"))
+                return
+            if not still_allowed():
+                done(CallFailed(f"{name} {STOPPED}"))
                 return
             left = max(0.01, end - time.monotonic())
             caller.call(request, left, partial(_answered, name, type_, limit, done))
@@ -184,6 +196,11 @@ class Actions:
         self._under_way.append(under_way)
         self._watching.start()
         When(self._ros, caller.ready, ACCEPTED_WITHIN_S, partial(self._found, under_way, caller, type_, goal))
+
+    def cancel_all(self) -> None:
+        """Have all goals ended, also those that wait to be sent or accepted."""
+        for each in list(self._under_way):
+            each.cancel()
 
     def _found(
         self, under_way: GoalUnderWay, caller: ActionCaller, type_: str, goal: Any, is_there: bool

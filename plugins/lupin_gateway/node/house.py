@@ -23,7 +23,6 @@ from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.folder import MissionsFolder
 from lupin_gateway.audit import AuditLog, last_lines
 from lupin_gateway.doors import (
-    STOP_TOPIC,
     AllowList,
     Doors,
     IssuedToken,
@@ -31,10 +30,13 @@ from lupin_gateway.doors import (
     read_tokens,
 )
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
+from lupin_gateway.motion import BASE_TOPIC, MotionGate
 from lupin_gateway.node.kept import StateFile
+from lupin_gateway.node.ros import NodeSide
 from lupin_gateway.people import MOST_COMMANDS, NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
 from lupin_gateway.sides import CallFailed, RosSide
 from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter
+from lupin_greenhouse.stops import HMI_TOPIC, PAGES_TOPIC
 
 #: Addresses at which only this machine is heard.
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -62,7 +64,15 @@ PARAMETERS = {
     "engineer_names": Parameter(
         list_of(TEXT), [], "topics, services and actions that engineers may use beside those declared"
     ),
+    "motion_names": Parameter(
+        list_of(TEXT), [], "topics and services that move the robot, beside those that are declared"
+    ),
     "viewers_stop": Parameter(BOOL, True, "whether a viewer may stop the robot, too"),
+    "shared_false": Parameter(
+        BOOL,
+        False,
+        f"whether {HMI_TOPIC} is told steadily, and not only once at a release, that no page stops the robot",
+    ),
     "on_link_lost": Parameter(
         one_of(*(one.value for one in OnLinkLost)),
         OnLinkLost.CONTINUE.value,
@@ -120,7 +130,7 @@ def host(values: Mapping[str, Any]) -> str:
     return "0.0.0.0" if values["open"] and named in LOOPBACK else named
 
 
-def house_rules(ros: RosNode, side: RosSide, values: Mapping[str, Any]) -> HouseRules:
+def house_rules(ros: RosNode, side: NodeSide, values: Mapping[str, Any]) -> HouseRules:
     """Return the rules, with the stops that an earlier gateway of this domain has left."""
     catalog, folder = load_catalog(), state_folder()
     tokens = Path(values["tokens"]) if values["tokens"] else None
@@ -128,13 +138,15 @@ def house_rules(ros: RosNode, side: RosSide, values: Mapping[str, Any]) -> House
     stops = StopArbiter(OnLinkLost(values["on_link_lost"]), values["viewers_stop"])
     stops_file = StateFile(ros, folder / "stops.json", "stops")
     stops.restore(_kept_stops(ros, stops_file), time.monotonic())
-    told = ros.publisher(Bool, STOP_TOPIC, Qos.EVENT)
     shown = ros.publisher(String, STOPS_TOPIC, Qos.LATCHED)
+    base = ros.publisher(String, BASE_TOPIC, Qos.LATCHED)
     hands = Hands(
-        tell_stop=lambda stopped: told.publish(Bool(data=stopped)),
+        tell_stop=_telling_stop(ros, values["shared_false"]),
         tell_state=lambda state: shown.publish(String(data=state)),
         pause=_pausing(side, catalog),
         keep=lambda kept: stops_file.keep(asdict(kept)),
+        tell_base=lambda state: base.publish(String(data=state)),
+        halt=side.halt,
     )
     audit_file = Path(values["audit_file"]) if values["audit_file"] else folder / "audit.jsonl"
     log = AuditLog(audit_file, ros.log.error)
@@ -142,7 +154,29 @@ def house_rules(ros: RosNode, side: RosSide, values: Mapping[str, Any]) -> House
     ros.on_stop(log.close)
     rules = HouseRules(doors, allowed, stops, log, TwoClocks(time.monotonic, time.time), hands)
     rules.people = _people(ros, folder, audit_file)
+    wire = catalog.profile.wire
+    rules.motion = MotionGate((names.COMMAND_SERVICE, *([wire.requests.format("*")] if wire else ())))
+    side.moving = allowed.moving
     return rules
+
+
+def _telling_stop(ros: RosNode, shared_false: bool) -> Callable[[bool], None]:
+    """Return what publishes the stop of all pages: on a topic of our own, and on the one that HMIs share.
+
+    Who keeps the last word of the shared one, as the bridge of today's robot does, needs a false when our
+    stop is released; one that is repeated would release the stops of other HMIs there.
+    """
+    own, shared = ros.publisher(Bool, PAGES_TOPIC, Qos.LATCHED), ros.publisher(Bool, HMI_TOPIC, Qos.EVENT)
+    was_stopped = False
+
+    def tell(stopped: bool) -> None:
+        nonlocal was_stopped
+        own.publish(Bool(data=stopped))
+        if stopped or was_stopped or shared_false:
+            shared.publish(Bool(data=stopped))
+        was_stopped = stopped
+
+    return tell
 
 
 def state_folder() -> Path:
@@ -157,14 +191,17 @@ def _own(ros: RosNode, catalog: Catalog, values: Mapping[str, Any]) -> Iterator[
     """Yield what no catalog declares: the gateway's own names, the engine's, bindings, and settings."""
     yield names.ACCESS
     yield OWN_ACCESS
-    yield Access(*(tuple(values[f"{role}_names"]) for role in ("viewer", "operator", "engineer")))
+    kinds = ("viewer", "operator", "engineer", "motion")
+    yield Access(*(tuple(values[f"{kind}_names"]) for kind in kinds))
     try:
         bindings = MissionsFolder(values, catalog).load()
     except LupinError as problem:
         ros.log.warning(f"names of bindings are not offered to pages: {problem}")
         return
-    called = (call.endpoint.name for one in bindings.bindings.values() for call in one.calls.values())
-    yield Access(viewer=tuple(bindings.heard), engineer=tuple(called))
+    calls = [call for one in bindings.bindings.values() for call in one.calls.values()]
+    called = tuple(call.endpoint.name for call in calls)
+    moving = tuple(call.endpoint.name for call in calls if call.moves)
+    yield Access(viewer=tuple(bindings.heard), engineer=called, motions=moving)
 
 
 def _tokens(ros: RosNode, file: Path) -> tuple[IssuedToken, ...]:

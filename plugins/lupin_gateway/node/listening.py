@@ -1,16 +1,19 @@
-"""What the gateway itself hears of the robot, to notify people: steps, and diagnostics."""
+"""What the gateway hears of the robot: steps and diagnostics, to notify people, and who has the base."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import orjson
 
+from lupin_engine.plugin.profile import Profile
 from lupin_engine.ros import names
 from lupin_gateway.encoding import Sample
 from lupin_gateway.guard import HouseRules
 from lupin_gateway.hub import Hub, Outbox, Subscriber
+from lupin_gateway.motion import MissionLevel
 from lupin_gateway.shapes import NotCarried
 
 #: Takes a message by its fields.
@@ -35,8 +38,8 @@ class _RobotListener(Subscriber):
         """There is no page that could be told."""
 
 
-def listen(hub: Hub, rules: HouseRules) -> None:
-    """Begin to notify people of what the robot tells; on the loop."""
+def listen(hub: Hub, rules: HouseRules, profile: Profile) -> None:
+    """Begin to hear the robot; on the loop."""
     people, clocks = rules.people, rules.clocks
 
     def take_step(message: Mapping[str, Any]) -> None:
@@ -50,3 +53,20 @@ def listen(hub: Hub, rules: HouseRules) -> None:
     hub.subscribe(
         _RobotListener(names.DIAGNOSTICS_TOPIC, take_diagnostics), "diagnostic_msgs/msg/DiagnosticArray"
     )
+    if (wire := profile.wire) is not None:
+        hub.subscribe(_RobotListener(wire.state.name, partial(_take_state, rules, profile)), wire.state.type)
+
+
+def _take_state(rules: HouseRules, profile: Profile, message: Mapping[str, Any]) -> None:
+    """Take where the mission stands: whether it has the base, is held, or is stopped."""
+    assert profile.wire is not None
+    told = profile.wire.read_state(message)
+    alarms = (name for name, flag in profile.terminal.flags.items() if flag.alarm)
+    level = MissionLevel(
+        told.lifecycle,
+        under_way=told.lifecycle not in profile.stages.without_mission,
+        held=told.paused,
+        stopped=any(told.flags.get(name) for name in alarms),
+    )
+    rules.motion.hear_mission(level, rules.clocks.steady())
+    rules.settle_motion()

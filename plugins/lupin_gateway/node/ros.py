@@ -8,6 +8,8 @@ from typing import Any
 
 from lupin_engine.ros.adapter.node import RosNode
 from lupin_gateway.encoding import Sample
+from lupin_gateway.motion import STOPPED
+from lupin_gateway.motion.names import MotionNames
 from lupin_gateway.node.calls import Actions, GoalUnderWay, Services
 from lupin_gateway.node.rosapi import Rosapi
 from lupin_gateway.node.topics import Publishers, Subscription, Subscriptions
@@ -27,6 +29,10 @@ class NodeSide:
         self._services = Services(ros)
         self._actions = Actions(ros)
         self._rosapi = Rosapi(ros, self._services)
+        #: What moves the robot; while it is stopped none is sent, also not what a page asked for before.
+        self.moving = MotionNames(())
+        self._stopped = False
+        self._stops = 0
 
     def about(self) -> Mapping[str, Any]:
         """See `RosSide`."""
@@ -50,7 +56,12 @@ class NodeSide:
 
     def publish(self, topic: str, data: Any, problem: Callable[[str], None]) -> None:
         """See `RosSide`."""
-        self._ros.post(lambda: self._tell(problem, self._publishers.publish(topic, data)))
+        self._ros.post(lambda: self._tell(problem, self._publish(topic, data)))
+
+    def _publish(self, topic: str, data: Any) -> str:
+        if self._stopped and self.moving.published(topic, data):
+            return f"{topic} {STOPPED}"
+        return self._publishers.publish(topic, data)
 
     def _tell(self, problem: Callable[[str], None], text: str) -> None:
         if text:
@@ -58,7 +69,19 @@ class NodeSide:
 
     def call(self, service: str, data: Any, limit: float, done: Callable[[Any], None]) -> None:
         """See `RosSide`."""
-        self._ros.post(lambda: self._services.call(service, data, limit, partial(self._post, done)))
+        answer = partial(self._post, done)
+        moves = self.moving.called(service)
+
+        def call() -> None:
+            stops = self._stops
+            still = partial(self._still_allowed, stops) if moves else _always
+            self._services.call(service, data, limit, answer, still)
+
+        self._ros.post(call)
+
+    def _still_allowed(self, stops: int) -> bool:
+        """Whether no stop has come since there were so many: a call may have waited for its server."""
+        return not self._stopped and self._stops == stops
 
     def send_goal(
         self,
@@ -69,8 +92,31 @@ class NodeSide:
     ) -> Callable[[], None]:
         """See `RosSide`."""
         under_way = GoalUnderWay(action, partial(self._post, feedback), partial(self._post, done))
-        self._ros.post(lambda: self._actions.send(under_way, data))
+        self._ros.post(lambda: self._send_goal(under_way, data))
         return lambda: self._ros.post(under_way.cancel)
+
+    def _send_goal(self, under_way: GoalUnderWay, data: Any) -> None:
+        if self._stopped:
+            under_way.end(CallFailed(f"{under_way.name} {STOPPED}"))
+        else:
+            self._actions.send(under_way, data)
+
+    # -- what stops ---------------------------------------------------------------------------------------
+
+    def hear_stop(self, engaged: bool) -> None:
+        """Take whether the robot is stopped; on ROS's thread."""
+        if engaged and not self._stopped:
+            self._stops += 1
+            self._end_motion()
+        self._stopped = engaged
+
+    def halt(self) -> None:
+        """End what pages drive: cancel their goals, drop what waits, and publish zero velocities."""
+        self._ros.post(self._end_motion)
+
+    def _end_motion(self) -> None:
+        self._actions.cancel_all()
+        self._publishers.halt(self.moving)
 
     def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
         """See `RosSide`."""
@@ -78,6 +124,10 @@ class NodeSide:
             return False
         self._ros.post(lambda: self._rosapi.answer(question, data, partial(self._post, done)))
         return True
+
+
+def _always() -> bool:
+    return True
 
 
 class _HeldSubscription:

@@ -18,6 +18,7 @@ from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.adapter.qos import heard_profile, is_latched
 from lupin_gateway.encoding import Sample
 from lupin_gateway.filling import DoesNotFit, filled
+from lupin_gateway.motion.names import MotionNames
 from lupin_gateway.node import types
 from lupin_gateway.shapes import NotCarried
 
@@ -186,6 +187,9 @@ class _SharedPublisher:
         while self._held:
             self._publisher.publish(self._held.popleft())
 
+    def drop_held(self) -> None:
+        self._held.clear()
+
     def close(self) -> None:
         self._waiting.stop()
         self._ros.node.destroy_publisher(self._publisher)
@@ -199,6 +203,8 @@ class Publishers:
         self._ros = ros
         self._made = made
         self._all: dict[str, _SharedPublisher] = {}
+        #: Topics on which something was published since the last `halt`.
+        self._used: set[str] = set()
 
     def advertise(self, topic: str, type_: str, latch: bool) -> str:
         """Make a publisher, or use the one that is there; return what is wrong, '' where nothing is."""
@@ -257,7 +263,17 @@ class Publishers:
             publisher.publish(data)
         except DoesNotFit as problem:
             return f"{topic}: {problem}"
+        self._used.add(topic)
         return ""
+
+    def halt(self, moving: MotionNames) -> None:
+        """Drop what waits to move the robot, and publish zero on each topic of velocities that was used."""
+        used, self._used = self._used, set()
+        for topic in used & self._all.keys():
+            if moving.published(topic, None):
+                self._all[topic].drop_held()
+            if moving.is_velocity(topic):
+                self._all[topic].publish({})
 
 
 def topic_types(ros: RosNode, topic: str) -> list[str]:

@@ -1,64 +1,109 @@
-"""The emergency stop as received by a node: engaged, released, or silent after periodic messages."""
+"""The emergency stop as received by a node, of all its sources; see `stops`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from std_msgs.msg import Bool
 
 from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_greenhouse.stops import (
+    HMI,
+    HMI_TOPIC,
+    PAGES,
+    PAGES_TOPIC,
+    QUIET_S,
+    ROBOT,
+    StopFold,
+    StopState,
+    rules,
+)
 
-#: What `told` is called with.
-ENGAGED, RELEASED, SILENT = "engaged", "", "silent"
-#: Looks for a message within the timeout, and looks in a row with one after which silence is a fault: a
-#: bridge tells steadily, a panel or a person now and then.
-LOOKS, STEADY = 4, 8
+#: Looks within the shortest time after which something is over.
+LOOKS = 8
 
 
-class EmergencyStop:
-    """Listens to the emergency stop of a robot.
+class StopListener:
+    """Listens to all sources of the stop, and keeps which of them hold the robot; see `stops`.
 
-    An emergency stop that was told steadily (in each quarter of the timeout, for twice the timeout) and falls
-    silent has lost its bridge: who presses the button now is not heard, and silence is a stop. One that
-    speaks only when it is pressed or released is taken at its word. Real time, also where the robot's is
-    simulated.
+    Real time, also where the robot's is simulated; looks are counted and not seconds, because a node that was
+    busy itself hears what has waited before the next look.
     """
 
-    def __init__(self, ros: RosNode, topic: str, timeout: float, told: Callable[[str], None]) -> None:
-        """Call `told` with each message's meaning, and with `SILENT` after `timeout` s of it; 0: never."""
-        self._period = timeout / LOOKS
-        self._told = told
-        self._heard = False
-        self._in_a_row = self._missed = 0
+    def __init__(
+        self, ros: RosNode, topic: str, timeout: float, changed: Callable[[StopState], None]
+    ) -> None:
+        """Call `changed` with each new state, and when a source is heard for the first time.
+
+        `topic` is that of the robot's own emergency stop, '' for who publishes that one itself. When it was
+        steady and is silent for `timeout` s it is engaged; 0: never.
+        """
+        self._ros = ros
+        self._changed = changed
+        self._fold = StopFold(rules(timeout if topic else None))
+        self._topics = {**({ROBOT: topic} if topic else {}), PAGES: PAGES_TOPIC, HMI: HMI_TOPIC}
+        self._heard: set[str] = set()
+        self._closed = False
+        self._now = 0.0
+        self._period = min(timeout or QUIET_S, QUIET_S) / LOOKS
         self._looking = Repeater(ros.steady_timer, self._period, self._look)
-        ros.subscribe(Bool, topic, Qos.EVENT, self._on_message)
+        self.state = StopState()
+        for source, name in self._topics.items():
+            qos = Qos.LATCHED if source == PAGES else Qos.EVENT
+            ros.subscribe(Bool, name, qos, partial(self._on_message, source))
 
     @property
-    def watched(self) -> bool:
-        """Whether it was told steadily, so that silence would be a stop."""
-        return self._in_a_row >= STEADY
+    def engaged(self) -> bool:
+        """Whether the robot is stopped."""
+        return self.state.engaged
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The names of the sources that hold the robot."""
+        return self.state.sources
+
+    @property
+    def reason(self) -> str:
+        """Why nothing may move, with the topics that say so; '' while something may."""
+        said: dict[str, list[str]] = {}
+        for name in self.state.sources:
+            how = "silent" if name in self.state.silent else "engaged"
+            said.setdefault(how, []).append(self._topics[name])
+        told = " and ".join(f"{how} ({', '.join(topics)})" for how, topics in said.items())
+        return told and f"the emergency stop is {told}"
 
     def close(self) -> None:
-        """Wait for nothing any more."""
-        self._in_a_row = 0
+        """Report nothing any more."""
+        self._closed = True
         self._looking.stop()
 
-    def _on_message(self, message: Bool) -> None:
-        self._heard = True
-        if self._period:
-            self._looking.start()
-        self._told(ENGAGED if message.data else RELEASED)
+    def _on_message(self, source: str, message: Bool) -> None:
+        if self._closed:
+            return
+        # The graph is asked only where the answer counts.
+        counts = message.data or source in self.state.sources
+        writers = self._writers(self._topics[source]) if counts else frozenset[str]()
+        self._fold.heard(source, message.data, writers, self._now + self._period)
+        is_first = source not in self._heard
+        self._heard.add(source)
+        self._tell(is_first)
+
+    def _writers(self, topic: str) -> frozenset[str]:
+        found = self._ros.node.get_publishers_info_by_topic(topic)
+        return frozenset(bytes(one.endpoint_gid).hex() for one in found)
 
     def _look(self) -> None:
-        """Count looks and not seconds: a node that was busy itself hears what has waited before the next."""
-        if self._heard:
-            self._heard, self._missed = False, 0
-            self._in_a_row += 1
-            return
-        self._missed += 1
-        if not self.watched:
-            self.close()
-        elif self._missed == LOOKS:
-            self.close()
-            self._told(SILENT)
+        self._now += self._period
+        self._fold.look(self._now)
+        self._tell(False)
+
+    def _tell(self, is_first: bool) -> None:
+        before, self.state = self.state, self._fold.state
+        if self._fold.waits:
+            self._looking.start()
+        else:
+            self._looking.stop()
+        if is_first or self.state != before:
+            self._changed(self.state)

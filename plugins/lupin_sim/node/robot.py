@@ -16,6 +16,7 @@ from geometry_msgs.msg import (
     PoseWithCovarianceStamped,
     Transform,
     TransformStamped,
+    Twist,
     Vector3,
 )
 from nav2_msgs.action import NavigateToPose
@@ -30,6 +31,7 @@ from lupin_engine.plugin.wire import time_fields
 from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
 from lupin_greenhouse.node import watchdog
+from lupin_greenhouse.node.estop import StopListener
 from lupin_greenhouse.node.watchdog import OrchestratorWatchdog
 from lupin_greenhouse.poses import heading
 from lupin_msgs.msg import MissionState
@@ -59,6 +61,9 @@ LOOKS_WITHIN_S = 1.0
 #: goal checkers see a robot stop, its camera has shown by then what it stands before.
 MOVES_STANDING = 4
 
+#: Seconds for which a velocity by hand is obeyed, as controllers of bases do it.
+TWIST_S = 0.5
+
 #: Variance of x, y (m²) and yaw (rad²) of a localized and of a lost robot, and its growth between two poses.
 VARIANCE, LOST_VARIANCE, LOSING = 0.01, 4.0, 4.0
 #: Variance of what a robot on a floor does not know: z, roll and pitch.
@@ -80,7 +85,7 @@ PARAMETERS = {
     "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
     "start_pose": Parameter(POSE, {"x": 0.5, "y": 0.5, "yaw": 0.0}, "where the robot stands at the start"),
     "speed": Parameter(number_in("m/s"), 0.5, "driving speed", minimum=0.01, maximum=10.0),
-    "estop": Parameter(BOOL, False, "whether the emergency stop is engaged, besides /lupin/hmi/estop"),
+    "estop": Parameter(BOOL, False, "whether the emergency stop is engaged, besides those of pages and HMIs"),
     "battery": Parameter(NUMBER, 1.0, "charge of the battery, 0 to 1; setting it sets the level", 0.0, 1.0),
     "drain_per_s": Parameter(NUMBER, 0.0, "charge that the battery loses in a second", minimum=0.0),
     "fault": Parameter(_FAULTS, InjectedFault.NONE.value, "what goes wrong"),
@@ -119,7 +124,6 @@ class SimNode:
         self._fault_count: int = values["fault_count"]
         self._correcting_fault = False
         self._estop_parameter = False
-        self._estop_hmi = False
         self._goal: ServedGoal | None = None
         self._goal_began = 0.0
         self._moving = Repeater(ros.timer, MOVE_S, self._move)
@@ -143,7 +147,7 @@ class SimNode:
         self._transforms = ros.publisher(TFMessage, "/tf", Qos.EVENT)
         self._batteries = ros.publisher(BatteryState, "/io/power/power_watcher", Qos.EVENT)
         self._estops = ros.publisher(Bool, "/e_stop_state", Qos.EVENT)
-        ros.subscribe(Bool, "/lupin/hmi/estop", Qos.EVENT, self._on_hmi_estop)
+        self._stops = StopListener(ros, "", 0.0, lambda _: self._on_stop())
         ros.serve_action(
             NavigateToPose,
             "navigate_to_pose",
@@ -151,6 +155,7 @@ class SimNode:
             started=self._start,
             cancelled=self._cancel,
         )
+        ros.subscribe(Twist, "/cmd_vel", Qos.EVENT, self._on_twist)
         self._display = Display(ros)
         ros.on_parameter(self._change)
         ros.on_stop(lambda: self._end_goal("aborted", "the simulated robot is switched off"))
@@ -193,11 +198,9 @@ class SimNode:
 
         self._ros.post(show)
 
-    def _on_hmi_estop(self, message: Bool) -> None:
-        if message.data != self._estop_hmi:
-            self._estop_hmi = message.data
-            self._advance()
-            self._settle()
+    def _on_stop(self) -> None:
+        self._advance()
+        self._settle()
 
     def _on_mission(self, message: MissionState) -> None:
         self._watchdog.heard(message.lifecycle_state)
@@ -205,10 +208,21 @@ class SimNode:
 
     @property
     def _estop(self) -> bool:
-        return self._estop_parameter or self._estop_hmi
+        return self._estop_parameter or self._stops.engaged
+
+    def _on_twist(self, message: Twist) -> None:
+        """Obey a velocity by hand, unless the robot is stopped or drives to a goal."""
+        forward, left = message.linear.x, message.angular.z
+        if self._estop or self._goal is not None or not (math.isfinite(forward) and math.isfinite(left)):
+            return
+        self._advance()
+        self._robot.obey(forward, left, self._ros.elapsed() + TWIST_S)
+        self._moving.start()
 
     def _settle(self) -> None:
         """Apply a change at once: to the brake, and to what is published."""
+        if self._estop and self._goal is None:
+            self._robot.halt()  # a velocity from before the stop is not obeyed after it
         self._robot.braked = self._estop or self._faults.now(InjectedFault.STALL)
         self._display.stop(self._estop)
         self._publish_estop()
@@ -252,8 +266,8 @@ class SimNode:
         self._advance()
         self._moves += 1
         if self._goal is None:
-            return
-        if self._faults.now(InjectedFault.ABORT):
+            self._roll_on()
+        elif self._faults.now(InjectedFault.ABORT):
             self._end_goal("aborted", "fault: abort")
         elif self._robot.arrived:
             self._stand()
@@ -263,6 +277,13 @@ class SimNode:
                 self._goal.feedback(self._feedback())
             if self._moves % MOVES_PER_PLAN == 0:
                 self._tell_plan(self._goal)
+
+    def _roll_on(self) -> None:
+        """Tell where the robot is while it is driven by hand, and when that has ended."""
+        self._publish_transforms()
+        if not self._robot.by_hand:
+            self._moving.stop()
+            self._publish_pose()
 
     def _stand(self) -> None:
         """Look ahead a few times at the goal; then the robot has arrived."""
@@ -323,7 +344,7 @@ class SimNode:
     def _beat(self) -> None:
         self._advance()
         self._publish_estop()
-        if not self._moving.running:
+        if self._goal is None:
             self._senses.look(self._robot.pose)
         if self._ros.elapsed() >= self._next_pose:
             if self._faults.now(InjectedFault.LOSE_LOCALIZATION):

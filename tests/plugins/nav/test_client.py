@@ -10,13 +10,15 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
+from unique_identifier_msgs.msg import UUID
 
-from lupin_engine.ros.adapter.action_driver import SERVER_GRACE_S
-from lupin_greenhouse.node.estop import LOOKS, STEADY
+from lupin_engine.ros.adapter.action_driver import OTHERS_ASKS, OTHERS_PERIOD_S, SERVER_GRACE_S
+from lupin_engine.ros.adapter.actions import goal_id
+from lupin_greenhouse.stops import HMI_TOPIC, PAGES_TOPIC
 from lupin_nav.goal_status import failure
 from tests.plugins.fakes import FakeGoal
 from tests.plugins.nav.bench import NavBench
@@ -367,33 +369,113 @@ def test_the_battery_is_reported_as_a_fraction_and_junk_is_not() -> None:
     assert bench.outlet.of("robot.battery") == pytest.approx([0.8, 0.35, 1.0])
 
 
-def test_the_battery_is_heard_wherever_a_robot_tells_it() -> None:
+BATTERY, OTHER_BATTERY = "/io/power/power_watcher", "/battery"
+
+
+def test_of_several_batteries_the_worst_counts_and_its_topic_is_reported() -> None:
     bench = Bench()
-    bench.ros.subscriptions["/battery"](BatteryState(percentage=0.6))
-    bench.ros.subscriptions["/io/power/power_watcher"](BatteryState(percentage=0.5))
-    assert bench.outlet.of("robot.battery") == pytest.approx([0.6, 0.5])
+    for topic, reading in ((OTHER_BATTERY, 0.1), (BATTERY, 1.0), (OTHER_BATTERY, 0.6), (BATTERY, 0.5)):
+        bench.ros.subscriptions[topic](BatteryState(percentage=reading))
+    assert bench.outlet.of("robot.battery") == pytest.approx([0.1, 0.1, 0.6, 0.5])
+    assert bench.outlet.of("robot.battery_source") == [OTHER_BATTERY, BATTERY]
+
+
+def test_a_battery_that_falls_silent_is_unknown_and_reported_while_that_lasts() -> None:
+    bench = Bench()
+    bench.ros.subscriptions[OTHER_BATTERY](BatteryState(percentage=0.1))
+    for _ in range(13):
+        bench.ros.subscriptions[BATTERY](BatteryState(percentage=1.0))
+        bench.ros.pass_time(2.5)
+    assert bench.outlet.of("robot.battery")[-2:] == [0.1, 1.0]
+    assert bench.outlet.events == [("nav.battery_silent", {"source": OTHER_BATTERY})]
+    unknown = "the charge of the battery is unknown: /battery is silent"
+    assert bench.ros.troubles["battery"] == unknown
+    bench.ros.pass_time(30.0)
+    assert bench.outlet.events[1:] == [
+        ("nav.battery_silent", {"source": name}) for name in (OTHER_BATTERY, BATTERY)
+    ]
+    bench.ros.subscriptions[OTHER_BATTERY](BatteryState(percentage=0.3))
+    assert bench.outlet.of("robot.battery")[-1] == pytest.approx(0.3)
+    assert bench.ros.troubles["battery"] == f"the charge of the battery is unknown: {BATTERY} is silent"
+
+
+def test_a_battery_may_be_told_as_seldom_as_it_likes() -> None:
+    bench = Bench(changed={"battery_timeout_s": 0.0})
+    bench.ros.subscriptions[BATTERY](BatteryState(percentage=0.5))
+    bench.ros.pass_time(1000.0)
+    assert bench.outlet.events == []
+    assert bench.ros.timers == []
 
 
 def test_the_emergency_stop_is_reported_as_it_comes() -> None:
     bench = Bench()
     for engaged in (True, True, False):
         bench.ros.subscriptions["/e_stop_state"](Bool(data=engaged))
-    assert bench.outlet.of("robot.estop") == [True, True, False]
+    assert bench.outlet.of("robot.estop") == [True, False]
 
 
 def test_an_emergency_stop_that_falls_silent_is_engaged() -> None:
     bench = Bench()
-    for _ in range(STEADY):
+    for _ in range(8):
         bench.ros.subscriptions["/e_stop_state"](Bool(data=False))
         bench.ros.pass_time(0.5)
-    for _ in range(LOOKS):
-        bench.ros.pass_time(0.5)
+    bench.ros.pass_time(2.0)
     assert bench.outlet.of("robot.estop")[-2:] == [False, True]
-    assert bench.ros.log.warnings == [("the emergency stop has fallen silent, which counts as engaged", {})]
+    assert bench.ros.log.warnings == [("the emergency stop is silent (/e_stop_state)", {})]
+    assert bench.ros.troubles["stop"] == "the emergency stop is silent (/e_stop_state)"
 
 
 def test_topics_and_frame_are_those_of_the_parameters() -> None:
     changed = {"amcl_pose_topic": "/p", "estop_topic": "/e", "battery_topic": "/b", "frame_id": "hall"}
     bench = Bench(changed=changed)
-    assert set(bench.ros.subscriptions) == {"/p", "/e", "/b", "/battery"}
+    status = "navigate_to_pose/_action/status"
+    assert set(bench.ros.subscriptions) == {"/p", "/e", "/b", "/battery", PAGES_TOPIC, HMI_TOPIC, status}
     assert bench.dock().request.pose.header.frame_id == "hall"
+
+
+# --- goals of others
+
+
+OTHER = list(range(16))
+STATUS = "navigate_to_pose/_action/status"
+
+
+def working(*goals: list[int]) -> GoalStatusArray:
+    executing = GoalStatus.STATUS_EXECUTING
+    told = [GoalStatus(goal_info=GoalInfo(goal_id=UUID(uuid=goal)), status=executing) for goal in goals]
+    return GoalStatusArray(status_list=told)
+
+
+def test_a_goal_of_another_client_ends_before_ours_is_sent() -> None:
+    bench = Bench()
+    bench.ros.subscriptions[STATUS](working(OTHER))
+    bench.client.start("a1", "dock", {"pose": POSE})
+    assert bench.ros.server.goals == []
+    (call,) = bench.ros.remote.calls
+    assert list(call.request.goal_info.goal_id.uuid) == OTHER
+    bench.ros.subscriptions[STATUS](working())
+    (goal,) = bench.ros.server.goals
+    bench.ros.subscriptions[STATUS](working(list(goal_id("navigate_to_pose", goal.key))))
+    bench.client.start("a2", "dock", {"pose": POSE})  # ours is no other's
+    assert len(bench.ros.server.goals) == 2
+
+
+def test_what_is_cancelled_while_it_waits_for_that_is_never_sent() -> None:
+    bench = Bench()
+    bench.ros.subscriptions[STATUS](working(OTHER))
+    bench.client.start("a1", "dock", {"pose": POSE})
+    bench.client.cancel("a1")
+    bench.ros.subscriptions[STATUS](working())
+    assert bench.ros.server.goals == []
+    assert bench.outlet.reports == [("cancelled", "a1")]
+
+
+def test_a_goal_that_does_not_end_is_replaced() -> None:
+    bench = Bench()
+    bench.ros.subscriptions[STATUS](working(OTHER))
+    bench.client.start("a1", "dock", {"pose": POSE})
+    for _ in range(OTHERS_ASKS):
+        assert bench.ros.server.goals == []
+        bench.ros.pass_time(OTHERS_PERIOD_S)
+    assert len(bench.ros.remote.calls) == OTHERS_ASKS
+    assert len(bench.ros.server.goals) == 1

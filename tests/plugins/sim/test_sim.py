@@ -150,6 +150,25 @@ def test_clearance_is_the_way_to_the_nearest_table_or_wall() -> None:
 # --- robot
 
 
+def test_a_velocity_is_obeyed_for_its_time_and_not_beyond_what_the_robot_can() -> None:
+    robot = Robot(FloorPose(0.0, 0.0, 0.0), now=100.0, speed=0.5)
+    robot.obey(9.0, 0.0, 100.5)
+    robot.advance(101.0)
+    assert (robot.pose, robot.by_hand) == (FloorPose(0.25, 0.0, 0.0), False)
+    robot.obey(0.5, 0.5 * math.pi, 103.0)
+    for tick in range(11):  # a quarter turn in a second, however it is cut: the arc of a circle
+        robot.advance(101.0 + 0.1 * tick)
+    radius = 0.5 / (0.5 * math.pi)
+    assert (robot.pose.x, robot.pose.y) == pytest.approx((0.25 + radius, radius))
+    assert robot.pose.yaw == pytest.approx(math.pi / 2)
+    robot.braked = True
+    robot.advance(102.5)
+    robot.braked = False
+    robot.halt()
+    robot.advance(103.0)
+    assert (robot.pose.x, robot.pose.y) == pytest.approx((0.25 + radius, radius))
+
+
 def test_the_robot_drives_turns_and_arrives() -> None:
     robot = Robot(FloorPose(0.0, 0.0, 0.0), now=100.0, speed=0.5)
     robot.follow([(1.0, 0.0)], math.pi / 2)

@@ -15,6 +15,7 @@ from lupin_arm.node import torque as torque_module
 from lupin_arm.node.operator_services import MOST_WAITING
 from lupin_arm.node.serving import ArmRequestRefused
 from lupin_arm.presets import PRESETS
+from lupin_greenhouse.stops import ROBOT
 from lupin_msgs.srv import SaveArmPose
 from tests.ros.arm.bench import GATE, LIBRARY, POWER, Bench
 from tests.ros.arm.scene import MakeNode, Scene, late_jaw, near
@@ -180,12 +181,16 @@ def test_a_jaw_that_waits_for_its_controller_can_be_stopped(
 # --- the emergency stop ----------------------------------------------------------------------------------
 
 
+def _is_steady(scene: Scene) -> bool:
+    return scene.arm._estop._fold._sources[ROBOT].steady
+
+
 def test_an_emergency_stop_that_falls_silent_counts_as_engaged(make_node: MakeNode) -> None:
     """Its bridge has died: who presses the button now is not heard. Heard again, it is what it says."""
     scene = Scene(make_node, preset_duration=30.0, estop_timeout=1.0)
     assert scene.preset("inspect").success  # no emergency stop was ever heard of: there is none
     scene.estop(False)
-    scene.until(lambda: scene.arm._estop.watched, "an emergency stop that is told steadily")
+    scene.until(lambda: _is_steady(scene), "an emergency stop that is told steadily")
     reasons: list[str] = []
     scene.arm.claim("player", "wave is playing", reasons.append)
     scene.silence()
@@ -202,7 +207,7 @@ def test_an_emergency_stop_that_falls_silent_counts_as_engaged(make_node: MakeNo
 def test_a_silent_stop_that_was_engaged_stays_engaged(make_node: MakeNode) -> None:
     scene = Scene(make_node, estop_timeout=1.0)
     scene.estop(True)
-    scene.until(lambda: scene.arm._estop.watched, "an emergency stop that is told steadily")
+    scene.until(lambda: _is_steady(scene), "an emergency stop that is told steadily")
     assert scene.arm.stopped
     scene.silence()
     scene.until(lambda: "silent" in scene.preset("home").message, "the silence")

@@ -12,7 +12,7 @@ import pytest
 
 from lupin_engine.errors import LupinError, PluginError
 from lupin_engine.plugin.contract import Operation, Plugin
-from lupin_engine.plugin.registry import Catalog, build_catalog
+from lupin_engine.plugin.registry import Catalog, build_catalog, load_catalog
 from lupin_engine.ros.launch.description import (
     NodeLaunch,
     PresentEndpoints,
@@ -70,11 +70,12 @@ def test_what_missions_do_not_use_is_not_simulated() -> None:
     assert with_the_arm.starts == ("fake_robot", "fake_hand", "twin", "hand", "mission_orchestrator")
 
 
-def test_what_looks_after_a_real_robot_stays_out_beside_a_simulated_one() -> None:
+def test_what_looks_after_a_robot_is_started_beside_a_real_and_a_simulated_one() -> None:
     guarded = replace(CATALOG.plugins["drive"], nodes={"guard": "g:main"}, guards={"guard": ("navigate",)})
     catalog = build_catalog([guarded, CATALOG.plugins["fake"]])
     there = PresentEndpoints(actions=frozenset({"/navigate"}))
-    assert describe_launch(["drive"], catalog, NOTHING, {}).starts == ("fake_robot", "mission_orchestrator")
+    simulated = describe_launch(["drive"], catalog, NOTHING, {}).starts
+    assert simulated == ("fake_robot", "guard", "mission_orchestrator")
     for present, simulate in ((there, True), (there, False), (NOTHING, False)):
         found = describe_launch(["drive"], catalog, present, {}, simulate=simulate)
         assert found.starts == ("guard", "mission_orchestrator")
@@ -185,3 +186,9 @@ def test_what_a_node_checks_is_told_and_its_defects_are_its_own(monkeypatch: pyt
         PluginError, match=r"^node 'pump' of plugin 'water': its check failed: KeyError: 'high'$"
     ):
         node.check({"low": 5})
+
+
+def test_the_watchdog_of_navigation_is_started_beside_the_simulated_base() -> None:
+    shipped = load_catalog()
+    starts = describe_launch(["nav"], shipped, NOTHING, {}).starts
+    assert {"lupin_sim", "nav_watchdog"} <= set(starts)

@@ -234,7 +234,7 @@ def test_both_emergency_stops_hold_the_robot(make_node: MakeNode) -> None:
     scene.until(lambda: scene.estops and scene.estops[-1])
     scene.set(estop=True)
     hmi.publish(Bool(data=False))
-    scene.until(lambda: not scene.node._estop_hmi)
+    scene.until(lambda: not scene.node._stops.engaged)
     drive = scene.drive(0.5, 1.0)
     scene.until(lambda: len(drive.feedback) >= 2)
     assert not drive.over

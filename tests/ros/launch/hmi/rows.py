@@ -41,6 +41,7 @@ READ_BESIDE = {
 TOLD = {
     "/goal_pose": ("geometry_msgs/PoseStamped", {ROBOT}),
     STOP_TOPIC: ("std_msgs/Bool", {ROBOT}),
+    "/cmd_vel": ("geometry_msgs/Twist", {ROBOT}),
 }
 #: Services that it calls: type, and who of ours answers.
 CALLED = {
@@ -74,7 +75,6 @@ CALLED = {
 #: What else it uses, and why nobody of ours has it.
 NOT_OURS = {
     "/tf_static": "the robot's description tells it; the chain of places is whole without it",
-    "/cmd_vel": "driving by hand goes to the base; the simulated one takes goals only",
     "/cmd_vel_manual": "driving by hand goes to the robot's drive mux",
     "/io/imu/movement/data": "a gauge of the robot's own driver; nothing of ours reads it",
     "/scan": "the same, of the laser; the simulated robot tells the map that comes of it",
