@@ -40,7 +40,7 @@ READ_BESIDE = {
 #: Topics that it tells: type, and who of ours listens.
 TOLD = {
     "/goal_pose": ("geometry_msgs/PoseStamped", {ROBOT}),
-    STOP_TOPIC: ("std_msgs/Bool", {ROBOT}),
+    STOP_TOPIC: ("std_msgs/Bool", {ROBOT, ARM, ORCHESTRATOR}),
 }
 #: Services that it calls: type, and who of ours answers.
 CALLED = {
