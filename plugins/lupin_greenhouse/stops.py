@@ -39,7 +39,7 @@ class StopRule:
 
 @dataclass(frozen=True)
 class StopState:
-    """The names of the sources that hold the robot, and which of them do so by their silence."""
+    """The names of the sources that hold the robot, and which of them should be heard and are silent."""
 
     sources: tuple[str, ...] = ()
     silent: tuple[str, ...] = ()
@@ -103,7 +103,7 @@ class StopFold:
     def state(self) -> StopState:
         """Which sources hold the robot."""
         held = {name: one for name, one in self._sources.items() if one.engaged or one.silent}
-        return StopState(tuple(held), tuple(name for name, one in held.items() if not one.engaged))
+        return StopState(tuple(held), tuple(name for name, one in held.items() if one.silent))
 
     @property
     def waits(self) -> bool:

@@ -23,8 +23,9 @@ class Charges:
     Pure: times are arguments, in seconds of one clock that never goes back.
     """
 
-    def __init__(self, timeout: float) -> None:
-        """A source that was heard and is silent for `timeout` s is unknown; 0: never."""
+    def __init__(self, timeout: float, silent_is_empty: bool = False) -> None:
+        """A source that was heard and is silent for `timeout` s is unknown, or empty; 0: never."""
+        self._silent_is_empty = silent_is_empty
         self._timeout = timeout or math.inf
         #: By source: its charge, and when it told that; when it was heard or reported last.
         self._told: dict[str, tuple[float, float]] = {}
@@ -39,6 +40,8 @@ class Charges:
         """Return the source with the lowest charge, and that charge; None while none is known."""
         silent = self.silent(now)
         known = [(charge, source) for source, (charge, _) in self._told.items() if source not in silent]
+        if self._silent_is_empty:
+            known += [(0.0, source) for source in silent]
         if not known:
             return None
         charge, source = min(known)

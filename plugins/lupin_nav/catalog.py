@@ -245,6 +245,9 @@ PARAMETERS: Mapping[str, Parameter] = {
         "a topic of the battery that was heard and is silent for so long tells no charge any more; 0: never",
         maximum=3600.0,
     ),
+    "silent_battery_is_empty": Parameter(
+        BOOL, False, "whether such a topic tells an empty battery instead, which sends the robot home"
+    ),
     "frame_id": Parameter(TEXT, "map", "frame of goals and of the localizer's pose"),
     "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
     "tag_sequence": Parameter(list_of(TEXT), [], "tags to visit when a request names none; empty: all"),

@@ -67,7 +67,9 @@ class NavClient:
         self._driving = ActionOperation(self._server, _outcome, _told, "nav_rejected", "nav_unavailable")
         self._pose_topic = ros.node.resolve_topic_name(parameters["amcl_pose_topic"])
         ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
-        self._charges = Charges(BATTERY_LOOKS if parameters["battery_timeout_s"] else 0)
+        self._charges = Charges(
+            BATTERY_LOOKS if parameters["battery_timeout_s"] else 0, parameters["silent_battery_is_empty"]
+        )
         self._battery_looks = 0
         self._battery_source = ""
         period = parameters["battery_timeout_s"] / BATTERY_LOOKS
@@ -259,8 +261,8 @@ class NavClient:
         self._battery_looks += 1
         for topic in self._charges.due(self._battery_looks):
             self._ros.log.warning("the battery is not heard any more: its charge is unknown", topic=topic)
-            self._outlet.event("nav.battery_silent", {"source": topic})
             self._report_battery()
+            self._outlet.event("nav.battery_silent", {"source": topic})
 
     def _report_battery(self) -> None:
         worst, silent = self._charges.worst(self._battery_looks), self._charges.silent(self._battery_looks)

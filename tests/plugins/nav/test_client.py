@@ -399,6 +399,15 @@ def test_a_battery_that_falls_silent_is_unknown_and_reported_while_that_lasts() 
     assert bench.ros.troubles["battery"] == f"the charge of the battery is unknown: {BATTERY} is silent"
 
 
+def test_a_battery_that_falls_silent_may_count_as_empty() -> None:
+    bench = Bench(changed={"silent_battery_is_empty": True})
+    bench.ros.subscriptions[BATTERY](BatteryState(percentage=0.9))
+    bench.ros.pass_time(32.5)
+    assert bench.outlet.of("robot.battery") == pytest.approx([0.9, 0.0])
+    bench.ros.subscriptions[BATTERY](BatteryState(percentage=0.9))
+    assert bench.outlet.of("robot.battery")[-1] == pytest.approx(0.9)
+
+
 def test_a_battery_may_be_told_as_seldom_as_it_likes() -> None:
     bench = Bench(changed={"battery_timeout_s": 0.0})
     bench.ros.subscriptions[BATTERY](BatteryState(percentage=0.5))

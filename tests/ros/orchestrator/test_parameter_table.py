@@ -92,6 +92,8 @@ MORE = {
     "max_targets",  # a request of 65,535 targets held the node up for 43 s
     "estop_timeout_s",  # a stop that was told steadily and falls silent is engaged
     "other_battery_topic",  # robots tell their battery here or there
+    "battery_timeout_s",  # a battery that was heard and falls silent is unknown
+    "silent_battery_is_empty",  # and may send the robot home
     "battery_hysteresis",  # a battery that flickers at the threshold is one trip to the dock
     "frontier_timeout_s",  # a search ends when nothing is left to explore
     "frontier_avoid_distance_m",  # a frontier to which there was no way is not chosen again

@@ -62,7 +62,7 @@ def test_the_worse_of_two_batteries_counts(world: World, robot: Robot) -> None:
 def test_a_battery_that_falls_silent_sends_the_robot_home_where_that_is_asked_for(
     world: World, robot: Robot, docks: bool
 ) -> None:
-    world.start_all(speed=1.0, battery_timeout_s=3.0, dock_on_silent_battery=docks)
+    world.start_all(speed=1.0, battery_timeout_s=3.0, silent_battery_is_empty=docks)
     robot.charge = 0.9
     robot.in_state("READY")
     assert robot.start(FAR_TAG).accepted

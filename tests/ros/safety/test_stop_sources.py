@@ -170,5 +170,5 @@ def test_an_hmi_that_is_alone_releases_its_stop_at_once(hall: Hall) -> None:
     hall.engaged()
     assert not hall.ask("resume").success
     hall.say(False)
-    hall.engaged(False, within=0.5 * QUIET_S)
+    hall.engaged(False, within=0.9 * QUIET_S)
     assert hall.ask("resume").success

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from lupin_engine.ros.adapter.node import Qos
-from lupin_greenhouse.node.estop import LOOKS, STEADY
+from lupin_greenhouse.stops import GAP, ROW
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import StartMission
 from tests.ros.helpers import to_time
@@ -97,13 +97,13 @@ def test_a_button_that_was_told_steadily_and_falls_silent_stops(wire: Wire) -> N
     def tell() -> None:
         nonlocal since, last
         now = wire.ros.elapsed()
-        if now - last > 0.8 * SILENCE / LOOKS:  # that was not steady: this process was not let work
+        if now - last > 0.5 * GAP * SILENCE:  # that was not steady: this process was not let work
             since = now
         last = now
         wire.estop(False)
 
     steadily = wire.ros.timer(0.1, tell)
-    wire.until(lambda: last - since > (STEADY + 2) * SILENCE / LOOKS, "a while of that")
+    wire.until(lambda: last - since > (ROW + 0.5) * SILENCE, "a while of that")
     assert (drive.cancels, wire.operator.state.estop_engaged) == ([], False)
     steadily.cancel()
     wire.until(lambda: drive.cancels, "the cancel on the wire")

@@ -15,6 +15,7 @@ ORCHESTRATOR, AGGREGATOR, TWIN, ARM = (
     "lupin_arm",
 )
 ROBOT, SERVOS = "lupin_sim", "lupin_arm_sim"
+WATCHDOG, GATEWAY = "nav_watchdog", "lupin_gateway"
 
 # --- what the panel uses ----------------------------------------------------------------------------------
 
@@ -40,8 +41,8 @@ READ_BESIDE = {
 #: Topics that it tells: type, and who of ours listens.
 TOLD = {
     "/goal_pose": ("geometry_msgs/PoseStamped", {ROBOT}),
-    STOP_TOPIC: ("std_msgs/Bool", {ROBOT}),
     "/cmd_vel": ("geometry_msgs/Twist", {ROBOT}),
+    STOP_TOPIC: ("std_msgs/Bool", {ROBOT, ARM, ORCHESTRATOR, WATCHDOG, GATEWAY}),
 }
 #: Services that it calls: type, and who of ours answers.
 CALLED = {
