@@ -210,6 +210,7 @@ VALUES: Mapping[str, LiveValue] = {
     # No freshness: a localizer publishes only while the robot moves, so an old pose of a robot that stands
     # still is right. Whether its publisher still lives is looked at by localize and go_to instead.
     "robot.pose": LiveValue("where the robot is, in frame `map`; unknown before the first pose", POSE),
+    "robot.map_changes": LiveValue("how often another map has taken the place of the one before", COUNT),
     # No freshness: a simulation may have no battery at all, and is full then.
     "robot.battery": LiveValue("charge of the battery", CHARGE, initial=1.0, classes=(1.0, 0.5, 0.0)),
     # No freshness: a machine may have none, or one that speaks only when it is pressed; a silence that is a
