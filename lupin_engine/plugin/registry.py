@@ -103,7 +103,7 @@ class Catalog:
 
     @property
     def installed(self) -> Catalog:
-        """What is offered without the plugins that were added, such as the bindings of a folder of missions."""
+        """What is offered without plugins that were added, such as the bindings of a folder of missions."""
         return self if self.base is None else self.base
 
     @property

@@ -224,10 +224,10 @@ MOST_PLACES = 1000
 
 
 def remember_places(before: Any, value: str, reported: Any) -> Mapping[str, Any]:
-    """Return the tags whose places are known, by id: all that were seen on this map, also before this mission.
+    """Return the tags whose places are known, by id: all seen on this map, also before this mission.
 
-    `reported` is the list `tags.discovered`; a report of `robot.map_changes` is another map, on which no place
-    is known yet. The oldest places give way.
+    `reported` is the list `tags.discovered`; a report of `robot.map_changes` is another map, on which no
+    place is known yet. The oldest places give way.
     """
     if value == "robot.map_changes":
         return {}

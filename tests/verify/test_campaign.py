@@ -506,7 +506,8 @@ def test_events_of_plugins_come_without_a_file(tmp_path: Path) -> None:
     """The half of a mission that only an event leads to is tried, and a file of rates adds to that."""
     loaded = load_missions([str(SPRAYER / "spray.yaml")], shipped.catalog())
     file = tmp_path / "rates.yaml"
-    file.write_text("campaign: as ever, and more pauses\nchance: [{every: 1 min, do: [{request: operator.pause}]}]\n")
+    pauses = "chance: [{every: 1 min, do: [{request: operator.pause}]}]"
+    file.write_text(f"campaign: as ever, and more pauses\n{pauses}\n")
     for rates in (default_rates(loaded.chart), read_rates(file, loaded.chart)):
         campaign = Campaign(loaded, rates, {})
         found = run_seeds(campaign, range(5))
@@ -526,7 +527,8 @@ def test_a_violation_of_a_mission_with_a_binding_becomes_a_scenario(
     shutil.copy(SPRAYER / "lupin.yaml", tmp_path)
     shutil.copy(default_missions_folder() / "lifecycle.yaml", folder)
     mission = folder / "spray.yaml"
-    mission.write_text(mission.read_text() + "properties:\n  dry: {never: in_state('RINSING'), summary: no rinsing}\n")
+    never = "properties:\n  dry: {never: in_state('RINSING'), summary: no rinsing}\n"
+    mission.write_text(mission.read_text() + never)
     monkeypatch.chdir(tmp_path)
     assert main(["campaign", str(mission), "--seeds", "3", "--jobs", "1"]) == 1
     assert "dry is violated" in capsys.readouterr().out

@@ -178,7 +178,7 @@ def test_a_place_is_remembered_until_another_map_comes() -> None:
     assert known == {"6": {**SEEN, "id": "6"}, "5": moved}
     assert fold(known, "robot.map_changes", 1) == {}
     many = [{**SEEN, "id": str(number)} for number in range(greenhouse.MOST_PLACES + 5)]
-    assert list(fold(known, "tags.discovered", many))[0] == "5"
+    assert next(iter(fold(known, "tags.discovered", many))) == "5"
 
 
 def test_one_that_was_not_is_where_the_robot_stands_before_it_if_anybody_knows() -> None:

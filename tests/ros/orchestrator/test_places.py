@@ -26,7 +26,9 @@ def test_an_inspection_alone_publishes_the_places_of_its_tags(world: World, oper
     operator.in_state("READY")
     assert operator.start(*TAGS).accepted
     operator.in_state("DONE")
-    operator.until(lambda: {one.tag_reading.tag_id for one in readings(operator)} >= set(TAGS), "a reading of each tag")
+    operator.until(
+        lambda: {one.tag_reading.tag_id for one in readings(operator)} >= set(TAGS), "a reading of each tag"
+    )
     seen = {tag.tag_id: tag.pose_in_map.position for tag in lists[-1].tags}
     assert set(TAGS) <= set(seen)
     for told in readings(operator):
