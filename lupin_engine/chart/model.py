@@ -405,8 +405,8 @@ class TemporalProperty:
 class Chart:
     """A lifecycle with its missions, checked. `states` are in document order, parents before children.
 
-    `plugins` are those that the missions use; `catalog` is what it was checked against: all that the installed
-    plugins and the bindings beside the missions offer.
+    `plugins` are those that the missions use; `catalog` is what it was checked against: all that the
+    installed plugins and the bindings beside the missions offer.
 
     Two charts are equal only when they are the same one; what is worked out for a chart is kept under it.
     """

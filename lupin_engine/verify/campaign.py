@@ -45,8 +45,8 @@ class Violation:
 class CampaignSum:
     """What some seeds came to, in `seconds` of virtual time and with so many `processor` seconds.
 
-    `pairs`, `transitions` and entered `states` have the smallest seed that reached each, `runs_of_pair` how many
-    seeds did. `first` is of each property the violation that comes after the fewest steps.
+    `pairs`, `transitions` and entered `states` have the smallest seed that reached each, `runs_of_pair` how
+    many seeds did. `first` is of each property the violation that comes after the fewest steps.
     """
 
     seeds: int = 0

@@ -168,8 +168,8 @@ def default_chances(chart: Chart) -> Iterator[Chance]:
     classes = Classes(make_world(chart, {}), Relevance(chart), MOST_ELEMENTS)
     yield from _told_by_class(chart, classes)
     counts = Counter(event.name for event in classes.events)
-    for event in classes.events:
-        yield Chance(EVENT_EVERY * counts[event.name], ((0.0, Happen(event.name, event.data)),))
+    for told in classes.events:
+        yield Chance(EVENT_EVERY * counts[told.name], ((0.0, Happen(told.name, told.data)),))
 
 
 def _told_by_class(chart: Chart, classes: Classes) -> Iterator[Chance]:
