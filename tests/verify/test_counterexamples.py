@@ -277,7 +277,7 @@ states:
 def test_an_invariant_that_holds_again_at_the_end_of_its_step_is_broken(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """B breaks it, its error leads to FAULT in the same step, where it holds: the scenario fails all the same."""
+    """B breaks it, and its error leads to FAULT in the same step, where it holds: the scenario fails."""
     shutil.copy(LIFECYCLE, tmp_path)
     mission = tmp_path / "mended.yaml"
     mission.write_text(MENDED, encoding="utf-8")
