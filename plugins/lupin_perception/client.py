@@ -20,6 +20,8 @@ from lupin_perception.sightings import MAP
 
 #: Seconds from an answer "not seen" to the next question, as long as the attempt has time left.
 ASK_AGAIN_S = 0.25
+#: The reason of an answer that gives none.
+NOT_SEEN = "visual_confirm_missed"
 
 
 class PerceptionClient(ServiceDriver):
@@ -62,11 +64,13 @@ class PerceptionClient(ServiceDriver):
         """Take an answer; one that says "not seen" is asked for again while the attempt has time left.
 
         A camera needs some frames, and a robot may still swing: what is not seen yet may be seen in a second.
+        The answer's reason is the attempt's progress, so that a timeout during the next question keeps it.
         """
         left = self._began[attempt] + arguments.get("within", 0.0) - self._ros.elapsed()
         if not isinstance(answer, CallFailure) and not answer.detected and left > ASK_AGAIN_S:
             again = partial(self._ask, attempt, operation, arguments, operation.request(arguments))
             self._calls[attempt] = self._ros.call_later(ASK_AGAIN_S, again)
+            self._values.progress(attempt, answer.error_message or NOT_SEEN)
             return
         del self._began[attempt]
         super()._answered(attempt, operation, arguments, answer)
@@ -102,4 +106,4 @@ def _outcome(_: Mapping[str, Any], answer: ConfirmTag.Response | CallFailure) ->
         return Failed("confirm_failed", f"{answer.code}: {answer.detail}")
     if answer.detected:
         return Done({"confidence": float(answer.detection_confidence)})
-    return Failed("visual_confirm_missed", answer.error_message or "visual_confirm_missed")
+    return Failed("visual_confirm_missed", answer.error_message or NOT_SEEN)

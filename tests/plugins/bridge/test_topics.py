@@ -161,7 +161,7 @@ def test_a_sensor_may_have_a_unit_of_its_own() -> None:
         given_units(["soil=%", "co2=kg", "light"])
     assert str(refused.value).splitlines() == [
         "mqtt_units 'soil=%': expected SENSOR=UNIT; did you mean 'soil_moisture'?",
-        "mqtt_units 'co2=kg': 'kg' is no unit of co2; allowed: ppm, %",
+        "mqtt_units 'co2=kg': 'kg' is no unit of co2; allowed: '%', 'ppm'",
         "mqtt_units 'light': expected SENSOR=UNIT; "
         "sensors are temperature, humidity, co2, light, soil_moisture",
     ]
