@@ -34,6 +34,8 @@ class PerceptionClient(ServiceDriver):
         self._required = bool(parameters.get("require_visual_confirmation", False))
         self._ros = ros
         self._began: dict[str, float] = {}
+        #: Why the tag of each attempt was not seen, as of its last answer.
+        self._reasons: dict[str, str] = {}
         self._values = outlet
         self._warn = WarnOnce(ros.log)
         self._closed = False
@@ -52,6 +54,7 @@ class PerceptionClient(ServiceDriver):
     def cancel(self, attempt: str) -> None:
         """Ask no more."""
         self._began.pop(attempt, None)
+        self._reasons.pop(attempt, None)
         super().cancel(attempt)
 
     def _answered(
@@ -70,10 +73,17 @@ class PerceptionClient(ServiceDriver):
         if not isinstance(answer, CallFailure) and not answer.detected and left > ASK_AGAIN_S:
             again = partial(self._ask, attempt, operation, arguments, operation.request(arguments))
             self._calls[attempt] = self._ros.call_later(ASK_AGAIN_S, again)
-            self._values.progress(attempt, answer.error_message or NOT_SEEN)
+            self._report(attempt, answer.error_message or NOT_SEEN)
             return
         del self._began[attempt]
+        self._reasons.pop(attempt, None)
         super()._answered(attempt, operation, arguments, answer)
+
+    def _report(self, attempt: str, reason: str) -> None:
+        """Report why the tag is not seen, where that is new."""
+        if self._reasons.get(attempt) != reason:
+            self._reasons[attempt] = reason
+            self._values.progress(attempt, reason)
 
     def close(self) -> None:
         """Report no more."""
