@@ -43,7 +43,7 @@ def test_over_the_wire_a_server_that_is_not_there_is_a_failure(make_node: Callab
 def test_over_the_wire_the_reason_of_an_answer_is_kept_while_it_is_asked_again(
     make_node: Callable[..., RosNode],
 ) -> None:
-    """A mission's timeout comes while the next answer takes its time: the engine reports the last progress."""
+    """A mission's timeout comes while the next answer takes its time: it has the last progress."""
 
     def answer(_: ConfirmTag.Request, response: ConfirmTag.Response) -> ConfirmTag.Response:
         response.error_message = "tag 8 is behind a leaf"
