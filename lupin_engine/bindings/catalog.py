@@ -93,9 +93,10 @@ def bound_catalog(
 ) -> BoundCatalog | None:
     """Return what missions of these folders can use; None when a binding cannot be used at all.
 
-    `texts` are read in place of what is saved in their files.
+    `texts` are read in place of what is saved in their files. Bindings that `catalog` has already, of a chart
+    that was loaded before, do not count.
     """
-    key, files = _Same(catalog), []
+    key, files = _Same(catalog.installed), []
     for path in _paths({folder.resolve(): folder for folder in folders}.values(), texts):
         raw = texts[path] if path in texts else read_bytes(path, findings)
         files.append(_UNREAD if raw is None else _file(str(path), path.stem, raw, key))

@@ -405,8 +405,8 @@ class TemporalProperty:
 class Chart:
     """A lifecycle with its missions, checked. `states` are in document order, parents before children.
 
-    `plugins` are those that it uses; `catalog` is what it was checked against: all that the installed plugins
-    and the bindings beside the missions offer.
+    `plugins` are those that the missions use; `catalog` is what it was checked against: all that the
+    installed plugins and the bindings beside the missions offer.
 
     Two charts are equal only when they are the same one; what is worked out for a chart is kept under it.
     """
@@ -430,6 +430,13 @@ class Chart:
     def profile(self) -> Profile:
         """What these missions visit, and how visits can end."""
         return self.catalog.profile
+
+    @cached_property
+    def clients(self) -> tuple[str, ...]:
+        """The plugins whose clients run: those that the missions use, and those that the profile reads."""
+        owners = self.catalog.owners
+        read = [("value", name) for each in self.profile.projections.values() for name in each.values]
+        return tuple(sorted({*self.plugins, *(owners[one] for one in read if one in owners)}))
 
     @cached_property
     def answers(self) -> Mapping[str, Code]:

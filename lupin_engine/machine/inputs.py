@@ -65,6 +65,7 @@ class Inputs:
     def observe(self, event: Event, step: Macrostep) -> None:
         """Take in a report; one that is too old, older than the last, or out of range, is dropped."""
         data = event.data
+        self._project(data["name"], data["value"])
         for spec in self._told.get(data["name"], ()):
             known = self._scope.memory.inputs.get(spec.name)
             flaw = _flaw(spec, data["value"])
@@ -81,6 +82,14 @@ class Inputs:
                 step.note(f"dropped: a report of input.{spec.name} that is {age:g} s old, so too old already")
             else:
                 self._set(spec, Reported(self._news(spec, data["value"]), data["stamp"]), step)
+
+    def _project(self, name: str, value: Any) -> None:
+        """Take a report into what the profile's messages say; one of a wrong type says nothing."""
+        chart, projected = self._scope.chart, self._scope.memory.projected
+        keys = _projections(chart).get(name, ())
+        if keys and not problems(value, chart.catalog.values[name].type, Notation.DATA):
+            for key in keys:
+                projected[key] = chart.profile.projections[key].fold(projected.get(key), name, value)
 
     def _news(self, spec: Input, value: Any) -> Any:
         """Return what counts of a report: of a list about the mission, what was not the same before it.
@@ -303,6 +312,17 @@ def _parts_and_told(chart: Chart) -> tuple[Mapping[str, int], Mapping[str, list[
     for spec in chart.inputs.values():
         told.setdefault(spec.value, []).append(spec)
     return {name: input_part(chart, name) for name in chart.inputs}, told
+
+
+@lru_cache(maxsize=32)
+def _projections(chart: Chart) -> Mapping[str, list[str]]:
+    """Return the names of the profile's projections by the live value that they read."""
+    found: dict[str, list[str]] = {}
+    for key, projection in chart.profile.projections.items():
+        for value in projection.values:
+            if value in chart.catalog.values:
+                found.setdefault(value, []).append(key)
+    return found
 
 
 @lru_cache(maxsize=32)

@@ -597,6 +597,7 @@ class Machine:
                 broken.remove(invariant.name)
             elif breach and invariant.name not in broken:
                 broken.append(invariant.name)
+                step.broken += (invariant.name,)
                 step.note(breach)
                 self.scope.record_code(INVARIANT_CODE, breach, step)
                 error = {"code": INVARIANT_CODE, "detail": breach}

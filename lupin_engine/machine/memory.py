@@ -193,8 +193,9 @@ class Memory:
     `given` is the request of each mission that is used as a part, by the state that uses it. `timers` are in
     the order in which they fire. `budgets` is the time that each state with a budget had left
     when it was last entered or left, `handled` the keys that each `for_each` has dealt with, both in this
-    mission. `asked` are the open questions by their states. `levels` is by `input.NAME.LEVEL`. For inputs
-    that are lists about the mission, `heard` is the last report as a whole, `before` that from before it.
+    mission. `asked` are the open questions by their states. `levels` is by `input.NAME.LEVEL`. For
+    inputs that are lists about the mission, `heard` is the last report as a whole, `before` that from before.
+    `projected` is what the profile's projections have made of live values; no step reads it.
     `broken` names the invariants that do not hold. `wall` is how far the robot's clock, in POSIX time, is
     ahead of the caller's; nobody may have told. `reached` are the dates on which each state has dealt with
     each time of day of its `at`: those of a mission's states in this mission.
@@ -223,6 +224,7 @@ class Memory:
     waiting_actions: list[tuple[str, str, Mapping[str, Any]]] = field(default_factory=list)
     inputs: dict[str, Reported] = field(default_factory=dict)
     levels: dict[str, bool] = field(default_factory=dict)
+    projected: dict[str, Any] = field(default_factory=dict)
     heard: dict[str, list[Any]] = field(default_factory=dict)
     before: dict[str, list[Any]] = field(default_factory=dict)
     broken: list[str] = field(default_factory=list)

@@ -94,7 +94,8 @@ class Step:
     document order. `accepted` is the answer to a request (None for every other event), `refusal` why it was
     not accepted. `notes` say what was dropped, deferred or blocked and why. `why` are the transitions that
     listen to the event, when none was taken. `trail` is what was to be seen after each microstep, the last
-    one being now. `codes` are those that were reported, in their order.
+    one being now. `codes` are those that were reported, in their order, `broken` the invariants that broke in
+    this step, also those that hold again after it.
     """
 
     sequence: int
@@ -111,6 +112,7 @@ class Step:
     refusal: Refusal | None = None
     why: tuple[Considered, ...] = ()
     codes: tuple[CodeEvent, ...] = ()
+    broken: tuple[str, ...] = ()
 
     @property
     def changed(self) -> bool:
@@ -128,6 +130,7 @@ class Macrostep:
     __slots__ = (
         "accepted",
         "bound",
+        "broken",
         "codes",
         "commands",
         "entered",
@@ -155,6 +158,7 @@ class Macrostep:
         self.entered: tuple[str, ...] = ()
         self.commands: list[Command] = []
         self.codes: list[CodeEvent] = []
+        self.broken: tuple[str, ...] = ()
         self.notes: list[str] = []
         self.trail: tuple[Moment, ...] = ()
         self.failed: list[str] = []
@@ -201,6 +205,7 @@ class Macrostep:
             self.refusal,
             self.why,
             tuple(self.codes) if self.codes else (),
+            self.broken,
         )
 
 

@@ -129,6 +129,23 @@ class Stages:
         return self.over.union(self.starting)
 
 
+@dataclass(frozen=True)
+class Projection:
+    """Something that the profile's messages say of live values, whatever missions declare.
+
+    `values` are live values of plugins. `fold(before, name, value)` returns what is known after a report of
+    one of them; `before` is None until the first. It is pure, and what it returns is plain data.
+    """
+
+    values: tuple[str, ...]
+    fold: Callable[[Any, str, Any], Any]
+
+
+def last(value: str) -> Projection:
+    """Return the projection that is the last report of one live value."""
+    return Projection((value,), lambda _before, _name, reported: reported)
+
+
 # -- the wire -------------------------------------------------------------------------------------------
 
 
@@ -196,9 +213,9 @@ class Publish:
 class Situation:
     """Where a mission stands, as its state message is made from it.
 
-    `counts` is by outcome, `value(name)` an input or a variable, None while it is unknown, `request` what the
-    mission was started with. `label` and `severity` belong to `code`; `started` and `stamp` are the
-    fields of a Time.
+    `counts` is by outcome, `value(name)` a projection of the profile, else an input or a variable, None while
+    it is unknown, `request` what the mission was started with. `label` and `severity` belong to `code`;
+    `started` and `stamp` are the fields of a Time.
     """
 
     mission: str
@@ -326,8 +343,9 @@ class Profile:
     `resume` and `abort` are those of `requests` that let a held mission go on and that end a mission: the
     terminal names the one, Ctrl-C sends the other. `values_of` returns the terminal's columns of what was
     read at a target. `stop` is the input that is true while the robot is stopped by hand: so a simulation
-    hears the stop of a page. `access` are names of the robot itself that people's pages may use. Without
-    `wire` missions can be checked, drawn and simulated, but not run.
+    hears the stop of a page. `projections` are what messages read of live values by names of their own.
+    `access` are names of the robot itself that people's pages may use. Without `wire` missions can be
+    checked, drawn and simulated, but not run.
     """
 
     name: str
@@ -342,6 +360,7 @@ class Profile:
     terminal: Terminal = field(default_factory=Terminal)
     values_of: Callable[[Mapping[str, Any]], Mapping[str, float]] = lambda _: {}
     stop: str = ""
+    projections: Mapping[str, Projection] = field(default_factory=dict)
     wire: Wire | None = None
     access: Access = field(default_factory=Access)
 

@@ -83,6 +83,7 @@ class Catalog:
     Operations, actions and events are `plugin.local`; functions, values, types and parameters carry their own
     full names. `owners` says which plugin a function, value, type or parameter comes from. `profiles` are
     those that are installed, `profile` the one that holds: the only one, or the one that a lifecycle names.
+    `base` is the catalog to which plugins were added.
     """
 
     plugins: Mapping[str, Plugin] = field(default_factory=dict)
@@ -98,6 +99,12 @@ class Catalog:
     owners: Mapping[tuple[str, str], str] = field(default_factory=dict)
     profiles: Mapping[str, Profile] = field(default_factory=dict)
     profile: Profile = NO_PROFILE
+    base: Catalog | None = None
+
+    @property
+    def installed(self) -> Catalog:
+        """What is offered without plugins that were added, such as the bindings of a folder of missions."""
+        return self if self.base is None else self.base
 
     @property
     def known_types(self) -> Mapping[str, Type]:
@@ -112,7 +119,8 @@ class Catalog:
 
     def with_plugin(self, plugin: Plugin) -> Catalog:
         """Return a catalog that has another plugin too; errors as for `build_catalog`."""
-        return self._with_plugins(build_catalog([*self.plugins.values(), plugin]))
+        added = build_catalog([*self.plugins.values(), plugin])
+        return replace(self._with_plugins(added), base=self.installed)
 
     def with_profile(self, name: str) -> Catalog:
         """Return the same with the profile `name`, which is installed, as the one that holds."""

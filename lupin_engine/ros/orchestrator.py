@@ -123,9 +123,9 @@ class Orchestrator:
         self._outcomes = _Publisher(ros, self._wire.outcomes)
         self._told = ToldState(self._wire, lambda: self._machine, self._clock.now, self._stamp)
         self._deadline: tuple[float, RosTimer] | None = None
-        drivers.update(_clients(ros, loaded, chart.plugins, self._outlet, machine.world.parameters))
+        drivers.update(_clients(ros, loaded, chart.clients, self._outlet, machine.world.parameters))
         drivers[BUILTIN] = Readiness(
-            drivers,
+            lambda: [drivers[name] for name in self._chart.plugins if name in drivers],
             self._outlet,
             ros.steady_timer,
             ros.now,
@@ -455,9 +455,9 @@ class Orchestrator:
         values = self._ros.values_with(declared)
         world = make_world(chart, {name: values[name] for name in chart.parameters})
         machine = successor(self._machine, world)
-        before, now = self._loaded.bindings, {*chart.plugins, BUILTIN}
-        changed = {n for n in chart.plugins if before.get(n) is not loaded.bindings.get(n)}
-        new = [name for name in chart.plugins if name not in self._drivers or name in changed]
+        before, now = self._loaded.bindings, {*chart.clients, BUILTIN}
+        changed = {n for n in chart.clients if before.get(n) is not loaded.bindings.get(n)}
+        new = [name for name in chart.clients if name not in self._drivers or name in changed]
         clients = _clients(self._ros, loaded, new, self._outlet, world.parameters)
         for name in [name for name in self._drivers if name not in now or name in changed]:
             self._drivers.pop(name).close()
@@ -479,7 +479,7 @@ class Orchestrator:
     def _prepare(self, values: Mapping[str, Any]) -> str | None:
         """Make a machine for new values of the missions' parameters, or say why not; nothing else changes."""
         chart, self._prepared = self._chart, None
-        of_plugins = {name for plugin in chart.plugins for name in chart.catalog.plugins[plugin].parameters}
+        of_plugins = {name for plugin in chart.clients for name in chart.catalog.plugins[plugin].parameters}
         fixed = [name for name in values if name not in chart.parameters or name in of_plugins]
         if fixed:
             return f"{', '.join(fixed)}: read at the start of the node only; restart it with -p"

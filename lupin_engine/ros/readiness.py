@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from lupin_engine.plugin.builtin import MISSING
@@ -22,13 +22,15 @@ class Readiness:
 
     def __init__(
         self,
-        drivers: Mapping[str, Driver],
+        drivers: Callable[[], Iterable[Driver]],
         outlet: Outlet,
         every: Callable[[float, Callable[[], None]], TimerHandle],
         now: Callable[[], float],
         goes_on: bool = False,
     ) -> None:
-        """`every(period, callback)` starts a repeating timer, `now` tells the node's time.
+        """Ask the `drivers` of the plugins that the missions use.
+
+        `every(period, callback)` starts a repeating timer, `now` returns the node's time.
 
         Who `goes_on` with another process's memory knows what that one was told, which need not be so any
         more: then it is told what is so, also when nothing is missing.
@@ -44,8 +46,7 @@ class Readiness:
 
     def missing(self) -> list[str]:
         """Name what the other plugins wait for."""
-        others = [driver for driver in self._drivers.values() if driver is not self]
-        return sorted(name for driver in others for name in driver.missing())
+        return sorted(name for driver in self._drivers() for name in driver.missing())
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
         """Begin to wait."""

@@ -77,6 +77,8 @@ class ToldState:
 
     def _value(self, name: str, now: float) -> Any:
         machine = self._machine()
+        if name in machine.chart.profile.projections:
+            return machine.memory.projected.get(name)
         known = name in machine.chart.inputs
         return machine.input_value(name, now) if known else machine.memory.context.get(name)
 

@@ -92,12 +92,11 @@ class History:
         self.holds: list[tuple[Step, str]] = []
         self.broken: list[tuple[Step, str]] = []
         self._held: tuple[str, ...] = ()
-        self._broken: tuple[str, ...] = ()
         for step in steps:
             self.take(step)
 
-    def take(self, step: Step, held: Sequence[str] = (), broken: Sequence[str] = ()) -> None:
-        """Add a step, with the holds and the broken invariants after it."""
+    def take(self, step: Step, held: Sequence[str] = ()) -> None:
+        """Add a step, with the holds after it."""
         self.steps.append(step)
         name = step.event.name
         if name.startswith(("attempt.", "timer.")):
@@ -111,9 +110,7 @@ class History:
             self.holds += [(step, name) for name in held if name not in self._held]
             self._held = tuple(held)
             self.held.append((step.time, self._held))
-        if (broken or self._broken) and tuple(broken) != self._broken:
-            self.broken += [(step, name) for name in broken if name not in self._broken]
-            self._broken = tuple(broken)
+        self.broken += [(step, name) for name in step.broken]
 
     def _follow(self, command: Command, step: Step) -> None:
         if isinstance(command, Start):

@@ -546,7 +546,7 @@ class Simulation:
 
     def _stepped(self, step: Step) -> None:
         memory = self._machine.memory
-        self.history.take(step, memory.held, memory.broken)
+        self.history.take(step, memory.held)
         if self._waiting:
             self._notice_beginnings(step)
         if self._script.stop_at and any(is_named(name, self._script.stop_at) for name in step.entered):

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from lupin_engine.chart.model import Chart, Transition
+from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
 from lupin_engine.missions.load import LoadedMissions
@@ -45,8 +45,8 @@ class Violation:
 class CampaignSum:
     """What some seeds came to, in `seconds` of virtual time and with so many `processor` seconds.
 
-    `pairs` and `transitions` have the smallest seed that reached each, `runs_of_pair` how many seeds did.
-    `first` is of each property the violation that comes after the fewest steps.
+    `pairs`, `transitions` and entered `states` have the smallest seed that reached each, `runs_of_pair` how
+    many seeds did. `first` is of each property the violation that comes after the fewest steps.
     """
 
     seeds: int = 0
@@ -58,6 +58,7 @@ class CampaignSum:
     violated: Counter[str] = field(default_factory=Counter)
     first: dict[str, Violation] = field(default_factory=dict)
     transitions: dict[str, int] = field(default_factory=dict)
+    states: dict[str, int] = field(default_factory=dict)
     pairs: dict[Pair, int] = field(default_factory=dict)
     runs_of_pair: Counter[Pair] = field(default_factory=Counter)
     ended: Counter[str] = field(default_factory=Counter)
@@ -69,6 +70,7 @@ class CampaignSum:
         for name in ("relevant", "violated", "runs_of_pair", "ended"):
             getattr(self, name).update(getattr(other, name))
         _keep_smallest(self.transitions, other.transitions)
+        _keep_smallest(self.states, other.states)
         _keep_smallest(self.pairs, other.pairs)
         for violation in other.first.values():
             self.keep(violation)
@@ -139,6 +141,14 @@ class Campaign:
         """Return those that no seed took."""
         return [rule for name, rule in self.rules.items() if name not in found.transitions]
 
+    def never_entered(self, found: CampaignSum) -> list[State]:
+        """Return the states that no seed entered."""
+        return [
+            state
+            for name, state in self.chart.states.items()
+            if name not in found.states and state.parent is not None and state.kind is not Kind.HISTORY
+        ]
+
     def script(self, seed: int) -> Script:
         """Return the world of a seed."""
         return draw(self.rates, seed, self._pool)
@@ -177,6 +187,7 @@ class Campaign:
         into.missions += sum(1 for step in steps if step.event.name == START and step.accepted)
         into.runs_of_pair.update(pairs)
         _keep_smallest(into.transitions, dict.fromkeys(taken, seed))
+        _keep_smallest(into.states, {name: seed for step in steps for name in step.entered})
         _keep_smallest(into.pairs, dict.fromkeys(pairs, seed))
 
     def recorded(self, violation: Violation) -> RunRecord:

@@ -33,7 +33,7 @@ from lupin_engine.sim.simulation import (
     SetClock,
     Tell,
 )
-from lupin_engine.verify.properties import STANDSTILL
+from lupin_engine.verify.properties import INVARIANTS, STANDSTILL
 
 #: To how many digits times are tried, and how many scenarios at most.
 _DIGITS, MOST_TRIES = (1, 3, 6, 12), 400
@@ -103,7 +103,7 @@ class Minimiser:
         written = {key: said for key, said in parts.items() if said}
         if all(when.get("nth") != "every" for when in parts["when"]):
             written.pop("limit")  # what is not begun again ends by itself
-        return self._text(written, _expected(run))
+        return self._text(written, _expected(run, self._name))
 
     def _standing(self, parts: Parts, steps: Sequence[Step]) -> dict[str, Any]:
         """Let the servers of a circle without time go on with what they said last, as long as it lasts."""
@@ -308,14 +308,15 @@ def _exchanged(parts: Parts, key: str, number: int, new: Any) -> Parts:
     return {**parts, key: [new if at == number else old for at, old in enumerate(parts[key])]}
 
 
-def _expected(run: Run) -> dict[str, Any]:
-    """Return what must be said so that nothing else fails: what was refused, and which invariants broke."""
+def _expected(run: Run, name: str) -> dict[str, Any]:
+    """Return what must be said so that nothing but the property `name` fails: refusals, broken invariants."""
     refused = [
         {"request": step.event.name, "code": step.refusal.code}
         for step in run.history.refused
         if step.refusal
     ]
-    found = {"refused": refused, "broken": [name for _, name in run.history.broken]}
+    broken = [] if name == INVARIANTS else [invariant for _, invariant in run.history.broken]
+    found = {"refused": refused, "broken": broken}
     return {key: value for key, value in found.items() if value}
 
 

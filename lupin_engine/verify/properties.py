@@ -60,7 +60,6 @@ class Glance(NamedTuple):
     closed: int = 0
     mission_id: str = ""
     begun: tuple[str, ...] = ()
-    broken: tuple[str, ...] = ()
 
 
 class Passage(NamedTuple):
@@ -130,7 +129,6 @@ def glance(memory: Memory) -> Glance:
         closed(memory),
         memory.mission_id,
         begun(memory),
-        tuple(memory.broken),
     )
 
 
@@ -389,7 +387,7 @@ def _invariants(passage: Passage) -> str | None:
     if not passage.chart.invariants:
         return None
     found = [code.detail for code in passage.step.codes if code.code == INVARIANT_CODE]
-    new = [name for name in passage.after.broken if name not in passage.before.broken]
+    new = passage.step.broken
     return found[0] if found else f"invariant {new[0]} does not hold" if new else ""
 
 

@@ -6,6 +6,7 @@
     mocks:                         # as in a scenario; chance is drawn for every attempt
       - do: nav.go
         then: {any_of: [{weight: 95 %}, {weight: 4 %, fail: blocked}, {weight: 1 %, never: true}]}
+    defaults: false                # else what happens by default happens as well
     chance:                        # what happens every so often, on average
       - every: 3 h
         do: [{value: {stop: true}}, {after: {between: [1 s, 5 min]}, value: {stop: false}}]
@@ -15,6 +16,7 @@ Whatever the file does not mock answers as `default_rules` say; what ends is beg
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,7 +37,7 @@ from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scenario_file import Duration, Latency, ScriptNode, WhenNode
 from lupin_engine.sim.scenario_reader import ScenarioNames, ScriptReader, check_names
 from lupin_engine.sim.scripted import AnyOf, Between, MockOutcome, OnCancel, Rule
-from lupin_engine.sim.simulation import Ask, Effect, Happening, Script, Tell
+from lupin_engine.sim.simulation import Ask, Effect, Happen, Happening, Script, Tell
 from lupin_engine.verify.situations.classes import Classes
 from lupin_engine.verify.situations.relevance import Relevance
 
@@ -43,6 +45,8 @@ from lupin_engine.verify.situations.relevance import Relevance
 SHIFT = 3600.0
 #: How long a live value stays what it is, on average, in seconds; how many elements lists have at most.
 CHANGES, MOST_ELEMENTS = 300.0, 6
+#: How often each event of a plugin comes, on average, in seconds.
+EVENT_EVERY = 600.0
 
 
 class ChanceStepNode(WhenNode):
@@ -64,6 +68,9 @@ class CampaignNode(ScriptNode):
     campaign: str = Field(description="one sentence: what kind of world it is")
     targets: Any = Field(None, description="how many of its targets a mission gets: a number, or `between`")
     chance: list[ChanceNode] = Field(default_factory=list, description="what happens every so often")
+    defaults: bool = Field(
+        True, description="whether requests, live values and events come at their default rates, too"
+    )
 
 
 @dataclass(frozen=True)
@@ -146,7 +153,7 @@ def _results(operation: Operation) -> Iterator[dict[str, Any]]:
 
 
 def default_chances(chart: Chart) -> Iterator[Chance]:
-    """Yield requests of people, and what live values do."""
+    """Yield requests of people, what live values do, and the events of plugins that a transition handles."""
     resume = f"operator.{chart.profile.resume}"
     for event in (*chart.profile.events, *chart.answers):
         every = 1200.0 if event == resume else 3600.0
@@ -158,17 +165,21 @@ def default_chances(chart: Chart) -> Iterator[Chance]:
         for value in others:
             back = (Between(0.5, 300.0), Tell(found.value, usual))
             yield Chance(3600.0 * len(others), ((0.0, Tell(found.value, value)), back))
-    yield from _told_by_class(chart)
+    classes = Classes(make_world(chart, {}), Relevance(chart), MOST_ELEMENTS)
+    yield from _told_by_class(chart, classes)
+    counts = Counter(event.name for event in classes.events)
+    for told in classes.events:
+        yield Chance(EVENT_EVERY * counts[told.name], ((0.0, Happen(told.name, told.data)),))
 
 
-def _told_by_class(chart: Chart) -> Iterator[Chance]:
+def _told_by_class(chart: Chart, classes: Classes) -> Iterator[Chance]:
     """Yield reports of the values that a proof tries, of inputs that have no usual one; lists may be longer.
 
     One that is known only for a while is told so often that it is known most of the time.
     """
     drawn = {found.value: found for found in chart.inputs.values() if not _values(found)[1]}
     told: dict[str, list[Any]] = {}
-    for event in Classes(make_world(chart, {}), Relevance(chart), MOST_ELEMENTS).values:
+    for event in classes.values:
         told.setdefault(event.data["name"], []).append(event.data["value"])
     for name, found in drawn.items():
         values = told[name] if name != MISSING else []
@@ -224,6 +235,7 @@ def read_rates(file: Path, chart: Chart) -> Rates:
     reader = ScriptReader(node, words)
     script, parameters = reader.script(), reader.parameters()
     chances = tuple(chance for one in node.chance for chance in _chance(one, reader, words))
+    usual = tuple(default_chances(chart)) if node.defaults else ()
     targets = _targets(node, words)
     if findings.errors:
         raise ChartError(findings.errors)
@@ -241,7 +253,7 @@ def read_rates(file: Path, chart: Chart) -> Rates:
         script.seed,
         clock=script.clock,
     )
-    return Rates(node.campaign, whole, chances, targets, parameters)
+    return Rates(node.campaign, whole, (*usual, *chances), targets, parameters)
 
 
 def _chance(node: ChanceNode, reader: ScriptReader, words: ScenarioNames) -> Iterator[Chance]:

@@ -25,6 +25,7 @@ from lupin_engine.plugin.types import (
     ROS_NAME,
     TEXT,
     Type,
+    list_of,
     named_values,
     number_in,
     one_of,
@@ -126,6 +127,9 @@ NODE_PARAMETERS: Mapping[str, Parameter] = {
         INTEGER, 0, "mqtt: the broker's port; 0: 1883, or 8883 with TLS", minimum=0, maximum=65535
     ),
     "mqtt_topic": Parameter(TEXT, "greenhouse/{tag}/{sensor}", "mqtt: the topics of the sensors"),
+    "mqtt_units": Parameter(
+        list_of(TEXT), [], "mqtt: the unit of sensors whose messages name none, such as soil_moisture=%"
+    ),
     "mqtt_tls": Parameter(BOOL, False, "mqtt: encrypt, and check that the broker is the right one"),
     "mqtt_ca_file": Parameter(TEXT, "", "mqtt: who signs the broker's certificate; empty: the system's"),
     "mqtt_certificate_file": Parameter(TEXT, "", "mqtt: our certificate, where the broker wants one"),

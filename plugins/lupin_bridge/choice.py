@@ -103,6 +103,7 @@ def _broker(parameters: Parameters) -> mqtt.MqttSettings:
         host=parameters["mqtt_host"],
         port=parameters["mqtt_port"],
         topic=parameters["mqtt_topic"],
+        units=tuple(parameters["mqtt_units"]),
         max_age=parameters["max_age"],
         tls=parameters["mqtt_tls"],
         ca_file=parameters["mqtt_ca_file"],

@@ -32,6 +32,7 @@ from lupin_bridge.backend import (
 from lupin_bridge.latest import Latest
 from lupin_bridge.stamps import time_of_day
 from lupin_bridge.topics import Rejected, SensorSample, Template, samples
+from lupin_bridge.units import given_units
 from lupin_engine.errors import LupinError, Problems, Severity, shortened
 
 if TYPE_CHECKING:
@@ -65,6 +66,8 @@ MAX_TOLD = 100
 class MqttSettings:
     """Which broker, which topics, and how to come in; `port` 0 is the usual one.
 
+    `units` are `SENSOR=UNIT` of sensors whose messages do not say it.
+
     `max_age` is in seconds; `retry` is the first and the longest pause between attempts to connect, in
     seconds.
     """
@@ -72,6 +75,7 @@ class MqttSettings:
     host: str = "localhost"
     port: int = 0
     topic: str = "greenhouse/{tag}/{sensor}"
+    units: tuple[str, ...] = ()
     max_age: float = 900.0
     tls: bool = False
     ca_file: str = ""
@@ -91,6 +95,8 @@ def check(settings: MqttSettings) -> None:
     problems = Problems()
     with problems.collecting():
         Template(settings.topic)
+    with problems.collecting():
+        given_units(settings.units)
     with problems.collecting():
         _aim(client, settings)
     with problems.collecting():
@@ -117,6 +123,7 @@ class Mqtt:
         self._tell = tell
         self._clocks = clocks
         self._template = Template(settings.topic)
+        self._units = given_units(settings.units)
         self._latest = Latest(clocks)
         self._connection = ""
         self._told: set[tuple[str, str]] = set()
@@ -243,7 +250,7 @@ class Mqtt:
         own = None if self._sensors is None else self._sensors.get(tag, ())
         if own is not None and sensor not in (*own, ""):
             raise Rejected("not in the layout")
-        found, wrong = samples(bytes(message.payload), sensor, own)
+        found, wrong = samples(bytes(message.payload), sensor, own, self._units)
         for reason in wrong:
             self._reject(topic, reason)
         for sample in found:

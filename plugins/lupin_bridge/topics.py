@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from lupin_bridge.stamps import seconds_since_1970
-from lupin_bridge.units import QUANTITIES, checked
+from lupin_bridge.units import QUANTITIES, checked, units_that_fit
 from lupin_engine.errors import LupinError, shortened
 
 #: The largest payload, in bytes.
@@ -22,6 +23,8 @@ MAX_PAYLOAD = 4096
 MAX_NAME = 64
 
 _PLACEHOLDER = re.compile(r"\{(\w*)\}")
+#: What C's printf writes for what is no number; JSON has no word for it.
+_NO_NUMBER = re.compile(r"(?<=[:,\[\s])[-+]?(?:nan|inf(?:inity)?)(?=\s*[,}\]])", re.IGNORECASE)
 _NAME = re.compile(rf"[^\s/+#\x00-\x1f\x7f]{{1,{MAX_NAME}}}")
 
 
@@ -87,18 +90,22 @@ class Template:
 
 
 def samples(
-    payload: bytes, sensor: str, allowed: Iterable[str] | None = None
+    payload: bytes,
+    sensor: str,
+    allowed: Iterable[str] | None = None,
+    units: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[list[SensorSample], list[Rejected]]:
     """Read a payload: of one `sensor`, or where that is '' of those of the `allowed` sensors that it names.
 
-    Returns what can be used, and why the rest cannot.
+    `units` are those of sensors whose messages name none; others are in the bridge's own unit. Returns what
+    can be used, and why the rest cannot.
 
     Raises:
         Rejected: it says nothing that can be used.
     """
     data = _decoded(payload)
     if sensor:
-        return [_one(data, sensor)], []
+        return [_one(data, sensor, units.get(sensor, ""))], []
     if not isinstance(data, dict):
         raise Rejected("no JSON object", "the topic has no {sensor}, so the payload must name them")
     stamp = _stamp(data)
@@ -107,7 +114,7 @@ def samples(
     for name in QUANTITIES if allowed is None else allowed:
         try:
             if data.get(name) is not None:  # gateways write null for what they do not know
-                found.append(SensorSample(name, _checked(name, data[name], ""), stamp))
+                found.append(SensorSample(name, _checked(name, data[name], units.get(name, "")), stamp))
         except Rejected as reason:
             wrong.append(reason)
     if not found and not wrong:
@@ -115,12 +122,12 @@ def samples(
     return found, wrong
 
 
-def _one(data: object, sensor: str) -> SensorSample:
+def _one(data: object, sensor: str, usual: str) -> SensorSample:
     if not isinstance(data, dict):
-        return SensorSample(sensor, _checked(sensor, data, ""))
+        return SensorSample(sensor, _checked(sensor, data, usual))
     if "value" not in data:
         raise Rejected("no 'value' in it")
-    unit = data.get("unit", "")
+    unit = data.get("unit", usual)
     if not isinstance(unit, str):
         raise Rejected("unit is no text")
     return SensorSample(sensor, _checked(sensor, data["value"], unit), _stamp(data))
@@ -135,7 +142,10 @@ def _decoded(payload: bytes) -> object:
         raise Rejected("payload is not UTF-8") from None
     try:
         # Whole numbers as well become floats, infinite if need be: Python's own are without bounds.
-        return json.loads(text, parse_int=float)
+        try:
+            return json.loads(text, parse_int=float)
+        except ValueError:
+            return json.loads(_NO_NUMBER.sub("null", text), parse_int=float)
     except (ValueError, RecursionError):
         raise Rejected("payload is neither a number nor JSON", repr(shortened(text))) from None
 
@@ -146,7 +156,9 @@ def _checked(sensor: str, value: object, unit: str) -> float:
     try:
         return checked(sensor, value, unit)
     except ValueError as error:
-        raise Rejected("value cannot be", str(error)) from None
+        others = [] if unit else units_that_fit(sensor, value)
+        hint = f"; if it is in {others[0]}, write {sensor}={others[0]} into mqtt_units" if others else ""
+        raise Rejected("value cannot be", f"{error}{hint}") from None
 
 
 def _stamp(data: dict[str, object]) -> float | None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from lupin_engine.errors import nearest, shortened
+from lupin_engine.errors import Problems, meant, nearest, shortened
 
 #: A sensor that is not known here has no unit; its values must be smaller than this.
 UNKNOWN_LIMIT = 1e9
@@ -69,9 +69,42 @@ def checked(sensor: str, value: float, unit: str = "") -> float:
     factor, offset = _conversion(sensor, quantity, unit)
     converted = value * factor + offset
     if not quantity.minimum <= converted <= quantity.maximum:
-        limits = f"{quantity.minimum:g} ... {quantity.maximum:g} {quantity.unit}"
-        raise ValueError(f"{converted:g} {quantity.unit} is outside of {limits}")
+        of = "" if quantity.unit == "1" else f" {quantity.unit}"
+        limits = f"{quantity.minimum:g} ... {quantity.maximum:g}{of}"
+        raise ValueError(f"{converted:g}{of} is outside of {limits}")
     return converted
+
+
+def units_that_fit(sensor: str, value: float) -> list[str]:
+    """Return the other units in which a value of a sensor would be possible."""
+    quantity = QUANTITIES.get(sensor)
+    if quantity is None:
+        return []
+    found = {unit: value * factor + offset for unit, (factor, offset) in quantity.others.items()}
+    return [unit for unit, converted in found.items() if quantity.minimum <= converted <= quantity.maximum]
+
+
+def given_units(written: Iterable[str]) -> Mapping[str, str]:
+    """Return the unit of each sensor of a setting: `SENSOR=UNIT`, such as `soil_moisture=%`.
+
+    Raises:
+        LupinError: every one that is no known sensor, or no unit of it.
+    """
+    problems, found = Problems(), dict[str, str]()
+    for text in written:
+        sensor, _, unit = text.partition("=")
+        if sensor not in QUANTITIES or not unit:
+            like = "" if sensor in QUANTITIES else meant(sensor, QUANTITIES)
+            hint = like or f"sensors are {', '.join(QUANTITIES)}"
+            problems.add(f"mqtt_units {shortened(text)!r}: expected SENSOR=UNIT; {hint}")
+            continue
+        try:
+            _conversion(sensor, QUANTITIES[sensor], unit)
+        except ValueError as problem:
+            problems.add(f"mqtt_units {shortened(text)!r}: {problem}")
+        found[sensor] = unit
+    problems.tell()
+    return found
 
 
 def _conversion(sensor: str, quantity: UnitRange, unit: str) -> tuple[float, float]:

@@ -106,7 +106,10 @@ def load(path: str = "", parameter: str = "tag_locations_file") -> Layout:
     # Unlike Path.expanduser, this leaves the home of a user that does not exist as it is written.
     file = Path(os.path.expanduser(path)) if path else BUNDLED
     try:
-        return _read(file.read_text(encoding="utf-8"))
+        text = file.read_text(encoding="utf-8")
+        if text.startswith("\ufeff"):
+            raise ValueError("it begins with a byte order mark; save it as UTF-8 without one")
+        return _read(text)
     except OSError as error:
         reason = error.strerror or str(error)
     except (ValueError, RecursionError) as error:
@@ -133,10 +136,14 @@ def parse(data: Any) -> Layout:
     """Build a layout from parsed JSON; tables that are not four finite numbers are left out.
 
     Raises:
-        ValueError: `data` holds no tags, or one of them has no position or no list of sensors.
+        ValueError: `data` holds no tags, is not in metres, or a tag has no position or no list of sensors.
     """
     if not isinstance(data, Mapping):
         raise ValueError(f"expected a JSON object, got {type(data).__name__}")
+    units = data.get("units", "m") if "tags" in data else "m"
+    if units != "m":
+        # The greenhouse simulator reads the same file, and takes every number for metres.
+        raise ValueError(f'"units" is {units!r}; write all positions in metres, and "units": "m"')
     raw_tags = data.get("tags", data)
     raw_tables = data.get("tables", {}) if "tags" in data else {}
     if not isinstance(raw_tags, Mapping) or not isinstance(raw_tables, Mapping):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +11,7 @@ from lupin_engine.errors import Severity
 from lupin_engine.plugin.profile import (
     Fields,
     Progress,
+    Projection,
     Publish,
     Rating,
     Remark,
@@ -19,6 +20,7 @@ from lupin_engine.plugin.profile import (
     StartRequest,
     TargetOutcome,
     TargetResult,
+    last,
 )
 from lupin_engine.plugin.wire import filled_in, pose_fields, time_fields
 from lupin_greenhouse.mission import STAGES
@@ -94,7 +96,7 @@ def state_fields(now: Situation) -> Fields:
         "last_error": f"{now.code}: {now.detail}" if now.detail else now.code,
         "last_event": now.label,
         "last_event_severity": int(now.severity),
-        "estop_engaged": now.value("estop") is True,
+        "estop_engaged": now.value("stopped") is True,
         "paused": now.paused,
         "battery_percentage": math.nan if charge is None else charge,
         "battery_low": bool(battery.get("low", False)),
@@ -170,7 +172,7 @@ def observation_fields(published: Publish, value: Callable[[str], Any], stamp: F
     if published.status != "OK":
         return {**fields, "status_detail": published.detail or published.code}
     fields["tag_reading"] = reading_fields(published.target, published.reading or {})
-    place = place_of(published.target, value("discovered") or (), value("pose"))
+    place = place_of(published.target, value("places") or {}, value("robot"))
     if place is not None:
         fields["tag_pose_in_map"] = _whole_pose(place["position"], place["orientation"])
     return fields
@@ -217,13 +219,42 @@ def values_of(reading: Mapping[str, Any]) -> Mapping[str, float]:
     return {str(sensor["name"]): float(sensor["value"]) for sensor in reading.get("readings", ())}
 
 
+#: Places of tags that are remembered; the aggregator knows no more at a time.
+MOST_PLACES = 400
+#: Metres from the robot that reads a tag to the tag: one that was seen before and is farther away now is on
+#: another map. A robot stands 1.5 m from its tag at most.
+NEAR_M = 2.0
+
+
+def remember_places(before: Any, _: str, reported: Any) -> Mapping[str, Any]:
+    """Return the tags whose places are known, by id: as `reported` now, and as they were seen before.
+
+    The aggregator forgets its tags when a mission begins. The oldest places give way.
+    """
+    seen = {tag["id"]: tag for tag in reported}
+    known = {**before["before"], **before["seen"]} if before else {}
+    older = {name: tag for name, tag in known.items() if name not in seen}
+    return {"seen": seen, "before": dict(list(older.items())[-MOST_PLACES:])}
+
+
+#: What the messages say of live values. They do not depend on the inputs that missions happen to declare.
+PROJECTIONS: Mapping[str, Projection] = {
+    "stopped": last("robot.estop"),
+    "robot": last("robot.pose"),
+    "places": Projection(("tags.discovered",), remember_places),
+}
+
+
 def place_of(
-    target: str, discovered: Iterable[Mapping[str, Any]], robot: Mapping[str, float] | None
+    target: str, places: Mapping[str, Mapping[str, Any]], robot: Mapping[str, float] | None
 ) -> Fields | None:
     """Return where a target is: its own pose where it was seen, else that of the robot in front of it."""
-    for seen in discovered:
-        if seen.get("id") == target:
-            return plate_pose(seen)
+    seen, before = (places.get(when, {}).get(target) for when in ("seen", "before"))
+    if seen is None and before is not None and robot is not None:
+        away = math.hypot(before["x"] - robot["x"], before["y"] - robot["y"])
+        seen = before if away <= NEAR_M else None
+    if seen is not None:
+        return plate_pose(seen)
     return None if robot is None else floor_pose(robot)
 
 

@@ -96,6 +96,7 @@ PROFILE = Profile(
     ),
     values_of=messages.values_of,
     stop="estop",
+    projections=messages.PROJECTIONS,
     wire=WIRE,
     access=Access(
         viewer=("/scan", "/odom", "/io/imu/movement/data", "/rosout"),

@@ -20,6 +20,8 @@ from lupin_perception.sightings import MAP
 
 #: Seconds from an answer "not seen" to the next question, as long as the attempt has time left.
 ASK_AGAIN_S = 0.25
+#: The reason of an answer that gives none.
+NOT_SEEN = "visual_confirm_missed"
 
 
 class PerceptionClient(ServiceDriver):
@@ -32,6 +34,8 @@ class PerceptionClient(ServiceDriver):
         self._required = bool(parameters.get("require_visual_confirmation", False))
         self._ros = ros
         self._began: dict[str, float] = {}
+        #: Why the tag of each attempt was not seen, as of its last answer.
+        self._reasons: dict[str, str] = {}
         self._values = outlet
         self._warn = WarnOnce(ros.log)
         self._closed = False
@@ -50,6 +54,7 @@ class PerceptionClient(ServiceDriver):
     def cancel(self, attempt: str) -> None:
         """Ask no more."""
         self._began.pop(attempt, None)
+        self._reasons.pop(attempt, None)
         super().cancel(attempt)
 
     def _answered(
@@ -62,14 +67,23 @@ class PerceptionClient(ServiceDriver):
         """Take an answer; one that says "not seen" is asked for again while the attempt has time left.
 
         A camera needs some frames, and a robot may still swing: what is not seen yet may be seen in a second.
+        The answer's reason is the attempt's progress, so that a timeout during the next question keeps it.
         """
         left = self._began[attempt] + arguments.get("within", 0.0) - self._ros.elapsed()
         if not isinstance(answer, CallFailure) and not answer.detected and left > ASK_AGAIN_S:
             again = partial(self._ask, attempt, operation, arguments, operation.request(arguments))
             self._calls[attempt] = self._ros.call_later(ASK_AGAIN_S, again)
+            self._report(attempt, answer.error_message or NOT_SEEN)
             return
         del self._began[attempt]
+        self._reasons.pop(attempt, None)
         super()._answered(attempt, operation, arguments, answer)
+
+    def _report(self, attempt: str, reason: str) -> None:
+        """Report why the tag is not seen, where that is new."""
+        if self._reasons.get(attempt) != reason:
+            self._reasons[attempt] = reason
+            self._values.progress(attempt, reason)
 
     def close(self) -> None:
         """Report no more."""
@@ -102,4 +116,4 @@ def _outcome(_: Mapping[str, Any], answer: ConfirmTag.Response | CallFailure) ->
         return Failed("confirm_failed", f"{answer.code}: {answer.detail}")
     if answer.detected:
         return Done({"confidence": float(answer.detection_confidence)})
-    return Failed("visual_confirm_missed", answer.error_message or "visual_confirm_missed")
+    return Failed("visual_confirm_missed", answer.error_message or NOT_SEEN)

@@ -21,6 +21,7 @@ import pytest
 from lupin_engine.cli.main import main
 from lupin_engine.errors import ChartError, LupinError
 from lupin_engine.machine.itineraries import Itineraries
+from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.contract import Operation
 from lupin_engine.plugin.types import BOOL, NUMBER, within
@@ -57,6 +58,8 @@ chance:
   - {every: 2 min, do: [{request: operator.resume}]}
   - {every: 4 min, do: [{request: operator.abort}]}
 """
+#: A mission with a binding, of the guide for bindings.
+SPRAYER = Path(__file__).parents[2] / "docs" / "sprayer"
 #: Frontiers are found and reached at once.
 STILL = """\
 campaign: servers that take no time
@@ -234,7 +237,8 @@ def test_seeds_that_end_every_worker_are_told(tmp_path: Path) -> None:
 
 def test_what_is_violated_becomes_a_small_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Which fails by the same property, and holds without the defect; what never happened is not in it."""
-    campaign = made(tmp_path, f"{RATES}when:\n  - {{on: DONE, nth: 50, request: operator.pause}}\n")
+    more = "defaults: false\nwhen:\n  - {on: DONE, nth: 50, request: operator.pause}\n"
+    campaign = made(tmp_path, RATES + more)
     with monkeypatch.context() as defect:
         defect.setattr(Itineraries, "close_rest", lambda *_: None)
         found = run_seeds(campaign, range(10))
@@ -496,3 +500,38 @@ def test_live_values_are_drawn_from_their_classes() -> None:
     assert told == [(2100.0, count) for count in range(7)]
     taken = run_seeds(campaign, range(2)).transitions
     assert "MISSION.ExplorationMission.MONITORING.SCANNING.READING.on_done.0" in taken
+
+
+def test_events_of_plugins_come_without_a_file(tmp_path: Path) -> None:
+    """The half of a mission that only an event leads to is tried, and a file of rates adds to that."""
+    loaded = load_missions([str(SPRAYER / "spray.yaml")], shipped.catalog())
+    file = tmp_path / "rates.yaml"
+    pauses = "chance: [{every: 1 min, do: [{request: operator.pause}]}]"
+    file.write_text(f"campaign: as ever, and more pauses\n{pauses}\n")
+    for rates in (default_rates(loaded.chart), read_rates(file, loaded.chart)):
+        campaign = Campaign(loaded, rates, {})
+        found = run_seeds(campaign, range(5))
+        assert "MISSION.SprayMission.SPRAYING.on.sprayer.leak.0" in found.transitions
+        assert "MISSION.SprayMission.SPRAYING" in found.states
+    file.write_text("campaign: nothing but the clock\ndefaults: false\n")
+    campaign = Campaign(loaded, read_rates(file, loaded.chart), {})
+    assert not any("leak" in rule for rule in run_seeds(campaign, range(5)).transitions)
+
+
+def test_a_violation_of_a_mission_with_a_binding_becomes_a_scenario(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The binding stands beside the mission, and is read again for the scenario: once, not beside itself."""
+    folder = tmp_path / "missions"
+    shutil.copytree(SPRAYER, folder)
+    shutil.copy(SPRAYER / "lupin.yaml", tmp_path)
+    shutil.copy(default_missions_folder() / "lifecycle.yaml", folder)
+    mission = folder / "spray.yaml"
+    never = "properties:\n  dry: {never: in_state('RINSING'), summary: no rinsing}\n"
+    mission.write_text(mission.read_text() + never)
+    monkeypatch.chdir(tmp_path)
+    assert main(["campaign", str(mission), "--seeds", "3", "--jobs", "1"]) == 1
+    assert "dry is violated" in capsys.readouterr().out
+    (written,) = tmp_path.glob("dry_*.scenario.yaml")
+    assert main(["test", str(written)]) == 1
+    assert "violated: dry" in capsys.readouterr().out

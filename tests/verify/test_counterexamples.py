@@ -15,6 +15,7 @@ from lupin_engine.verify.proof import prove
 from lupin_engine.verify.situations import ways
 from lupin_engine.verify.situations.explorer import Bounds
 from tests import shipped
+from tests.verify.toys import random_mission
 
 LIFECYCLE = Path(__file__).parents[1] / "charts" / "mini" / "lifecycle.yaml"
 PLANTED = """\
@@ -260,3 +261,46 @@ def test_what_an_operation_leaves_behind_comes_with_its_answer(
     told = capsys.readouterr().out
     assert "✗ silence_is_told: " in told
     assert "✓ no_livelock: " in told
+
+
+MENDED = """\
+mission: Mended
+invariants: {never_b: {that: "not in_state('B')"}}
+initial: A
+states:
+  A: {after: {1 s: B}}
+  B: {after: {1 s: done}}
+  done: {type: final}
+"""
+
+
+def test_an_invariant_that_holds_again_at_the_end_of_its_step_is_broken(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """B breaks it, and its error leads to FAULT in the same step, where it holds: the scenario fails."""
+    shutil.copy(LIFECYCLE, tmp_path)
+    mission = tmp_path / "mended.yaml"
+    mission.write_text(MENDED, encoding="utf-8")
+    assert main(["prove", str(mission), "--targets", "0", "--no-restarts"]) == 1
+    scenario = tmp_path / "mended.invariants.scenario.yaml"
+    capsys.readouterr()
+    assert main(["test", str(scenario)]) == 1
+    assert "broken: expected [], actual [never_b]" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_a_campaign_writes_as_failing_fails(seed: int, tmp_path: Path) -> None:
+    """Of random missions with an invariant and properties by chance."""
+    random_mission(seed, tmp_path)
+    mission = tmp_path / "chance.yaml"
+    broken = ("A.A1", "B", "A.A0")[seed % 3]
+    more = f"invariants: {{never: {{that: \"not in_state('{broken}')\"}}}}\n"
+    mission.write_text(mission.read_text(encoding="utf-8") + more, encoding="utf-8")
+    folder = tmp_path / "found"
+    folder.mkdir()
+    options = ["--seeds", "5", "--jobs", "1", "--out", str(folder), "--quiet"]
+    found = main(["campaign", str(mission), *options])
+    scenarios = sorted(folder.iterdir())
+    assert found == int(bool(scenarios))
+    for scenario in scenarios:
+        assert main(["test", str(scenario)]) == 1, scenario.read_text()

@@ -204,7 +204,8 @@ class _Composer:
             catalog=self._catalog,
         )
         plugins = self._plugins()
-        chart = replace(chart, plugins=plugins, parameters=self._parameters(plugins))
+        chart = replace(chart, plugins=plugins)
+        chart = replace(chart, parameters=self._parameters(chart.clients))
         return Composed(chart, self._forest.drafts, self._usage, self._declared, carried)
 
     def _learn(self) -> Carried:

@@ -69,6 +69,7 @@ _IDLE: Mapping[str, Callable[[], Any]] = {
     "dropped": int,
     "next_id": lambda: FIRST_NEW,
     "reached": dict,
+    "projected": dict,
     "heard": dict,
     "before": dict,
 }

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from lupin_bridge.backend import Clocks
 from lupin_bridge.latest import MAX_SENSORS, MAX_TAGS, Latest
 from lupin_bridge.topics import MAX_PAYLOAD, Rejected, SensorSample, Template, samples
+from lupin_bridge.units import given_units
 from lupin_engine.errors import LupinError
 
 STAMP = datetime.fromisoformat("2026-05-01T12:00:00+02:00").timestamp()
@@ -135,6 +136,35 @@ def test_one_message_may_carry_several_sensors() -> None:
     assert found == [SensorSample("temperature", 21.5, STAMP)]
     assert [str(reason) for reason in wrong] == ["value is no number: 'high'"]
     assert samples(payload, "", ("battery", "light")) == ([SensorSample("battery", 80.0, STAMP)], [])
+
+
+@pytest.mark.parametrize("dead", [b"nan", b"-nan", b"NaN", b"inf", b"null"])
+def test_a_dead_sensor_leaves_the_others_their_values(dead: bytes) -> None:
+    """Firmware writes what C's printf makes of no number, which is no JSON."""
+    found, _ = samples(b'{"temperature":' + dead + b',"humidity":61}', "")
+    assert found == [SensorSample("humidity", 61.0)]
+
+
+def test_a_sensor_may_have_a_unit_of_its_own() -> None:
+    """Soil in per cent: refused with what to write, and then a share, also where it would be possible."""
+    payload = b'{"soil_moisture": 37, "battery": 87}'
+    _, wrong = samples(payload, "")
+    assert [str(reason) for reason in wrong] == [
+        "value cannot be: 37 is outside of 0 ... 1; if it is in %, write soil_moisture=% into mqtt_units"
+    ]
+    units = given_units(["soil_moisture=%"])
+    assert samples(payload, "", None, units) == ([SensorSample("soil_moisture", 0.37)], [])
+    assert samples(b"1", "soil_moisture", None, units) == ([SensorSample("soil_moisture", 0.01)], [])
+    said = b'{"value": 0.4, "unit": "1"}'
+    assert samples(said, "soil_moisture", None, units) == ([SensorSample("soil_moisture", 0.4)], [])
+    with pytest.raises(LupinError) as refused:
+        given_units(["soil=%", "co2=kg", "light"])
+    assert str(refused.value).splitlines() == [
+        "mqtt_units 'soil=%': expected SENSOR=UNIT; did you mean 'soil_moisture'?",
+        "mqtt_units 'co2=kg': 'kg' is no unit of co2; allowed: '%', 'ppm'",
+        "mqtt_units 'light': expected SENSOR=UNIT; "
+        "sensors are temperature, humidity, co2, light, soil_moisture",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,8 @@ def test_a_value_at_its_limit_is_one_and_beyond_it_the_sensor_is_broken(sensor: 
     for beyond in (low - 1.0, high + 1.0):
         with pytest.raises(ValueError, match="is outside of") as refused:
             checked(sensor, beyond)
-        assert str(refused.value) == f"{beyond:g} {unit} is outside of {low:g} ... {high:g} {unit}"
+        of = "" if unit == "1" else f" {unit}"
+        assert str(refused.value) == f"{beyond:g}{of} is outside of {low:g} ... {high:g}{of}"
 
 
 def test_limits_hold_for_what_was_converted() -> None:

@@ -80,6 +80,11 @@ def test_malformed_tables_are_left_out(raw: Any) -> None:
         ('{"tags": {"4": {"x": 1.0, "y": 1' + "0" * 400 + "}}}", "tag '4' has no position"),
         ('{"4": {"x": 1, "y": 1, "sensors": "co2"}}', "sensors of tag '4' are no list of names, but 'co2'"),
         ('{"4": {"x": 1, "y": 1, "sensors": [7]}}', r"sensors of tag '4' are no list of names, but \[7\]"),
+        (
+            '{"units": "cm", "tags": {"1": {"x": 100, "y": 200}}}',
+            'cannot be used: "units" is \'cm\'; write all positions in metres, and "units": "m"$',
+        ),
+        ("\ufeff{}", "cannot be used: it begins with a byte order mark; save it as UTF-8 without one$"),
         ("[" * 100_000, "recursion"),
         (
             '{"tags": {"4": {"x": 1, "y": 1}, "5": {"x": 2, "y": 1}, "4": {"x": 3, "y": 1}}}',

@@ -54,7 +54,8 @@ def test_within_its_time_a_tag_is_asked_for_until_it_is_seen() -> None:
         ros.pass_time(0.25)
     ros.remote.calls[5].done(ConfirmTag.Response(detected=True, detection_confidence=1.0))
     ros.pass_time(5.0)
-    assert outlet.reports == [("accepted", "a1"), ("done", "a1", {"confidence": 1.0})]
+    reason = ("progress", "a1", "tag '7' not discovered")
+    assert outlet.reports == [("accepted", "a1"), reason, ("done", "a1", {"confidence": 1.0})]
     assert len(ros.remote.calls) == 6
 
 

@@ -72,7 +72,7 @@ def to_pose(fields: Fields) -> Pose:
 
 
 def test_an_ok_observation_carries_its_reading_and_pose() -> None:
-    message = observation(published(reading=READING, detail="at the second look"), pose=HERE)
+    message = observation(published(reading=READING, detail="at the second look"), robot=HERE)
     assert (message.status, message.status_detail) == (Observation.STATUS_OK, "")
     assert message.tag_reading.tag_id == "5"
     assert [(r.name, r.value) for r in message.tag_reading.readings] == [
@@ -110,7 +110,7 @@ def test_pages_of_a_simulation_get_every_field_as_on_the_wire() -> None:
 
 def test_a_failed_observation_carries_its_tag_and_reason_but_no_reading_and_no_pose() -> None:
     failed = published("UNREACHABLE", code="nav_status_6", detail="aborted")
-    message = observation(failed, pose=HERE)
+    message = observation(failed, robot=HERE)
     assert (message.status, message.status_detail) == (Observation.STATUS_UNREACHABLE, "aborted")
     assert (message.tag_reading.tag_id, list(message.tag_reading.readings)) == ("5", [])
     assert message.tag_reading.stamp.sec == NOW["sec"], "tables sort by it"
@@ -160,7 +160,7 @@ def test_the_summary_of_a_target_says_what_was_read_or_why_not(
 
 
 def test_a_target_that_was_seen_is_where_it_was_seen_turned_as_its_plate() -> None:
-    fields = greenhouse.place_of("5", [{**SEEN, "id": "4"}, SEEN], ROBOT)
+    fields = greenhouse.place_of("5", {"seen": {"4": {**SEEN, "id": "4"}, "5": SEEN}}, ROBOT)
     assert fields is not None
     pose = to_pose(fields)
     assert (pose.position.x, pose.position.y) == (3.0, 4.0)
@@ -168,12 +168,26 @@ def test_a_target_that_was_seen_is_where_it_was_seen_turned_as_its_plate() -> No
     assert (q.x, q.y, q.z, q.w) == (0.0, HALF, 0.0, HALF)
 
 
+def test_a_place_is_remembered_unless_the_robot_that_reads_there_is_elsewhere() -> None:
+    """The aggregator forgets its tags when a mission begins; on another map a place is somewhere else."""
+    fold = greenhouse.PROJECTIONS["places"].fold
+    known = fold(fold(None, "tags.discovered", [SEEN]), "tags.discovered", [{**SEEN, "id": "6"}])
+    near = {"x": 3.5, "y": 4.0, "yaw": 0.0}
+    assert greenhouse.place_of("5", known, near) == greenhouse.plate_pose(SEEN)
+    far = {"x": 0.0, "y": 4.0, "yaw": 0.0}
+    assert greenhouse.place_of("5", known, far) == greenhouse.floor_pose(far)
+    assert greenhouse.place_of("6", known, far) == greenhouse.plate_pose(SEEN), "it is seen now"
+    many = [{**SEEN, "id": str(number)} for number in range(greenhouse.MOST_PLACES + 5)]
+    old = fold(fold(known, "tags.discovered", many), "tags.discovered", [])["before"]
+    assert len(old) == greenhouse.MOST_PLACES
+
+
 def test_one_that_was_not_is_where_the_robot_stands_before_it_if_anybody_knows() -> None:
-    fields = greenhouse.place_of("6", [SEEN], ROBOT)
+    fields = greenhouse.place_of("6", {"seen": {"5": SEEN}}, ROBOT)
     assert fields is not None
     pose = to_pose(fields)
     assert (pose.position.x, pose.position.y) == (1.0, 2.0)
-    assert greenhouse.place_of("6", [SEEN], None) is None
+    assert greenhouse.place_of("6", {"seen": {"5": SEEN}}, None) is None
 
 
 @pytest.mark.parametrize(
@@ -199,7 +213,7 @@ def published_state(
 
 
 def state(view: View, discovered: int, goal: int, found: int = 0) -> MissionState:
-    known = {"battery": {"value": 1.0, "low": False}, "estop": False, "found": found}
+    known = {"battery": {"value": 1.0, "low": False}, "stopped": False, "found": found}
     seen = [{"id": str(n)} for n in range(discovered)]
     return published_state(view, {"discovery_goal": goal}, discovered=seen, **known)
 
@@ -267,7 +281,7 @@ def test_a_robot_that_monitors_for_weeks_stays_at_the_highest_count() -> None:
 
 def test_the_state_has_label_severity_and_counts_of_the_view() -> None:
     battery = {"value": 0.5, "low": False}
-    state = published_state(VIEW, {}, {"sec": 5, "nanosec": 0}, estop=True, battery=battery)
+    state = published_state(VIEW, {}, {"sec": 5, "nanosec": 0}, stopped=True, battery=battery)
     assert (state.lifecycle_state, state.mission_phase, state.current_target) == (
         "INSPECTING",
         "NAVIGATING",

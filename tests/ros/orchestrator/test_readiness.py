@@ -59,8 +59,7 @@ class Bench:
         self.nav, self.bridge, self.heard = Neighbour(), Neighbour(), Heard()
         self.period, self.running, self.time = 0.0, True, 100.0
         drivers: dict[str, Any] = {"nav": self.nav, "bridge": self.bridge}
-        self.readiness = Readiness(drivers, self.heard, self._every, lambda: self.time, goes_on)
-        drivers["plugins"] = self.readiness
+        self.readiness = Readiness(drivers.values, self.heard, self._every, lambda: self.time, goes_on)
 
     def _every(self, period: float, callback: Callable[[], None]) -> Bench:
         self.period, self._callback = period, callback

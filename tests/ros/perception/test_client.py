@@ -38,3 +38,21 @@ def test_over_the_wire_a_server_that_is_not_there_is_a_failure(make_node: Callab
     client.start("a1", "confirm_tag", {"tag_id": "7"})
     spin_until([ours], lambda: len(outlet.reports) == 2)
     assert outlet.reports[-1][:3] == ("failed", "a1", "confirm_failed")
+
+
+def test_over_the_wire_the_reason_of_an_answer_is_kept_while_it_is_asked_again(
+    make_node: Callable[..., RosNode],
+) -> None:
+    """A mission's timeout comes while the next answer takes its time: it has the last progress."""
+
+    def answer(_: ConfirmTag.Request, response: ConfirmTag.Response) -> ConfirmTag.Response:
+        response.error_message = "tag 8 is behind a leaf"
+        return response
+
+    server, ours, outlet = make_node("aggregator"), make_node("ours"), FakeOutlet()
+    server.serve(ConfirmTag, SERVICE, answer)
+    client = PerceptionClient(ours, outlet, defaults(PLUGIN, require_visual_confirmation=True))
+    spin_until([server, ours], lambda: not client.missing())
+    client.start("a1", "confirm_tag", {"tag_id": "8", "within": 3.0})
+    spin_until([server, ours], lambda: len(outlet.reports) >= 2)
+    assert outlet.reports[1] == ("progress", "a1", "tag 8 is behind a leaf")

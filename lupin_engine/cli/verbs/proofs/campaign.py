@@ -282,6 +282,8 @@ def _tell_coverage(campaign: Campaign, found: CampaignSum) -> None:
     click.echo(f"transitions taken: {campaign.can_be_taken - len(missed)} of {campaign.can_be_taken}")
     for rule in missed:
         click.echo(f"    never: {rule.id} ({rule.place})")
+    for state in campaign.never_entered(found):
+        click.echo(f"    never entered: {state.name} ({state.place})")
     chance = 100.0 * found.chance_of_new
     click.echo(
         f"pairs of transitions: {len(found.pairs)}, the last new one by seed {found.last_new};"
@@ -315,6 +317,7 @@ def _record(campaign: Campaign, dealer: Dealer, written: dict[str, Written]) -> 
         "ended": dict(sorted(found.ended.items())),
         "transitions": dict(sorted(found.transitions.items())),
         "never_taken": [rule.id for rule in campaign.never_taken(found)],
+        "never_entered": [state.name for state in campaign.never_entered(found)],
         "pairs": len(found.pairs),
         "last_new_pair": found.last_new,
         "chance_of_new_pair": found.chance_of_new,
