@@ -102,7 +102,8 @@ def addresses(values: Mapping[str, Any]) -> list[str]:
     """Return where browsers find the pages; see `ros.launch.nodes`."""
     if not values["open"]:
         return [f"pages at http://{values['host']}:{values['port']}"]
-    return [f"pages at https://{socket.gethostname()}:{values['port']}, for who has a token"]
+    who = "for who has a token; `lupin invite NAME` prints a link for a phone"
+    return [f"pages at https://{socket.gethostname()}:{values['port']}, {who}"]
 
 
 def _open(waiting: Repeater, loop: LoopThread, serving: Callable[..., Any]) -> None:
