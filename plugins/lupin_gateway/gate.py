@@ -9,6 +9,7 @@ waiting behind their handshakes.
 from __future__ import annotations
 
 import asyncio
+import gc
 import resource
 import socket
 import time
@@ -22,8 +23,12 @@ from lupin_gateway.doors import NotAdmitted, UserRole, Visitor
 
 #: Seconds that a connection has for its handshake and the head of a request, also of each further one.
 HEAD_WITHIN_S = 10.0
-#: Connections that are accepted, and reads of strangers, in one turn of the loop: a read may be a handshake.
-ACCEPTS_A_TURN, READS_A_TURN = 8, 4
+#: How many strangers are accepted, read (which may be a handshake), and found ended in one turn of the loop.
+#: For each one that is accepted at most one ends.
+SHARES = {"accept": 4, "read": 4, "end": 8}
+#: Connections after which what they left in circles is collected. Python would wait for 80,000 objects, and
+#: hold up a stop for 170 ms with them.
+MOST_LEFT = 64
 #: Descriptors that are wanted, and those that are left to all else: DDS, files, the console.
 WANTED_DESCRIPTORS, OTHER_DESCRIPTORS = 4_096, 256
 #: Key in the scope of a request: the connection that it came by.
@@ -70,13 +75,17 @@ class Connection(socket.socket):
 
     def recv_into(self, *arguments: Any) -> int:
         """Read, when it is this one's turn."""
-        self._gate.turn.take_read(self)
+        self._wait_for_turn()
         return super().recv_into(*arguments)
 
     def recv(self, *arguments: Any) -> bytes:
         """Read, when it is this one's turn."""
-        self._gate.turn.take_read(self)
+        self._wait_for_turn()
         return super().recv(*arguments)
+
+    def _wait_for_turn(self) -> None:
+        if self.visitor is None:
+            self._gate.turn.take("end" if self.is_ended else "read")
 
     def close(self) -> None:
         """Close it, which makes room."""
@@ -102,7 +111,7 @@ class Listener(socket.socket):
         """Accept a connection, when it is time for one."""
         if self.gate is None:
             return super().accept()
-        self.gate.turn.take_accept()
+        self.gate.turn.take("accept")
         plain, peer = super().accept()
         return self.gate.enter((self.getsockname()[1], peer), plain.detach()), peer
 
@@ -111,32 +120,19 @@ class _Turn:
     """What may still be done for strangers in this turn of the loop."""
 
     def __init__(self) -> None:
-        self._reads = self._accepts = 0
-        self._is_new = True
+        self._done: Counter[str] = Counter()
 
-    def take_read(self, connection: Connection) -> None:
-        """Raise BlockingIOError where it must wait for the next turn."""
-        if connection.visitor is None and not connection.is_ended:
-            self._begin()
-            self._reads += 1
-            if self._reads > READS_A_TURN:
-                raise BlockingIOError
+    def take(self, what: str) -> None:
+        """Do one more of what has a share in each turn: see `SHARES`.
 
-    def take_accept(self) -> None:
-        """Raise BlockingIOError where it must wait for the next turn."""
-        self._begin()
-        self._accepts += 1
-        if self._accepts > ACCEPTS_A_TURN:
+        Raises:
+            BlockingIOError: it must wait for the next turn.
+        """
+        if not self._done:
+            asyncio.get_running_loop().call_soon(self._done.clear)
+        self._done[what] += 1
+        if self._done[what] > SHARES[what]:
             raise BlockingIOError
-
-    def _begin(self) -> None:
-        if self._is_new:
-            self._is_new = False
-            asyncio.get_running_loop().call_soon(self._renew)
-
-    def _renew(self) -> None:
-        self._reads = self._accepts = 0
-        self._is_new = True
 
 
 class Gate:
@@ -147,6 +143,7 @@ class Gate:
         self._all: dict[tuple[int, Any], Connection] = {}
         self._strangers: dict[str, dict[Connection, None]] = {}
         self._ended: Counter[str] = Counter()
+        self._left = 0
         self.turn = _Turn()
 
     def enter(self, key: tuple[int, Any], descriptor: int) -> Connection:
@@ -178,6 +175,10 @@ class Gate:
     def _end(self, connection: Connection, why: str) -> None:
         self._ended[why] += 1
         connection.end()
+        self._left += 1
+        if self._left >= MOST_LEFT:
+            self._left = 0
+            gc.collect()
 
     # -- requests -------------------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import socket
 import sys
 import time
@@ -138,6 +139,7 @@ def main(arguments: Sequence[str]) -> int:
         ros.log.info(
             f"the gateway serves http://{address.host}:{address.port}", rosbridge=address.rosbridge_port
         )
+        gc.freeze()  # what is here stays: to look through it for garbage would hold up a stop for long
         try:
             ros.spin()
         finally:  # what nobody came to use is closed as well
