@@ -163,7 +163,8 @@ class Gate:
 
     def forget(self, connection: Connection) -> None:
         """A connection is closed, or about to be."""
-        self._all.pop(connection.key, None)
+        if self._all.get(connection.key) is connection:  # another may have the same address by now
+            del self._all[connection.key]
         self._is_no_stranger(connection)
 
     def _is_no_stranger(self, connection: Connection) -> None:
