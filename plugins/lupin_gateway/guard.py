@@ -12,10 +12,10 @@ from typing import Any
 
 from lupin_engine.plugin.contract import Access
 from lupin_gateway import protocol
-from lupin_gateway.attempts import WrongAttempts, delay, is_written_down
 from lupin_gateway.audit import AuditLog, Repetitions, command_line, login_line
 from lupin_gateway.doors import STOP_TOPIC, Allowance, AllowList, Doors, NotAdmitted, Use, UserRole, Visitor
-from lupin_gateway.invitations import Invitations
+from lupin_gateway.entry.attempts import WrongAttempts, delay, is_written_down
+from lupin_gateway.entry.invitations import Invitations
 from lupin_gateway.people import ACKNOWLEDGE, COMMANDS, HERE, NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
 from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter, stop_of
 

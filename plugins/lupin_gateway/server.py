@@ -27,8 +27,8 @@ from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 from lupin_engine.errors import UsageError, shortened
 from lupin_gateway.doors import NotAdmitted, Use
 from lupin_gateway.encoding import FrameData
-from lupin_gateway.entrance import SHIELDS, Entrance, address_of, browser_of, come_in
-from lupin_gateway.gate import Gate, Listener, places
+from lupin_gateway.entry.entrance import SHIELDS, Entrance, address_of, browser_of, come_in
+from lupin_gateway.entry.gate import Gate, GateListener, places
 from lupin_gateway.guard import Guard, HouseRules
 from lupin_gateway.hub import Hub, Outbox
 from lupin_gateway.session import Limits, Session
@@ -69,7 +69,7 @@ class Address:
     port: int = 8080
     rosbridge_port: int = 0
 
-    def sockets(self) -> list[Listener]:
+    def sockets(self) -> list[GateListener]:
         """Return listening sockets, one for each port.
 
         Raises:
@@ -79,7 +79,7 @@ class Address:
         return [_listening(self.host, port) for port in ports]
 
 
-def _listening(host: str, port: int) -> Listener:
+def _listening(host: str, port: int) -> GateListener:
     try:
         found = socket.create_server((host, port), backlog=128)
         # All are handed on to each connection: the outbox is where a client's frames wait, who does not read
@@ -89,7 +89,7 @@ def _listening(host: str, port: int) -> Listener:
         found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KERNEL_BUFFER)
         found.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, KERNEL_INPUT)
         found.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, GONE_AFTER_MS)
-        return Listener(fileno=found.detach())
+        return GateListener(fileno=found.detach())
     except OSError as problem:
         reason = os.strerror(problem.errno) if problem.errno else str(problem)
         raise UsageError(
@@ -275,7 +275,7 @@ async def _send_away(socket_: WebSocket, code: int, reason: str) -> None:
         await asyncio.wait_for(socket_.close(code, reason), 1.0)
 
 
-async def serve(gateway: Gateway, sockets: Sequence[Listener], until: asyncio.Future[None]) -> None:
+async def serve(gateway: Gateway, sockets: Sequence[GateListener], until: asyncio.Future[None]) -> None:
     """Serve on the sockets (the first one: files too) until told to stop, then close all connections.
 
     Raises:

@@ -28,8 +28,8 @@ from lupin_gateway.doors import (
     open_problems,
     read_tokens,
 )
+from lupin_gateway.entry.invitations import Invitations, ServedDoors, state_folder
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
-from lupin_gateway.invitations import Invitations, ServedDoors, state_folder
 from lupin_gateway.node.kept import StateFile
 from lupin_gateway.people import MOST_COMMANDS, NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
 from lupin_gateway.sides import CallFailed, RosSide

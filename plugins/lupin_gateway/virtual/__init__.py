@@ -12,7 +12,7 @@ from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.pages import PageSource, declared_access
 from lupin_engine.plugin.registry import load_catalog
 from lupin_gateway.doors import AllowList, Doors
-from lupin_gateway.gate import Listener
+from lupin_gateway.entry.gate import GateListener
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
 from lupin_gateway.hub import Backlog, Hub
 from lupin_gateway.people import People
@@ -38,7 +38,7 @@ def serve_pages(source: PageSource, port: int, told: Callable[[str], object]) ->
     asyncio.run(_serve(source, sockets))
 
 
-async def _serve(source: PageSource, sockets: Sequence[Listener]) -> None:
+async def _serve(source: PageSource, sockets: Sequence[GateListener]) -> None:
     loop = asyncio.get_running_loop()
     until: asyncio.Future[None] = loop.create_future()
 

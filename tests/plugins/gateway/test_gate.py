@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from lupin_gateway import gate, server
+from lupin_gateway import server
 from lupin_gateway.doors import IssuedToken, UserRole, Visitor
-from lupin_gateway.gate import Gate, Places, places
+from lupin_gateway.entry import gate
+from lupin_gateway.entry.gate import Gate, Places, places
 from tests.plugins.gateway.served import PATIENCE, OpenPage, ServedGateway, until
 
 FOREVER = 4_102_444_800.0

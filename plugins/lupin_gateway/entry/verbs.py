@@ -14,7 +14,7 @@ import click
 from lupin_engine.errors import UsageError, nearest
 from lupin_engine.plugin.files import ros_domain
 from lupin_gateway.doors import read_tokens
-from lupin_gateway.invitations import GOOD_FOR_S, Invitations, ServedDoors, state_folder
+from lupin_gateway.entry.invitations import GOOD_FOR_S, Invitations, ServedDoors, state_folder
 
 #: Seconds that the gateway has for showing its certificate.
 ANSWER_S = 5.0

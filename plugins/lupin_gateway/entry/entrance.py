@@ -16,7 +16,7 @@ from starlette.responses import HTMLResponse, PlainTextResponse, RedirectRespons
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from lupin_gateway.doors import TOKEN_COOKIE, NotAdmitted, Visitor, cookie_of
-from lupin_gateway.gate import CONNECTION, Gate
+from lupin_gateway.entry.gate import CONNECTION, Gate
 from lupin_gateway.guard import HouseRules
 
 LOGIN = "/login"

@@ -60,7 +60,7 @@ def places() -> Places:
     return Places(usual.one_address, left // 4, left - left // 4, left // 16)
 
 
-class Connection(socket.socket):
+class GateConnection(socket.socket):
     """One connection. asyncio reads and closes it like any other socket, and so tells how it is."""
 
     def __init__(self, gate: Gate, key: tuple[int, Any], descriptor: int) -> None:
@@ -102,7 +102,7 @@ class Connection(socket.socket):
             return  # the other end was faster
 
 
-class Listener(socket.socket):
+class GateListener(socket.socket):
     """A listening socket whose connections go through a gate, once it has one."""
 
     gate: Gate | None = None
@@ -140,15 +140,15 @@ class Gate:
 
     def __init__(self, limits: Places) -> None:
         self._limits = limits
-        self._all: dict[tuple[int, Any], Connection] = {}
-        self._strangers: dict[str, dict[Connection, None]] = {}
+        self._all: dict[tuple[int, Any], GateConnection] = {}
+        self._strangers: dict[str, dict[GateConnection, None]] = {}
         self._ended: Counter[str] = Counter()
         self._left = 0
         self.turn = _Turn()
 
-    def enter(self, key: tuple[int, Any], descriptor: int) -> Connection:
+    def enter(self, key: tuple[int, Any], descriptor: int) -> GateConnection:
         """Take a connection; one of too many ends for it. Its key is our port, and the address of its end."""
-        connection = self._all[key] = Connection(self, key, descriptor)
+        connection = self._all[key] = GateConnection(self, key, descriptor)
         own = self._strangers.setdefault(connection.address, {})
         own[connection] = None
         if len(own) > self._limits.one_address:
@@ -161,19 +161,19 @@ class Gate:
     def _number_of_strangers(self) -> int:
         return sum(map(len, self._strangers.values()))
 
-    def forget(self, connection: Connection) -> None:
+    def forget(self, connection: GateConnection) -> None:
         """A connection is closed, or about to be."""
         if self._all.get(connection.key) is connection:  # another may have the same address by now
             del self._all[connection.key]
         self._is_no_stranger(connection)
 
-    def _is_no_stranger(self, connection: Connection) -> None:
+    def _is_no_stranger(self, connection: GateConnection) -> None:
         own = self._strangers.get(connection.address, {})
         own.pop(connection, None)
         if not own:
             self._strangers.pop(connection.address, None)
 
-    def _end(self, connection: Connection, why: str) -> None:
+    def _end(self, connection: GateConnection, why: str) -> None:
         self._ended[why] += 1
         connection.end()
         self._left += 1
@@ -201,7 +201,7 @@ class Gate:
 
         return watched
 
-    def admit(self, connection: Connection | None, visitor: Visitor) -> None:
+    def admit(self, connection: GateConnection | None, visitor: Visitor) -> None:
         """Somebody was let in by a request on a connection, which has a place of its own from now on.
 
         Raises:
