@@ -150,6 +150,19 @@ def command_line(
     return {**line, **{key: answer[key] for key in ("code", "mission_id", "step") if answer.get(key)}}
 
 
+def login_line(wall: float, who: str, address: str, accepted: bool, answer: str) -> dict[str, Any]:
+    """Return the line of who came in, or did not; it names no topic or service, and is no command."""
+    moment = datetime.fromtimestamp(wall, timezone.utc).isoformat(timespec="milliseconds")
+    return {
+        "wall": moment,
+        "who": who,
+        "from": address,
+        "what": "login",
+        "accepted": accepted,
+        "answer": answer,
+    }
+
+
 def _bounded(sent: Any) -> Any:
     """Return what was sent, or as much of its text as fits a line."""
     text = _text(sent)

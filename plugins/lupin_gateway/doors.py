@@ -6,6 +6,7 @@ Pure: the wall clock is an argument. A refusal is a sentence that says what to d
 from __future__ import annotations
 
 import enum
+import hashlib
 import hmac
 import math
 import os
@@ -61,11 +62,15 @@ class Use(enum.Enum):
 
 @dataclass(frozen=True)
 class Visitor:
-    """Who has come in: name, role, and until when, in seconds of the wall clock (UNIX)."""
+    """Who has come in: name, role, and until when, in seconds of the wall clock (UNIX).
+
+    `mark` is the hash of the token; '' where none is asked for.
+    """
 
     name: str
     role: UserRole
     expires: float = math.inf
+    mark: str = field(default="", repr=False, compare=False)
 
     def has_expired(self, wall: float) -> str:
         """Return that the token has expired, in words; '' while it has not."""
@@ -76,11 +81,12 @@ class Visitor:
 
 
 class NotAdmitted(LupinError):
-    """Somebody may not come in; `status` is that of the HTTP response."""
+    """Somebody may not come in: with which status of HTTP, and whether a wrong token or code was shown."""
 
-    def __init__(self, status: int, text: str) -> None:
+    def __init__(self, status: int, text: str, *, wrong: bool = False) -> None:
         super().__init__(text)
         self.status = status
+        self.wrong = wrong
 
 
 # -- tokens -----------------------------------------------------------------------------------------------
@@ -94,13 +100,21 @@ class IssuedToken:
     secret: str = field(repr=False)
 
 
+class BadTokens(LupinError):
+    """A file of tokens that nobody can come in with; `good` are those of its lines that are right."""
+
+    def __init__(self, text: str, good: Iterable[IssuedToken] = ()) -> None:
+        super().__init__(text)
+        self.good = tuple(good)
+
+
 def read_tokens(file: Path) -> tuple[IssuedToken, ...]:
     """Return the tokens of a file; each line is `NAME ROLE EXPIRES TOKEN`, and `#` begins a remark.
 
     EXPIRES is a day (its end, UTC), such as 2026-12-31.
 
     Raises:
-        LupinError: everything that is wrong with the file, each with its line; no text has a token in it.
+        BadTokens: everything that is wrong with the file, each with its line; no text has a token in it.
     """
     problems, found = Problems(), dict[str, IssuedToken]()
     try:
@@ -114,14 +128,18 @@ def read_tokens(file: Path) -> tuple[IssuedToken, ...]:
                 problems.add(*(f"{file}:{number}: {text}" for text in wrong))
                 if not wrong:
                     name, role, day, secret = words
-                    visitor = Visitor(name, UserRole[role.upper()], _end_of(day) or 0.0)
+                    mark = hashlib.sha256(secret.encode()).hexdigest()
+                    visitor = Visitor(name, UserRole[role.upper()], _end_of(day) or 0.0, mark)
                     found[name] = IssuedToken(visitor, secret)
     except (OSError, UnicodeDecodeError) as problem:
         reason = problem.strerror if isinstance(problem, OSError) else "it is not a text in UTF-8"
-        raise LupinError(f"{file}: the tokens cannot be read: {reason}") from None
-    problems.tell()
+        raise BadTokens(f"{file}: the tokens cannot be read: {reason}") from None
+    try:
+        problems.tell()
+    except LupinError as wrong:
+        raise BadTokens(str(wrong), found.values()) from None
     if not found:
-        raise LupinError(f"{file}: there is no token in it; write lines of NAME ROLE EXPIRES TOKEN")
+        raise BadTokens(f"{file}: there is no token in it; write lines of NAME ROLE EXPIRES TOKEN")
     return tuple(found.values())
 
 
@@ -180,9 +198,9 @@ def admitted(token: str, tokens: Iterable[IssuedToken], wall: float) -> Visitor:
         if hmac.compare_digest(given, one.secret.encode()):
             found = one.visitor
     if found is None:
-        raise NotAdmitted(401, "this token is nobody's; ask who runs the gateway for one")
+        raise NotAdmitted(401, "this token is nobody's; ask who runs the gateway for one", wrong=True)
     if expired := found.has_expired(wall):
-        raise NotAdmitted(401, expired)
+        raise NotAdmitted(401, expired, wrong=True)
     return found
 
 
@@ -293,12 +311,42 @@ class Doors:
         self.check_origin(headers)
         if self._tokens is None:
             return Visitor("page", UserRole.ENGINEER)
+        return admitted(token_of(headers), self._usable(self._tokens), wall)
+
+    def token_for(self, name: str, wall: float) -> tuple[str, Visitor]:
+        """Return the token of a person who has proved to be that one in another way, and the visitor.
+
+        Raises:
+            NotAdmitted: nobody has this name any more, or the token has expired.
+        """
+        for one in self._usable(self._tokens) if self._tokens else ():
+            if one.visitor.name == name:
+                return one.secret, admitted(one.secret, [one], wall)
+        raise NotAdmitted(401, f"{name} has no token any more; ask who runs the gateway for one", wrong=True)
+
+    @staticmethod
+    def _usable(tokens: Callable[[], Sequence[IssuedToken]]) -> Sequence[IssuedToken]:
         try:
-            tokens = self._tokens()
+            return tokens()
         except LupinError:
             text = "nobody can come in now: the gateway cannot use its file of tokens, and its log says why"
             raise NotAdmitted(503, text) from None
-        return admitted(token_of(headers), tokens, wall)
+
+    def reasons_to_go(self, visitors: Sequence[Visitor], wall: float) -> list[str]:
+        """Return for each of those who are in why that one may not stay; '' where it may.
+
+        A token may have expired, or stand in no line any more with its name and role. Other lines that are
+        wrong turn out nobody.
+        """
+        if self._tokens is None:
+            return [""] * len(visitors)
+        try:
+            tokens = self._tokens()
+        except BadTokens as problem:
+            tokens = problem.good
+        stay = {(one.visitor, one.visitor.mark) for one in tokens}
+        taken = "this token was taken out of the file of tokens"
+        return [one.has_expired(wall) or ("" if (one, one.mark) in stay else taken) for one in visitors]
 
     def check_origin(self, headers: Mapping[str, str]) -> None:
         """Refuse a request that a foreign page sends, which is one of another host, on whatever port.

@@ -12,8 +12,10 @@ from typing import Any
 
 from lupin_engine.plugin.contract import Access
 from lupin_gateway import protocol
-from lupin_gateway.audit import AuditLog, Repetitions, command_line
-from lupin_gateway.doors import STOP_TOPIC, Allowance, AllowList, Doors, Use, UserRole, Visitor
+from lupin_gateway.audit import AuditLog, Repetitions, command_line, login_line
+from lupin_gateway.doors import STOP_TOPIC, Allowance, AllowList, Doors, NotAdmitted, Use, UserRole, Visitor
+from lupin_gateway.entry.attempts import WrongAttempts, delay, is_written_down
+from lupin_gateway.entry.invitations import Invitations
 from lupin_gateway.motion import BASE_TOPIC, TAKE_BASE, MotionGate
 from lupin_gateway.people import ACKNOWLEDGE, COMMANDS, HERE, NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
 from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter, stop_of
@@ -78,9 +80,14 @@ class HouseRules:
         self.people = People()
         self.motion = MotionGate()
         self._base = ""
+        #: Links by which people log in; None: there are none.
+        self.invitations: Invitations | None = None
+        #: Logs what is wrong for a while.
+        self.warn: Callable[[str], object] = lambda _: None
         self._log = log
         self._hands = hands
         self._connections = 0
+        self._wrong = WrongAttempts()
         self._told: tuple[bool, str] | None = None
         self._kept = stops.kept()
 
@@ -90,6 +97,32 @@ class HouseRules:
         guard = Guard(self, self._connections, visitor, address, browser)
         self.tell_changes()
         return guard
+
+    def refused_entry(self, address: str, refused: NotAdmitted) -> float:
+        """Take notice that somebody was not let in; return how many seconds the answer is to wait."""
+        if not refused.wrong:
+            return 0.0
+        times = self._wrong.count(address, self.clocks.steady())
+        if is_written_down(times):
+            self.write_login("", address, False, str(refused), times=times)
+        return delay(times)
+
+    def use_invitation(self, code: str) -> str:
+        """Return whom the code of a link lets in; it is used up by that.
+
+        Raises:
+            NotAdmitted: it is no code, or not any more.
+        """
+        name = self.invitations.use(code, self.clocks.wall()) if self.invitations else ""
+        if not name:
+            text = "this link was used already, or is older than 10 minutes; ask for a new one (lupin invite)"
+            raise NotAdmitted(401, text, wrong=True)
+        return name
+
+    def write_login(self, who: str, address: str, accepted: bool, answer: str, **more: int) -> None:
+        """Write a line of the audit log about who came in, or did not, or had to go."""
+        if self._log is not None:
+            self._log.write({**login_line(self.clocks.wall(), who, address, accepted, answer), **more})
 
     def tick(self) -> None:
         """Tell the stop, and decide about a lost link; to be called `TELL_HZ` times a second."""
@@ -162,7 +195,7 @@ class Guard:
     def __init__(self, rules: HouseRules, number: int, visitor: Visitor, address: str, browser: str) -> None:
         self._rules = rules
         self._number = number
-        self._visitor = visitor
+        self.visitor = visitor
         self._allowance = Allowance()
         self._repetitions = Repetitions()
         #: The name of the connection, by which its stop is reset.
@@ -192,13 +225,13 @@ class Guard:
         """
         if isinstance(operation, protocol.PublishMessage) and operation.topic == STOP_TOPIC:
             return (
-                self._visitor.has_expired(self._rules.clocks.wall()) if not stop_of(operation.message) else ""
+                self.visitor.has_expired(self._rules.clocks.wall()) if not stop_of(operation.message) else ""
             )
         if too_fast := self._allowance.operation(self._rules.clocks.steady()):
             return too_fast
         if isinstance(operation, protocol.BadFrame):
             return ""
-        refused = self._visitor.has_expired(self._rules.clocks.wall()) or self._name_refusal(operation)
+        refused = self.visitor.has_expired(self._rules.clocks.wall()) or self._name_refusal(operation)
         refused = refused or self._motion_refusal(operation)
         if refused and (named := _command(operation)) and not self._is_repeated(operation):
             self._rules.write(self._who, *named, refused)
@@ -218,7 +251,7 @@ class Guard:
                 use = Use.ACTION
             case _:
                 return ""
-        return self._rules.allowed.refusal(self._visitor, use, name)
+        return self._rules.allowed.refusal(self.visitor, use, name)
 
     def _motion_refusal(self, operation: protocol.Operation) -> str:
         """Return why an operation does not move the robot; '' where it does, or moves nothing."""
@@ -309,6 +342,10 @@ class Guard:
             if not reads:
                 self._rules.write(self._who, *named, answer)
                 self._rules.people.tell_changes()
+
+    def turned_out(self, reason: str) -> None:
+        """The client has to go."""
+        self._rules.write_login(self.visitor.name, self._who["from"], False, f"{self.name}: {reason}")
 
     def leave(self) -> None:
         """The client has gone; its stop stays."""

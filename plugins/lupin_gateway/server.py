@@ -22,12 +22,14 @@ from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Scope
 from starlette.websockets import WebSocket, WebSocketDisconnect
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from lupin_engine.errors import UsageError, shortened
 from lupin_gateway.doors import NotAdmitted, Use
 from lupin_gateway.encoding import FrameData
-from lupin_gateway.entrance import SHIELDS, Entrance, browser_of
-from lupin_gateway.guard import HouseRules
+from lupin_gateway.entry.entrance import SHIELDS, Entrance, address_of, browser_of, come_in
+from lupin_gateway.entry.gate import Gate, GateListener, places
+from lupin_gateway.guard import Guard, HouseRules
 from lupin_gateway.hub import Hub, Outbox
 from lupin_gateway.session import Limits, Session
 from lupin_gateway.sides import KeptPast, RosSide
@@ -51,8 +53,12 @@ KERNEL_BUFFER, GONE_AFTER_MS = 256_000, 20_000
 KERNEL_INPUT = 8_000
 #: Seconds of one turn of a history, while which nobody else is served.
 HISTORY_TURN_S = 0.005
-#: Code with which a client is sent away that does not even read its answers (RFC 6455: try again later).
-TOO_SLOW = 1013
+#: Codes with which a client is sent away that does not even read its answers (RFC 6455: try again later), and
+#: one that may not be in any more.
+TOO_SLOW, TURNED_OUT = 1013, 1008
+#: Seconds between two looks at tokens and silent connections. Who may not be in goes when two looks in a row
+#: say so: an editor may be writing the file of tokens. Reports of ended connections are further apart.
+LOOK_S, REPORT_S = 1.0, 60.0
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,7 @@ class Address:
     port: int = 8080
     rosbridge_port: int = 0
 
-    def sockets(self) -> list[socket.socket]:
+    def sockets(self) -> list[GateListener]:
         """Return listening sockets, one for each port.
 
         Raises:
@@ -73,7 +79,7 @@ class Address:
         return [_listening(self.host, port) for port in ports]
 
 
-def _listening(host: str, port: int) -> socket.socket:
+def _listening(host: str, port: int) -> GateListener:
     try:
         found = socket.create_server((host, port), backlog=128)
         # All are handed on to each connection: the outbox is where a client's frames wait, who does not read
@@ -83,7 +89,7 @@ def _listening(host: str, port: int) -> socket.socket:
         found.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KERNEL_BUFFER)
         found.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, KERNEL_INPUT)
         found.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, GONE_AFTER_MS)
-        return found
+        return GateListener(fileno=found.detach())
     except OSError as problem:
         reason = os.strerror(problem.errno) if problem.errno else str(problem)
         raise UsageError(
@@ -123,7 +129,10 @@ class Gateway:
         self._ros = ros
         self._hub = hub
         self._limits = limits
-        self._clients = 0
+        self.gate = Gate(places())
+        #: Who is connected, with what ends that for a reason.
+        self._clients: dict[Guard, Callable[[str], None]] = {}
+        self._must_go: set[Guard] = set()
 
     def application(self) -> ASGIApp:
         """Return what answers the first port."""
@@ -134,15 +143,19 @@ class Gateway:
             Route("/history", self._history),
             Mount("/", _ConsoleFiles(directory=PAGES, html=True)),
         ]
-        return Entrance(Starlette(routes=routes), self.rules.doors)
+        return self._watched(Entrance(Starlette(routes=routes), self.rules, self.gate))
 
     def protocol_only(self) -> ASGIApp:
         """Return what answers the second port: any path, as rosbridge does."""
-        return Starlette(routes=[WebSocketRoute("/{path:path}", self._connect)])
+        return self._watched(Starlette(routes=[WebSocketRoute("/{path:path}", self._connect)]))
+
+    def _watched(self, application: ASGIApp) -> ASGIApp:
+        trusted = os.environ.get("FORWARDED_ALLOW_IPS", "127.0.0.1")  # as uvicorn has it
+        return self.gate.watching(ProxyHeadersMiddleware(application, trusted))  # type: ignore[arg-type]
 
     async def _status(self, request: Request) -> JSONResponse:
         visitor = self.rules.doors.admit(request.headers, self.rules.clocks.wall())
-        told = {"clients": self._clients, "topics": self._hub.topics(), **self._ros.about()}
+        told = {"clients": len(self._clients), "topics": self._hub.topics(), **self._ros.about()}
         return JSONResponse({**told, "name": visitor.name, "role": visitor.role.word})
 
     async def _history(self, request: Request) -> Response:
@@ -168,31 +181,48 @@ class Gateway:
 
     async def _connect(self, socket_: WebSocket) -> None:
         try:
-            visitor = self.rules.doors.admit(socket_.headers, self.rules.clocks.wall())
+            visitor = await come_in(self.rules, self.gate, socket_)
         except NotAdmitted as refused:
             await socket_.send_denial_response(PlainTextResponse(f"{refused}\n", refused.status))
             return
         browser, known = browser_of(socket_.headers, secure=bool(self.tls))
         await socket_.accept(headers=known)
-        guard = self.rules.enter(visitor, socket_.client.host if socket_.client else "", browser)
+        guard = self.rules.enter(visitor, address_of(socket_), browser)
+        leaving: tuple[int, str] = TOO_SLOW, "this client does not read its answers"
 
         def stop_sending() -> None:
+            sending.cancel()
+
+        def turn_out(reason: str) -> None:
+            nonlocal leaving
+            leaving = TURNED_OUT, reason
+            guard.turned_out(reason)
             sending.cancel()
 
         outbox = Outbox(stop_sending)
         session = Session(self._ros, self._hub, outbox, self._limits, guard)
         sending = asyncio.ensure_future(_send_all(outbox, socket_))
-        self._clients += 1
+        self._clients[guard] = turn_out
         try:
             receiving = asyncio.ensure_future(_receive_all(session.receive, socket_))
             await asyncio.wait({receiving, sending}, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            self._clients -= 1
+            del self._clients[guard]
             session.close()
             receiving.cancel()
             sending.cancel()
         if sending.cancelled():
-            await _send_away(socket_)
+            await _send_away(socket_, *leaving)
+
+    def look(self) -> None:
+        """End connections whose token is not one any more, and those that are silent before they are in."""
+        guards = list(self._clients)
+        reasons = self.rules.doors.reasons_to_go([one.visitor for one in guards], self.rules.clocks.wall())
+        must_go = {one: reason for one, reason in zip(guards, reasons, strict=True) if reason}
+        for one in self._must_go & must_go.keys():
+            self._clients[one](must_go[one])
+        self._must_go = set(must_go)
+        self.gate.sweep()
 
 
 async def _in_turns(lines: Iterator[bytes], packed: bool) -> AsyncIterator[bytes]:
@@ -240,17 +270,19 @@ async def _send_all(outbox: Outbox, socket_: WebSocket) -> None:
             await send({"type": "websocket.send", kind: frame})
 
 
-async def _send_away(socket_: WebSocket) -> None:
+async def _send_away(socket_: WebSocket, code: int, reason: str) -> None:
     with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError, asyncio.TimeoutError):
-        await asyncio.wait_for(socket_.close(TOO_SLOW, "this client does not read its answers"), 1.0)
+        await asyncio.wait_for(socket_.close(code, reason), 1.0)
 
 
-async def serve(gateway: Gateway, sockets: Sequence[socket.socket], until: asyncio.Future[None]) -> None:
+async def serve(gateway: Gateway, sockets: Sequence[GateListener], until: asyncio.Future[None]) -> None:
     """Serve on the sockets (the first one: files too) until told to stop, then close all connections.
 
     Raises:
         RuntimeError: a server, or the telling of the stop, ended without being told to.
     """
+    for each in sockets:
+        each.gate = gateway.gate
     applications = [gateway.application(), *(gateway.protocol_only() for _ in sockets[1:])]
     servers = [_QuietServer(_configuration(application, gateway.tls)) for application in applications]
     running = [
@@ -259,8 +291,10 @@ async def serve(gateway: Gateway, sockets: Sequence[socket.socket], until: async
     ]
     gateway.history.start()
     telling = asyncio.ensure_future(_tell_steadily(gateway.rules))
-    ended, _ = await asyncio.wait({until, telling, *running}, return_when=asyncio.FIRST_COMPLETED)
+    looking = asyncio.ensure_future(_look_steadily(gateway))
+    ended, _ = await asyncio.wait({until, telling, looking, *running}, return_when=asyncio.FIRST_COMPLETED)
     telling.cancel()
+    looking.cancel()
     for server in servers:
         server.should_exit = True
     await asyncio.gather(*running, return_exceptions=True)
@@ -274,6 +308,17 @@ async def _tell_steadily(rules: HouseRules) -> None:
         with _telling_defects():
             rules.tick()
         await asyncio.sleep(1.0 / TELL_HZ)
+
+
+async def _look_steadily(gateway: Gateway) -> None:
+    report_at = 0.0
+    while True:
+        with _telling_defects():
+            gateway.look()
+            if time.monotonic() >= report_at and (report := gateway.gate.report()):
+                gateway.rules.warn(report)
+                report_at = time.monotonic() + REPORT_S
+        await asyncio.sleep(LOOK_S)
 
 
 class _QuietServer(uvicorn.Server):
@@ -291,7 +336,9 @@ def _configuration(application: ASGIApp, tls: Mapping[str, str]) -> uvicorn.Conf
         ssl_certfile=tls.get("ssl_certfile"),
         ssl_keyfile=tls.get("ssl_keyfile"),
         log_config=None,
+        log_level="error",  # not what strangers send that is no HTTP: they would fill it
         access_log=False,
+        proxy_headers=False,  # the gate must see connections as they are: see `Gateway._watched`
         ws="websockets-sansio",
         ws_max_size=LARGEST_FRAME,
         ws_ping_interval=PING_EVERY_S,

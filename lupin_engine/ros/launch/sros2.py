@@ -6,7 +6,7 @@ The form is that of policy.xsd of sros2 (0.2.0), and of the governance of OMG DD
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 from types import MappingProxyType
 from xml.etree import ElementTree as Xml
@@ -16,13 +16,35 @@ from lupin_engine.ros.adapter.network import ACTION, Interface
 from lupin_engine.ros.adapter.node import OPERATOR_ENCLAVE, enclave_of
 from lupin_engine.ros.names import DIAGNOSTICS_TOPIC
 
+#: Kind, what may be done, and the absolute name.
+Permission = tuple[str, str, str]
+#: Permissions, each with why a node has it that does not always use it.
+_Granted = dict[Permission, str]
+
 _VERSION = "0.2.0"
 #: Kind -> what an end that produces may do, and one that consumes, in the words of sros2.
 _MAY: Mapping[str, tuple[str, str]] = MappingProxyType(
     {"topic": ("publish", "subscribe"), "service": ("reply", "request"), "action": ("execute", "call")}
 )
-#: What every node may: go by simulated time, should it be told to, and tell how it is.
-_EVERY = (("topic", "subscribe", "/clock"), ("topic", "publish", DIAGNOSTICS_TOPIC))
+#: What every node may, besides what it declares.
+_EVERY: Mapping[Permission, str] = MappingProxyType(
+    {
+        ("topic", "subscribe", "/clock"): "where use_sim_time is set",
+        ("topic", "publish", DIAGNOSTICS_TOPIC): "",
+    }
+)
+#: What a node that serves pages may, whatever pages use.
+_EVERY_PAGE: Mapping[Permission, str] = MappingProxyType(
+    {
+        ("topic", "subscribe", "/*"): "an engineer's page may read every topic",
+        ("service", "request", "/*/get_parameters"): "an operator's page may read parameters",
+    }
+)
+_BY_PAGES = "where a page uses it"
+_OF_OTHERS = "where a page uses it; no node here has it, so it may be a topic, a service or an action"
+#: The nodes of people's verbs, with the numbers of their processes.
+_VERBS = ("/lupin_operator_*", "/lupin_graph_*", "/lupin_recorder_*")
+_BY_VERBS = "where a person's verb uses it"
 #: What the governance asks of everybody: a certificate of ours, permissions, and that nothing can be read.
 _DOMAIN_RULE = (
     ("allow_unauthenticated_participants", "false"),
@@ -41,24 +63,27 @@ _TOPIC_RULE = (
     ("data_protection_kind", "ENCRYPT"),
 )
 
-#: Kind, what may be done, and the absolute name.
-Permission = tuple[str, str, str]
 
+def policy(
+    declared: Iterable[Interface], nodes: Iterable[str], pages: Mapping[str, Access], asked: Iterable[str]
+) -> str:
+    """Return the policy.xml of nodes, where a comment says why one may do what it does not always do.
 
-def policy(declared: Iterable[Interface], pages: Mapping[str, Access]) -> str:
-    """Return the policy.xml of nodes that declare these interfaces.
-
-    `pages` says of nodes that serve people's pages, by full name, what those may use beside.
+    Args:
+        declared: the interfaces of these nodes, and of others that only tell which kind a name is of.
+        nodes: their full names.
+        pages: of those that serve people's pages, what these may use besides.
+        asked: services that people's verbs call.
     """
     known = list(declared)
-    allowed: dict[str, set[Permission]] = {}
+    allowed: dict[str, _Granted] = {node: {**_EVERY} for node in nodes}
     for one in known:
-        for nodes, may in zip((one.producers, one.consumers), _MAY[one.kind], strict=True):
-            for node in nodes:
-                allowed.setdefault(node, {*_EVERY}).add((one.kind, may, one.name))
-    for node, access in pages.items():
-        allowed.setdefault(node, {*_EVERY}).update(_of_pages(access, known))
-    allowed["/lupin_operator"] = _of_operators(known)
+        for ends, may in zip((one.producers, one.consumers), _MAY[one.kind], strict=True):
+            for node in allowed.keys() & ends:
+                allowed[node][one.kind, may, one.name] = ""
+    for node in allowed.keys() & pages.keys():
+        allowed[node] = {**_of_pages(pages[node], known), **_EVERY_PAGE, **_without_reading(allowed[node])}
+    allowed["/lupin_operator"] = _of_operators(known, asked)
     root = Xml.Element("policy", version=_VERSION)
     enclaves = Xml.SubElement(root, "enclaves")
     for node in sorted(allowed):
@@ -83,41 +108,59 @@ def governance(domain: int) -> str:
     return _text(root)
 
 
-def _of_pages(access: Access, known: Iterable[Interface]) -> Iterable[Permission]:
-    """Yield what pages may do: read and ask what a viewer may, command the rest."""
-    commands = (*access.operator, *access.engineer)
-    for one in known:
-        read, commanded = (any(fnmatchcase(one.name, p) for p in some) for some in (access.viewer, commands))
-        if one.kind == "topic":
-            if read or commanded:
-                yield ("topic", "subscribe", one.name)
-            if commanded:
-                yield ("topic", "publish", one.name)
-        elif read or commanded:
-            yield (one.kind, _MAY[one.kind][1], one.name)
+def _of_pages(access: Access, known: Iterable[Interface]) -> _Granted:
+    """Return what pages may do: ask what a viewer may ask, command the rest. They read every topic."""
+    granted: _Granted = {}
+    for names, commands in ((access.viewer, False), ((*access.operator, *access.engineer), True)):
+        for name in names:
+            kinds: dict[tuple[str, str], str] = {
+                (one.kind, one.name): _BY_PAGES for one in known if fnmatchcase(one.name, name)
+            }
+            if not kinds and "*" not in name:
+                possible = ("service",) if ACTION in name else ("topic", "service", "action")
+                kinds = {(kind, name): _OF_OTHERS for kind in possible}
+            for (kind, full), reason in kinds.items():
+                if kind == "service" or commands:
+                    granted[kind, _MAY[kind][0 if kind == "topic" else 1], full] = reason
+    return granted
 
 
-def _of_operators(known: Iterable[Interface]) -> set[Permission]:
-    """Return what the verbs of people may do: hear all, as `record` and `graph` do, and ask whom we serve."""
-    asked = {("service", "request", one.name) for one in known if one.kind == "service" and one.producers}
-    own = {("topic", "publish", one.name) for one in known if one.is_housekeeping and one.kind == "topic"}
-    return {("topic", "subscribe", "/*"), *asked, *own}
+def _without_reading(granted: _Granted) -> _Granted:
+    """Return permissions without those to subscribe, which one for all topics has."""
+    return {one: reason for one, reason in granted.items() if one[:2] != ("topic", "subscribe")}
 
 
-def _without_parts(allowed: Iterable[Permission]) -> Iterator[Permission]:
-    """Yield permissions without those for the parts of actions that are permitted as a whole."""
-    of_node = list(allowed)
-    whole = {name for kind, _, name in of_node if kind == "action"}
-    yield from (one for one in of_node if one[2].partition(ACTION)[0] not in whole or one[0] == "action")
+def _of_operators(known: Iterable[Interface], asked: Iterable[str]) -> _Granted:
+    """Return what the verbs of people may do: hear all, ask the orchestrator, and be a node like others."""
+    own = [one for one in known if one.is_housekeeping]
+    services = {one.name.rpartition("/")[2] for one in own if one.kind == "service"}
+    granted = [("topic", "publish", one.name) for one in own if one.kind == "topic"]
+    granted += [("service", "reply", f"{node}/{service}") for node in _VERBS for service in services]
+    granted += [("service", "request", name) for name in asked]
+    return dict.fromkeys([("topic", "subscribe", "/*"), *granted], _BY_VERBS)
 
 
-def _fill(profile: Xml.Element, allowed: Iterable[Permission]) -> None:
-    groups: dict[tuple[str, str], list[str]] = {}
-    for kind, may, name in sorted(allowed):
-        groups.setdefault((kind, may), []).append(name)
+def _without_parts(granted: _Granted) -> _Granted:
+    """Return permissions without those for the parts of actions that are permitted as a whole."""
+    whole = {name for kind, _, name in granted if kind == "action"}
+    return {
+        one: reason
+        for one, reason in granted.items()
+        if ACTION not in one[2] or one[2].partition(ACTION)[0] not in whole
+    }
+
+
+def _fill(profile: Xml.Element, granted: _Granted) -> None:
+    groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for (kind, may, name), reason in sorted(granted.items()):
+        groups.setdefault((kind, may), []).append((reason, name))
     for (kind, may), names in groups.items():
         group = Xml.SubElement(profile, f"{kind}s", {may: "ALLOW"})
-        for name in names:
+        before = ""
+        for reason, name in sorted(names):
+            if reason != before:
+                group.append(Xml.Comment(f" {reason}: "))
+            before = reason
             Xml.SubElement(group, kind).text = name
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import socket
 import sys
 import time
@@ -112,7 +113,8 @@ def addresses(values: Mapping[str, Any]) -> list[str]:
     """Return where browsers find the pages; see `ros.launch.nodes`."""
     if not values["open"]:
         return [f"pages at http://{values['host']}:{values['port']}"]
-    return [f"pages at https://{socket.gethostname()}:{values['port']}, for who has a token"]
+    who = "for who has a token; `lupin invite NAME` prints a link for a phone"
+    return [f"pages at https://{socket.gethostname()}:{values['port']}, {who}"]
 
 
 def _open(waiting: Repeater, loop: LoopThread, serving: Callable[..., Any]) -> None:
@@ -153,6 +155,7 @@ def main(arguments: Sequence[str]) -> int:
         ros.log.info(
             f"the gateway serves http://{address.host}:{address.port}", rosbridge=address.rosbridge_port
         )
+        gc.freeze()  # what is here stays: to look through it for garbage would hold up a stop for long
         try:
             ros.spin()
         finally:  # what nobody came to use is closed as well

@@ -6,7 +6,6 @@ import ssl
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from std_msgs.msg import Bool, String
 
 from lupin_engine.errors import LupinError, Problems, UsageError
 from lupin_engine.plugin.contract import Access, Parameter
-from lupin_engine.plugin.files import ros_domain, user_folder
 from lupin_engine.plugin.pages import declared_access
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.plugin.types import BOOL, TEXT, list_of, one_of
@@ -29,6 +27,7 @@ from lupin_gateway.doors import (
     open_problems,
     read_tokens,
 )
+from lupin_gateway.entry.invitations import Invitations, ServedDoors, state_folder
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
 from lupin_gateway.motion import BASE_TOPIC, MotionGate
 from lupin_gateway.node.kept import StateFile
@@ -134,7 +133,7 @@ def house_rules(ros: RosNode, side: NodeSide, values: Mapping[str, Any]) -> Hous
     """Return the rules, with the stops that an earlier gateway of this domain has left."""
     catalog, folder = load_catalog(), state_folder()
     tokens = Path(values["tokens"]) if values["tokens"] else None
-    doors = Doors(partial(_tokens, ros, tokens) if tokens else None, values["origins"])
+    doors = Doors(_TokensFile(ros, tokens) if tokens else None, values["origins"])
     stops = StopArbiter(OnLinkLost(values["on_link_lost"]), values["viewers_stop"])
     stops_file = StateFile(ros, folder / "stops.json", "stops")
     stops.restore(_kept_stops(ros, stops_file), time.monotonic())
@@ -157,7 +156,16 @@ def house_rules(ros: RosNode, side: NodeSide, values: Mapping[str, Any]) -> Hous
     wire = catalog.profile.wire
     rules.motion = MotionGate((names.COMMAND_SERVICE, *([wire.requests.format("*")] if wire else ())))
     side.moving = allowed.moving
+    rules.warn = ros.log.warning
+    if tokens:
+        rules.invitations = Invitations(folder)
+        certificate = _absolute(values["tls_certificate"])
+        ServedDoors(host(values), values["port"], _absolute(values["tokens"]), certificate).keep(folder)
     return rules
+
+
+def _absolute(file: str) -> str:
+    return str(Path(file).absolute()) if file else ""
 
 
 def _telling_stop(ros: RosNode, shared_false: bool) -> Callable[[bool], None]:
@@ -179,14 +187,6 @@ def _telling_stop(ros: RosNode, shared_false: bool) -> Callable[[bool], None]:
     return tell
 
 
-def state_folder() -> Path:
-    """Return the folder of what the gateway of this ROS domain keeps, made if need be."""
-    domain = ros_domain()
-    folder = user_folder("XDG_STATE_HOME", ".local/state") / (f"gateway-{domain}" if domain else "gateway")
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    return folder
-
-
 def _own(ros: RosNode, catalog: Catalog, values: Mapping[str, Any]) -> Iterator[Access]:
     """Yield what no catalog declares: the gateway's own names, the engine's, bindings, and settings."""
     yield names.ACCESS
@@ -204,12 +204,24 @@ def _own(ros: RosNode, catalog: Catalog, values: Mapping[str, Any]) -> Iterator[
     yield Access(viewer=tuple(bindings.heard), engineer=called, motions=moving)
 
 
-def _tokens(ros: RosNode, file: Path) -> tuple[IssuedToken, ...]:
-    try:
-        return read_tokens(file)
-    except LupinError as problem:
-        ros.log.error(str(problem))
-        raise
+class _TokensFile:
+    """Reads the file of tokens each time; what is wrong with it is logged once."""
+
+    def __init__(self, ros: RosNode, file: Path) -> None:
+        self._ros = ros
+        self._file = file
+        self._logged = ""
+
+    def __call__(self) -> tuple[IssuedToken, ...]:
+        try:
+            tokens = read_tokens(self._file)
+        except LupinError as problem:
+            if str(problem) != self._logged:
+                self._logged = str(problem)
+                self._ros.log.error(self._logged)
+            raise
+        self._logged = ""
+        return tokens
 
 
 def _pausing(side: RosSide, catalog: Catalog) -> Callable[[Callable[[Any], None]], None]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import signal
-import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -13,6 +12,7 @@ from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.pages import PageSource, declared_access
 from lupin_engine.plugin.registry import load_catalog
 from lupin_gateway.doors import AllowList, Doors
+from lupin_gateway.entry.gate import GateListener
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
 from lupin_gateway.hub import Backlog, Hub
 from lupin_gateway.people import People
@@ -38,7 +38,7 @@ def serve_pages(source: PageSource, port: int, told: Callable[[str], object]) ->
     asyncio.run(_serve(source, sockets))
 
 
-async def _serve(source: PageSource, sockets: Sequence[socket.socket]) -> None:
+async def _serve(source: PageSource, sockets: Sequence[GateListener]) -> None:
     loop = asyncio.get_running_loop()
     until: asyncio.Future[None] = loop.create_future()
 

@@ -7,15 +7,27 @@ in words of our own; sros2 itself is on no package index. An apt ROS 2 brings it
 from __future__ import annotations
 
 import importlib.util
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
+from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as Xml
 
 import pytest
 
+from lupin_engine.harness.domains import claimed_domain
+from lupin_engine.plugin.pages import declared_access
+from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.ros.adapter.network import interfaces
+from lupin_engine.ros.names import ACCESS
+from lupin_engine.ros.operator import Operator as Verbs
+from lupin_msgs.srv import StartMission
+from tests.plugins.gateway.served import OpenPage
+from tests.ros.gateway.conftest import free_port
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)
@@ -24,6 +36,8 @@ ROOT = Path(__file__).parents[3]
 #: Kind -> what its ends may do: who produces, who consumes.
 MAY = {"topic": ("publish", "subscribe"), "service": ("reply", "request"), "action": ("execute", "call")}
 Permission = tuple[str, str, str]
+#: Nodes of people's verbs, which have one enclave.
+_PERSON = re.compile(r"^/lupin_(operator|graph|recorder)_\d+$")
 
 
 def written(folder: Path, *arguments: str) -> Path:
@@ -79,22 +93,130 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written(tmp_path_factory.mktemp("policy"), "inspection", "exploration", "--sim")
 
 
-def test_all_that_a_mission_does_is_permitted(simulated: Path, world: World, operator: Operator) -> None:
-    """Everything on the network of a real run, of every node that has an enclave."""
+def reasons(file: Path) -> dict[str, set[Permission]]:
+    """Return what each node may for a reason that a comment tells: it does not always use it."""
+    builder = Xml.TreeBuilder(insert_comments=True)
+    found: dict[str, set[Permission]] = {}
+    for profile in Xml.parse(file, Xml.XMLParser(target=builder)).getroot().iter("profile"):
+        own = found.setdefault(f"/{profile.get('node')}", set())
+        for group in profile:
+            told = ""
+            for one in group:
+                told = one.text or "" if one.tag is Xml.Comment else told
+                if told and one.tag is not Xml.Comment:
+                    own.add((group.tag.removesuffix("s"), next(iter(group.attrib)), one.text or ""))
+    return found
+
+
+def _of_page(port: int) -> None:
+    """Use all that pages may use, as an engineer: publish, call, send goals, hear, read a parameter."""
+    page = OpenPage(port)
+    there = {kind: set(page.call(f"/rosapi/{kind}s")["values"][f"{kind}s"]) for kind in ("service", "topic")}
+    actions = set(page.call("/rosapi/action_servers")["values"]["action_servers"])
+    declared = [*declared_access(load_catalog()), ACCESS]
+    names = {name for one in declared for name in (*one.operator, *one.engineer) if "*" not in name}
+    for name in sorted(names):
+        frame: dict[str, Any] = {"op": "advertise", "topic": name, "type": "std_msgs/msg/String"}
+        if name in actions:
+            frame = {"op": "send_action_goal", "action": name, "id": name, "args": {}}
+        elif name in there["service"] or "/_action/" in name:
+            frame = {"op": "call_service", "service": name, "id": name, "args": {}}
+        elif name in there["topic"]:
+            frame["type"] = page.call("/rosapi/topic_type", topic=name)["values"]["type"]
+        page.send(frame)
+    page.call("/rosapi/get_param", name="/lupin_twin:frame_id")
+    page.send({"op": "subscribe", "topic": "/scan", "type": "sensor_msgs/msg/LaserScan"})
+    page.work_off()
+    assert {"/cmd_vel", "/goal_pose"} <= names - there["service"] - actions
+
+
+@pytest.fixture(scope="module")
+def seen_in_a_run(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> set[tuple[str, Permission]]:
+    """What nodes of a real run have on the network, with a page, and verbs of people beside it."""
+    folder = tmp_path_factory.mktemp("run")
+    with ExitStack() as stack:
+        patch = stack.enter_context(pytest.MonkeyPatch.context())
+        patch.setenv("XDG_STATE_HOME", str(folder))
+        patch.setenv("ROS_DOMAIN_ID", str(stack.enter_context(claimed_domain())))
+        world = World(folder)
+        stack.callback(world.stop)
+        port = free_port()
+        for node in ("perception_aggregator", "lupin_twin", "lupin_arm", "lupin_arm_sim"):
+            world.start(node)
+        world.start_all()
+        world.start("lupin_gateway", port=port)
+        recording = [str(Path(sys.executable).with_name("lupin")), "record", str(folder / "run.mcap")]
+        world.run("recorder", recording)
+        operator = Operator()
+        stack.callback(operator.ros.close)
+        verbs = Verbs(load_catalog().profile)
+        stack.callback(verbs.close)
+        ends: set[tuple[str, Permission]] = set()
+
+        def look() -> bool:
+            """Keep what is there now: some listen for a while only. Say whether the page's part is there."""
+            for one in interfaces(operator.ros.node, parts=True):
+                for nodes, may in zip((one.producers, one.consumers), MAY[one.kind], strict=True):
+                    ends.update((_PERSON.sub("/lupin_operator", n), (one.kind, may, one.name)) for n in nodes)
+            return {("topic", "publish", "/cmd_vel"), ("action", "call", "/navigate_to_pose")} <= {
+                may for node, may in ends if node == "/lupin_gateway"
+            }
+
+        operator.in_state("READY")
+        look()
+        request = StartMission.Request(mission_type="ExplorationMission", discovery_goal=1)
+        assert operator.call(StartMission, "/mission/start", request).accepted
+        explores = ("/mission_orchestrator", ("topic", "subscribe", "/map"))
+        operator.until(lambda: look() or explores in ends, "the map, which it hears while it explores")
+        _of_page(port)
+        operator.until(look, "the page's publishers and clients")
+    return ends
+
+
+def test_all_that_a_run_does_is_permitted(
+    simulated: Path, seen_in_a_run: set[tuple[str, Permission]]
+) -> None:
+    """Everything on the network, of every node that has an enclave."""
     allowed = permissions(simulated / "policy.xml")
-    world.start("perception_aggregator")
-    world.start("lupin_twin")
-    world.start_all()
-    operator.in_state("READY")
-    assert operator.start("1").accepted
-    operator.until_done(published=1)
-    seen: set[tuple[str, Permission]] = set()
-    for one in interfaces(operator.ros.node, parts=True):
-        for ends, may in zip((one.producers, one.consumers), MAY[one.kind], strict=True):
-            seen |= {(node, (one.kind, may, one.name)) for node in ends if node in allowed}
-    assert {node for node, _ in seen} >= {"/mission_orchestrator", "/lupin_sim", "/lupin_twin"}
-    assert len(seen) > 100
-    assert {(node, may) for node, may in seen if not {may, _whole(*may)} & allowed[node]} == set()
+    seen = {(node, may) for node, may in seen_in_a_run if node in allowed}
+    assert {node for node, _ in seen} == allowed.keys()
+    assert len(seen) > 200
+    assert {(node, may) for node, may in seen if not _is_in(may, allowed[node])} == set()
+
+
+def test_what_is_permitted_is_used_or_says_why_not(
+    simulated: Path, seen_in_a_run: set[tuple[str, Permission]]
+) -> None:
+    """The other direction: of what no node has in that run each has its reason in the file."""
+    allowed, why = permissions(simulated / "policy.xml"), reasons(simulated / "policy.xml")
+    used = {
+        node: {one for who, may in seen_in_a_run if who == node for one in (may, _whole(*may))}
+        for node in allowed
+    }
+    assert {
+        (node, may) for node, granted in allowed.items() for may in granted - used[node] - why[node]
+    } == set()
+
+
+def _is_in(may: Permission, granted: set[Permission]) -> bool:
+    """Say whether something is permitted, by its name or a pattern, or as a part of an action."""
+    return any(
+        one[:2] == wanted[:2] and fnmatchcase(wanted[2], one[2])
+        for one in granted
+        for wanted in (may, _whole(*may))
+    )
+
+
+def test_nobody_sets_the_parameters_of_others(simulated: Path) -> None:
+    """Each node has them, and no node or person calls that."""
+    for granted in permissions(simulated / "policy.xml").values():
+        asked = [name for _, may, name in granted if may == "request"]
+        for service in ("set_parameters", "set_parameters_atomically"):
+            assert not [
+                name for name in asked if fnmatchcase(f"/lupin_sim/{service}", name) or service in name
+            ]
 
 
 def test_a_node_may_no_more_than_it_declares(simulated: Path) -> None:

@@ -54,11 +54,16 @@ def policy(missions: tuple[str, ...], sim: bool, folder: Path | None) -> int:
     catalog = loaded.chart.catalog
     serving = [name for name, plugin in catalog.plugins.items() if plugin.hmi]
     parameters = {ORCHESTRATOR: loaded.parameters()}
-    launch = describe_launch(
-        (*loaded.plugins, *serving), catalog, PresentEndpoints(), parameters, simulate=sim
-    )
+    found = {
+        simulate: describe_launch(
+            (*loaded.plugins, *serving), catalog, PresentEndpoints(), parameters, simulate=simulate
+        ).launches
+        for simulate in (sim, True)  # a simulated robot tells what the real one has, too
+    }
+    nodes = {f"/{launch.node.name}": launch for launch in found[sim]}
+    launches = {f"/{launch.node.name}": launch for launch in found[True]} | nodes
     pages = {f"/{node}": _access(loaded) for name in serving for node in catalog.plugins[name].nodes}
-    text = sros2.policy(declared_by(launch.launches), pages)
+    text = sros2.policy(declared_by(launches.values()), nodes, pages, _asked(loaded))
     if folder is None:
         click.echo(text, nl=False)
         return 0
@@ -66,6 +71,16 @@ def policy(missions: tuple[str, ...], sim: bool, folder: Path | None) -> int:
         write_text(folder / name, content)
         click.echo(f"wrote {folder / name}")
     return 0
+
+
+def _asked(loaded: LoadedMissions) -> list[str]:
+    """Return the services that people's verbs call."""
+    from lupin_engine.ros.names import COMMAND_SERVICE
+
+    profile = loaded.chart.profile
+    wire = profile.wire
+    requests = [wire.start.name, *map(wire.requests.format, profile.requests)] if wire else []
+    return [COMMAND_SERVICE, *requests]
 
 
 def _access(loaded: LoadedMissions) -> Access:

@@ -1,0 +1,92 @@
+"""Links by which a person logs in once: a code in a file of this user, which `lupin invite` makes.
+
+Whoever can write into the user's state folder may let people in, and nobody else: no topic, service or page
+leads there. Files have the hash of a code, never the code itself. Loads without ROS.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import secrets
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from lupin_engine.plugin.files import ros_domain, user_folder, write_atomically
+
+#: Seconds that a code is good for.
+GOOD_FOR_S = 600
+
+
+def state_folder(domain: int | None = None) -> Path:
+    """Return the folder of what the gateway of a ROS domain keeps, made if need be; None: of this process."""
+    number = ros_domain() if domain is None else domain
+    folder = user_folder("XDG_STATE_HOME", ".local/state") / (f"gateway-{number}" if number else "gateway")
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return folder
+
+
+@dataclass(frozen=True)
+class ServedDoors:
+    """Where the gateway of a domain lets people in, and its files of tokens and certificate ('': none)."""
+
+    host: str
+    port: int
+    tokens: str
+    certificate: str
+
+    @staticmethod
+    def _file(folder: Path) -> Path:
+        return folder / "doors.json"
+
+    def keep(self, folder: Path) -> None:
+        """Write it for `lupin invite`."""
+        write_atomically(self._file(folder), json.dumps(asdict(self)).encode())
+
+    @classmethod
+    def read(cls, folder: Path) -> ServedDoors | None:
+        """Return what the last gateway of the folder wrote; None where there was none."""
+        try:
+            return cls(**json.loads(cls._file(folder).read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError):
+            return None
+
+
+class Invitations:
+    """The codes of one gateway, each a file that is removed by who uses it: two cannot."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder / "invitations"
+
+    def invite(self, name: str, wall: float) -> str:
+        """Return a new code for a person; `wall` is UNIX time in seconds."""
+        self._folder.mkdir(mode=0o700, exist_ok=True)
+        for old in self._old(wall):
+            old.unlink(missing_ok=True)
+        code = secrets.token_urlsafe(16)
+        descriptor = os.open(self._of(code), os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            json.dump({"name": name, "until": wall + GOOD_FOR_S}, file)
+        return code
+
+    def use(self, code: str, wall: float) -> str:
+        """Return whom a code lets in, once; '' where it is none, or not any more."""
+        file = self._of(code)
+        try:
+            invited = json.loads(file.read_text(encoding="utf-8"))
+            file.unlink()
+            return str(invited["name"]) if wall < invited["until"] else ""
+        except (OSError, ValueError, TypeError, KeyError):
+            return ""
+
+    def _of(self, code: str) -> Path:
+        return self._folder / hashlib.sha256(code.encode()).hexdigest()
+
+    def _old(self, wall: float) -> Iterator[Path]:
+        for file in self._folder.iterdir():
+            with contextlib.suppress(OSError):
+                if file.stat().st_mtime < wall - GOOD_FOR_S:
+                    yield file
