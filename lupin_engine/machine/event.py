@@ -38,10 +38,10 @@ class Event:
 ANSWERED = "attempt.answered"
 #: How far the robot's clock is ahead of the machine's, when that has changed.
 CLOCK = "clock"
-#: Told by whoever runs the machine: another process goes on with it, a code to report, a hold to engage, that
-#: it goes in circles without time.
-RUNNERS = ("engine.resumed", "engine.told", "engine.held", "engine.standstill")
-RESUMED, TOLD, HELD_BACK, STILL = RUNNERS
+#: Told by whoever runs the machine: another process goes on with it, a code to report, an own hold to engage,
+#: that it goes in circles without time, an own hold to release.
+RUNNERS = ("engine.resumed", "engine.told", "engine.held", "engine.standstill", "engine.released")
+RESUMED, TOLD, HELD_BACK, STILL, RELEASED = RUNNERS
 #: The fields of what servers and sensors say, and of which type they are.
 _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
     {
@@ -56,6 +56,7 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
         TOLD: {"code": str, "detail": str},
         HELD_BACK: {"hold": str, "detail": str},
         STILL: {"detail": str},
+        RELEASED: {"hold": str},
     }
 )
 #: Those that are times. No clock shows more seconds; it keeps sums finite and exact enough, and dates ours.
