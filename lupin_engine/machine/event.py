@@ -50,6 +50,7 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
         "attempt.done": {"attempt": str, "result": (dict, Mapping)},
         "attempt.failed": {"attempt": str, "code": str, "detail": str},
         "attempt.cancelled": {"attempt": str},
+        "attempt.cancel_refused": {"attempt": str, "detail": str},
         "value": {"name": str, "value": object, "stamp": (int, float)},
         CLOCK: {"ahead": (int, float)},
         RESUMED: {"detail": str, "held": bool, "away": (int, float)},
@@ -143,6 +144,11 @@ def cancelled(attempt: str, result: Mapping[str, Any] | None = None) -> Event:
     """The attempt ended because it was asked to, with a result as far as it came."""
     given = {} if result is None else {"result": result}
     return Event("attempt.cancelled", {"attempt": attempt, **given})
+
+
+def cancel_refused(attempt: str, detail: str) -> Event:
+    """The server refuses to end the attempt; the detail tells people what that means."""
+    return Event("attempt.cancel_refused", {"attempt": attempt, "detail": detail})
 
 
 def observed(name: str, value: Any, stamp: float) -> Event:

@@ -20,7 +20,6 @@ from std_srvs.srv import Trigger
 from lupin_engine.errors import LupinError, shortened
 from lupin_engine.machine.event import NOTHING, RELEASED, TOLD, Event, Report
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.requests import UNKNOWN_MISSION
 from lupin_engine.machine.step import Moment, Refusal, Step, View
@@ -424,7 +423,7 @@ class Orchestrator:
         due = self._continues_at is not None and time.monotonic() >= self._continues_at
         if not (due and RESTARTED in memory.held):
             return
-        ending = any(attempt.phase is Phase.CANCELLING for attempt in memory.attempts.values())
+        ending = self._machine.view.cancelling
         if not (ending or self._drivers[BUILTIN].missing() or self._unheard_holds()):
             self._continues_at = None
             self._ros.log.info("the hold restarted is released", by=POLICY)

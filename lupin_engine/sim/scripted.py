@@ -413,6 +413,9 @@ class _Unheard:
         """Kept."""
         self._ends[attempt] = lambda: self._later().cancelled(attempt, result)
 
+    def cancel_refused(self, attempt: str, detail: str) -> None:
+        """Nobody hears: who asks again is told again."""
+
     def value(self, name: str, value: Any, stamp: float) -> None:
         """Nobody hears; it is told again."""
 

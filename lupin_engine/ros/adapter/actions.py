@@ -1,7 +1,8 @@
 """Action clients and servers over rclpy whose goals survive an interrupted connection.
 
 rclpy leaves the future of a result pending for ever when the result was sent while the link was down. A
-`Goal` therefore asks again when a server (re-)appears, and repeats a cancel request until it is answered.
+`Goal` therefore asks again when a server (re-)appears. A cancel request is repeated until the server accepts
+it or the goal has ended: neither silence nor a refusal is an end.
 A client that is closed has its goals cancelled, and stays until that is answered: see `ActionCaller.close`.
 """
 
@@ -28,6 +29,8 @@ WATCH_PERIOD_S = 1.0
 #: How often a server that has appeared is asked for a result: before both have found each other an answer is
 #: lost, which its middleware calls "client will not receive response".
 ASKS = 3
+#: Seconds between two cancel requests, while the server does not answer or refuses.
+CANCEL_PERIOD_S = 0.5
 #: How long a closed client, and the end of a node, waits for the answers of its cancels, in seconds.
 CANCEL_LIMIT_S = 2.0
 
@@ -39,6 +42,10 @@ RESULT_KEPT_S = 120
 _GOALS = uuid.UUID("6c7570696e20676f616c20696473202e")
 
 _TERMINAL = frozenset((GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED))
+
+
+def _nothing(*_: object) -> None:
+    """Tell nobody."""
 
 
 class ActionCaller:
@@ -143,7 +150,9 @@ class ActionCaller:
             return
         if self.closed and self._goals:
             self.ros.log.warning(
-                "no answer to a cancel: the goal may go on", action=self.name, goals=len(self._goals)
+                "a cancel is not answered, or refused: the goal may go on",
+                action=self.name,
+                goals=len(self._goals),
             )
         self.closed = self.released = True
         if self._limit is not None:
@@ -184,6 +193,8 @@ class Goal:
         self._tell_feedback = feedback
         self._tell_ended = ended
         self._tell_rejected = rejected
+        #: Called once where the server refuses to cancel the goal.
+        self.refused: Callable[[], None] = _nothing
         chosen = uuid.uuid5(_GOALS, f"{caller.name} {key}") if key else uuid.uuid4()
         self._id = UUID(uuid=list(chosen.bytes))
         self._handle = self._own_handle()
@@ -192,16 +203,17 @@ class Goal:
         self._result_overdue = False
         self._asks_left = 0
         self._cancelling: Future | None = None
-        self._cancel_unanswered = False
+        self._cancels = Repeater(caller.ros.steady_timer, CANCEL_PERIOD_S, self._repeat_cancel)
+        self._is_refused = False
         self._abandoned = False
 
     def cancel(self) -> None:
-        """Ask the server to end the goal, again and again until it answers.
+        """Ask the server to end the goal, again and again until it accepts that.
 
         Nothing happens before the goal is accepted: the caller cancels when `accepted` comes.
         """
         if self._accepted and not self._over:
-            self._cancel_unanswered = True
+            self._cancels.start()
             self._send_cancel()
 
     def send(self, goal: Any) -> None:
@@ -226,20 +238,20 @@ class Goal:
             self._ask_result()
         self._asks_left = max(0, self._asks_left - 1)
         self._result_overdue = finished
-        if self._cancel_unanswered and self._caller.ready():
-            self._send_cancel()
 
     def abandon(self) -> None:
         """Have the goal ended, accepted or not, and tell nobody of it any more."""
         self._tell_accepted, self._tell_feedback = self.cancel, _nothing
-        self._tell_rejected = self._tell_ended = _nothing
-        self._abandoned = self._cancel_unanswered = True
+        self._tell_rejected = self._tell_ended = self.refused = _nothing
+        self._abandoned = True
+        self._cancels.start()
         if self._cancelling is None:
             self._send_cancel()
 
     def drop(self) -> None:
         """Drop the goal without a callback."""
         self._over = True
+        self._cancels.stop()
         self._caller.forget(self)
 
     def _own_handle(self) -> ClientGoalHandle:
@@ -289,10 +301,15 @@ class Goal:
 
     def _end(self, tell: Callable[[], None]) -> None:
         self._over = True
+        self._cancels.stop()
         self._caller.forget(self)
         # rclpy forgets the feedback callback only with the result, so a rejected goal would leave it behind.
         self._client._feedback_callbacks.pop(bytes(self._id.uuid), None)
         tell()
+
+    def _repeat_cancel(self) -> None:
+        if self._caller.ready():
+            self._send_cancel()
 
     def _send_cancel(self) -> None:
         if self._cancelling is not None:
@@ -302,25 +319,34 @@ class Goal:
 
     def _on_cancel_answer(self, future: Future) -> None:
         self._cancelling = None
-        self._cancel_unanswered = False
-        code = future.result().return_code
+        answer: CancelGoal.Response = future.result()
         if self._over:
             return
-        if code == CancelGoal.Response.ERROR_REJECTED:
-            self._caller.ros.log.warning("the server refuses to cancel the goal", action=self._caller.name)
+        if self._is_refusal(answer):
+            self._be_refused()
+            return
+        self._cancels.stop()
         if self._abandoned:
-            self._settle(code)
-        elif code not in (CancelGoal.Response.ERROR_NONE, CancelGoal.Response.ERROR_REJECTED):
+            self._settle(answer.return_code)
+        elif answer.return_code != CancelGoal.Response.ERROR_NONE:
             self._ask_result()  # the goal is unknown or has ended: the result says which
+
+    def _is_refusal(self, answer: CancelGoal.Response) -> bool:
+        """Say whether the server refuses; one of rclpy only leaves the goal out of those that it cancels."""
+        ids = [bytes(info.goal_id.uuid) for info in answer.goals_canceling]
+        left_out = answer.return_code == CancelGoal.Response.ERROR_NONE and bytes(self._id.uuid) not in ids
+        return left_out or bool(answer.return_code == CancelGoal.Response.ERROR_REJECTED)
+
+    def _be_refused(self) -> None:
+        if not self._is_refused:
+            self._is_refused = True
+            self._caller.ros.log.warning("the server refuses to cancel the goal", action=self._caller.name)
+            self.refused()
 
     def _settle(self, code: int) -> None:
         # A server may look at the cancel before it takes the goal: then the acceptance has it sent again.
         if self._accepted or code != CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
             self._end(_nothing)
-
-
-def _nothing(*_: object) -> None:
-    """Tell nobody."""
 
 
 class ActionHost:
@@ -343,6 +369,8 @@ class ActionHost:
         self._ros = ros
         self._kind = kind
         self._admit = admit
+        #: Says whether cancels are refused.
+        self.refuses: Callable[[], bool] = lambda: False
         self._started = started
         self._cancelled = ros.guarded(cancelled)
         self._served: dict[bytes, ServedGoal] = {}
@@ -388,7 +416,7 @@ class ActionHost:
 
     def _on_cancel(self, handle: ServerGoalHandle) -> CancelResponse:
         served = self._served.get(bytes(handle.goal_id.uuid))
-        if served is None:
+        if served is None or self.refuses():
             return CancelResponse.REJECT
         # rclpy marks the goal as cancelling only after this callback: tell the owner afterwards.
         self._ros.post(lambda: self._cancelled(served))

@@ -150,7 +150,7 @@ class SimNode:
             admit=self._admit,
             started=self._start,
             cancelled=self._cancel,
-        )
+        ).refuses = lambda: self._faults.now(InjectedFault.REFUSE_CANCEL)
         self._display = Display(ros)
         ros.on_parameter(self._change)
         ros.on_stop(lambda: self._end_goal("aborted", "the simulated robot is switched off"))
