@@ -542,15 +542,15 @@ class Operations:
         attempts = self._scope.memory.attempts
         attempt = attempts[attempt_id]
         if attempt.phase is Phase.REFUSED:
-            self._gave(attempt, None, step)
             self._scope.record_code(REFUSED_CODE, attempt.detail, step)
-            return
-        self._move(attempt, "no answer in time", step)
+        else:
+            self._move(attempt, "no answer in time", step)
+            limit = RECOVERY_DEADLINE if EVERYTHING in attempt.uses else CANCEL_DEADLINE
+            step.note(f"{attempt.operation} did not confirm its cancel in {limit:g} s")
         self._gave(attempt, None, step)
-        limit = RECOVERY_DEADLINE if EVERYTHING in attempt.uses else CANCEL_DEADLINE
-        step.note(f"{attempt.operation} did not confirm its cancel in {limit:g} s")
-        lost = [found.id for found in attempts.values() if found.phase is Phase.LOST]
+        lost = [found.id for found in attempts.values() if _keeps_nothing(found)]
         for oldest in lost[:-MAX_LOST]:
+            self._scope.timers.disarm("cancel", oldest)
             del attempts[oldest]
 
     def retry(self, invocation_id: str) -> None:
@@ -607,6 +607,11 @@ class Operations:
         else:
             with_item = Trigger(trigger.event, trigger.error, invocation.item)
             self._end_element(invocation, word, with_item, step)
+
+
+def _keeps_nothing(attempt: Attempt) -> bool:
+    """Say whether nothing waits for the end of an attempt that did not end when it was to."""
+    return attempt.phase is Phase.LOST or (attempt.phase is Phase.REFUSED and not attempt.uses)
 
 
 def _answered(attempt: Attempt) -> Event:
