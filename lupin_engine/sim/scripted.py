@@ -28,6 +28,7 @@ class OnCancel(enum.Enum):
 
     END = "ends"  #: confirms, after `cancel_after` seconds
     IGNORE = "ignored"  #: goes on, and ends as if nothing had been said
+    REFUSE = "refused"  #: goes on, and says so
     SILENT = "unconfirmed"  #: stops, and never says so
 
 
@@ -245,6 +246,9 @@ class Stage:
         """Hear that nobody wants an attempt any more."""
         running = self._running.get(attempt)
         if running is None or not running.accepted or running.outcome.on_cancel is OnCancel.IGNORE:
+            return
+        if running.outcome.on_cancel is OnCancel.REFUSE:
+            self.outlet.cancel_refused(attempt, f"{running.operation} refuses to stop, and may go on")
             return
         del self._running[attempt]
         if running.outcome.on_cancel is OnCancel.SILENT:
