@@ -29,8 +29,10 @@ WATCH_PERIOD_S = 1.0
 #: How often a server that has appeared is asked for a result: before both have found each other an answer is
 #: lost, which its middleware calls "client will not receive response".
 ASKS = 3
-#: Seconds between two cancel requests, while the server does not answer or refuses.
+#: Seconds between two cancel requests, while the server refuses; while it does not answer, twice as many.
 CANCEL_PERIOD_S = 0.5
+#: So many of them wait for their answers at the most: a server may take longer than that.
+MOST_CANCELS = 8
 #: How long a closed client, and the end of a node, waits for the answers of its cancels, in seconds.
 CANCEL_LIMIT_S = 2.0
 
@@ -149,11 +151,9 @@ class ActionCaller:
         if self.released:
             return
         if self.closed and self._goals:
-            self.ros.log.warning(
-                "a cancel is not answered, or refused: the goal may go on",
-                action=self.name,
-                goals=len(self._goals),
-            )
+            is_refused = any(goal.is_refused for goal in self._goals)
+            why = "a cancel is refused" if is_refused else "no answer to a cancel"
+            self.ros.log.warning(f"{why}: the goal may go on", action=self.name, goals=len(self._goals))
         self.closed = self.released = True
         if self._limit is not None:
             self._limit.cancel()
@@ -202,9 +202,10 @@ class Goal:
         self._over = False
         self._result_overdue = False
         self._asks_left = 0
-        self._cancelling: Future | None = None
+        self._cancelling: list[Future] = []
+        self._unanswered = 0  # looks in a row that found no answer
         self._cancels = Repeater(caller.ros.steady_timer, CANCEL_PERIOD_S, self._repeat_cancel)
-        self._is_refused = False
+        self.is_refused = False
         self._abandoned = False
 
     def cancel(self) -> None:
@@ -245,7 +246,7 @@ class Goal:
         self._tell_rejected = self._tell_ended = self.refused = _nothing
         self._abandoned = True
         self._cancels.start()
-        if self._cancelling is None:
+        if not self._cancelling:
             self._send_cancel()
 
     def drop(self) -> None:
@@ -308,17 +309,20 @@ class Goal:
         tell()
 
     def _repeat_cancel(self) -> None:
-        if self._caller.ready():
+        self._unanswered = self._unanswered + 1 if self._cancelling else 0
+        if self._unanswered % 2 == 0 and self._caller.ready():
             self._send_cancel()
 
     def _send_cancel(self) -> None:
-        if self._cancelling is not None:
-            self._client._remove_pending_cancel_request(self._cancelling)
-        self._cancelling = self._handle.cancel_goal_async()
-        self._cancelling.add_done_callback(self._caller.ros.guarded(self._on_cancel_answer))
+        if len(self._cancelling) == MOST_CANCELS:
+            self._client._remove_pending_cancel_request(self._cancelling.pop(0))
+        sent = self._handle.cancel_goal_async()
+        self._cancelling.append(sent)
+        sent.add_done_callback(self._caller.ros.guarded(self._on_cancel_answer))
 
     def _on_cancel_answer(self, future: Future) -> None:
-        self._cancelling = None
+        if future in self._cancelling:
+            self._cancelling.remove(future)
         answer: CancelGoal.Response = future.result()
         if self._over:
             return
@@ -338,8 +342,8 @@ class Goal:
         return left_out or bool(answer.return_code == CancelGoal.Response.ERROR_REJECTED)
 
     def _be_refused(self) -> None:
-        if not self._is_refused:
-            self._is_refused = True
+        if not self.is_refused:
+            self.is_refused = True
             self._caller.ros.log.warning("the server refuses to cancel the goal", action=self._caller.name)
             self.refused()
 

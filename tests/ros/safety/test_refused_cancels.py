@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -46,6 +47,8 @@ class Navigation:
         self.refuses = True
         #: Whether it drives, whatever became of its goals.
         self.drives = False
+        #: How long it takes to answer a cancel, in seconds.
+        self.takes = 0.0
         #: What it does about a cancel that it does not refuse.
         self.on_cancel: Callable[[Goal], Any] = self.stop
         self._ros = ros = operator.ros
@@ -98,6 +101,7 @@ class Navigation:
         return await next(goal for goal in self.goals if goal.served.key == key).served.result
 
     def _cancel(self, handle: ServerGoalHandle) -> CancelResponse:
+        threading.Event().wait(self.takes)
         goal = next(goal for goal in self.goals if goal.served.key == bytes(handle.goal_id.uuid))
         goal.cancels.append(time.monotonic())
         if self.refuses:
@@ -153,6 +157,14 @@ def test_a_refusal_is_no_end(operator: Operator, navigation: Navigation) -> None
     operator.until(lambda: operator.ask("resume").success, "resumed")
     operator.until(lambda: len(navigation.goals) == 2, "the next goal")
     assert [goal.beside for goal in navigation.goals] == [0, 0]
+
+
+def test_a_refusal_that_takes_its_time_is_heard(operator: Operator, navigation: Navigation) -> None:
+    """Longer than until the next cancel: it is no silence, after which the next goal would be sent."""
+    navigation.takes = 0.8
+    assert operator.ask("pause").success
+    until_reported(operator)
+    assert_not_resumed(operator)
 
 
 def test_a_stop_that_is_let_go_does_not_begin_a_second_goal(
