@@ -34,7 +34,7 @@ from lupin_nav import goal_status, localization
 from lupin_nav.battery import charge
 from lupin_nav.exploration import Explorer
 from lupin_nav.frontier import Point
-from lupin_nav.standstill import Standstill
+from lupin_nav.standstill import MovementWatch
 
 #: What people are told when the robot does not stop.
 REFUSES = "the robot may be moving: navigation refuses to stop"
@@ -66,7 +66,7 @@ class NavClient:
         self._driving = ActionOperation(
             self._server, _outcome, _told, "nav_rejected", "nav_unavailable", refused=REFUSES
         )
-        self._standstill = Standstill()
+        self._standstill = MovementWatch()
         self._pose_topic = ros.node.resolve_topic_name(parameters["amcl_pose_topic"])
         ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
         for topic in dict.fromkeys((parameters["battery_topic"], parameters["other_battery_topic"])):

@@ -14,7 +14,7 @@ MOVED_M = 0.2
 WATCHED_S = 5.0
 
 
-class Standstill:
+class MovementWatch:
     """Watches the poses after the drive that was cancelled last. One jump of the localizer is no movement."""
 
     def __init__(self) -> None:

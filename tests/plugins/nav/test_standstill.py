@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from lupin_nav.standstill import BRAKING_S, MOVED_M, WATCHED_S, Standstill
+from lupin_nav.standstill import BRAKING_S, MOVED_M, WATCHED_S, MovementWatch
 
 
 def driven(speed: float, *, begin: float = 0.0, end: float = 20.0, runs: bool = False) -> float | None:
     """Return when it is said that a robot moves that drives from one time to another, or None."""
-    watch = Standstill()
+    watch = MovementWatch()
     watch.cancelled("a1", 0.0)
     for tick in range(200):
         now = 0.1 * tick
@@ -38,7 +38,7 @@ def test_a_robot_is_not_watched_long_after_the_end_of_its_drive() -> None:
 
 
 def test_a_jump_is_no_movement_and_noise_is_none() -> None:
-    watch = Standstill()
+    watch = MovementWatch()
     watch.cancelled("a1", 0.0)
     for tick in range(100):
         x = (3.0 if tick > 50 else 0.0) + 0.02 * (tick % 2)
@@ -46,7 +46,7 @@ def test_a_jump_is_no_movement_and_noise_is_none() -> None:
 
 
 def test_the_next_drive_ends_the_watch_and_asking_again_does_not_begin_it_anew() -> None:
-    watch = Standstill()
+    watch = MovementWatch()
     watch.cancelled("a1", 0.0)
     watch.moves((0.0, 0.0), BRAKING_S, True)
     watch.cancelled("a1", BRAKING_S)
