@@ -18,6 +18,7 @@ PHASES = {
     Phase.REQUESTED: "the server was asked",
     Phase.ACCEPTED: "the server works on it",
     Phase.CANCELLING: f"left, held, or too slow<br/>it keeps what it uses, {CANCEL_DEADLINE:g} s at most",
+    Phase.REFUSED: "the server refuses to end it<br/>it keeps what it uses; the cancel is repeated",
     Phase.LOST: "its resources are free<br/>a late acceptance is still cancelled",
 }
 #: How an attempt ends that somebody still wants; every other end is that it is cancelled.
@@ -31,6 +32,7 @@ WORDS = {
     "resource free": "what it needs is free",
     "not wanted": "nobody wants it any more",
     "no answer in time": f"no answer in {CANCEL_DEADLINE:g} s",
+    "cancel_refused": "refuses to end",
 }
 
 

@@ -108,6 +108,11 @@ class Referee:
         if known is not None and not known.cancelled:
             self.problems.append(f"{attempt} reports that it is cancelled, and nobody asked for it")
 
+    def cancel_refused(self, attempt: str, detail: str) -> None:
+        known = self._known("cancel_refused", attempt)
+        if known is not None and not known.cancelled:
+            self.problems.append(f"{attempt} reports that its cancel is refused, and nobody asked for it")
+
     def value(self, name: str, value: Any, stamp: float) -> None:
         self._open(f"value {name!r}")
         self.values.append((name, value))

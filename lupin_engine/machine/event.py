@@ -38,10 +38,10 @@ class Event:
 ANSWERED = "attempt.answered"
 #: How far the robot's clock is ahead of the machine's, when that has changed.
 CLOCK = "clock"
-#: Told by whoever runs the machine: another process goes on with it, a code to report, a hold to engage, that
-#: it goes in circles without time.
-RUNNERS = ("engine.resumed", "engine.told", "engine.held", "engine.standstill")
-RESUMED, TOLD, HELD_BACK, STILL = RUNNERS
+#: Told by whoever runs the machine: another process goes on with it, a code to report, an own hold to engage,
+#: that it goes in circles without time, an own hold to release.
+RUNNERS = ("engine.resumed", "engine.told", "engine.held", "engine.standstill", "engine.released")
+RESUMED, TOLD, HELD_BACK, STILL, RELEASED = RUNNERS
 #: The fields of what servers and sensors say, and of which type they are.
 _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
     {
@@ -50,12 +50,14 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
         "attempt.done": {"attempt": str, "result": (dict, Mapping)},
         "attempt.failed": {"attempt": str, "code": str, "detail": str},
         "attempt.cancelled": {"attempt": str},
+        "attempt.cancel_refused": {"attempt": str, "detail": str},
         "value": {"name": str, "value": object, "stamp": (int, float)},
         CLOCK: {"ahead": (int, float)},
         RESUMED: {"detail": str, "held": bool, "away": (int, float)},
         TOLD: {"code": str, "detail": str},
         HELD_BACK: {"hold": str, "detail": str},
         STILL: {"detail": str},
+        RELEASED: {"hold": str},
     }
 )
 #: Those that are times. No clock shows more seconds; it keeps sums finite and exact enough, and dates ours.
@@ -142,6 +144,11 @@ def cancelled(attempt: str, result: Mapping[str, Any] | None = None) -> Event:
     """The attempt ended because it was asked to, with a result as far as it came."""
     given = {} if result is None else {"result": result}
     return Event("attempt.cancelled", {"attempt": attempt, **given})
+
+
+def cancel_refused(attempt: str, detail: str) -> Event:
+    """The server refuses to end the attempt; the detail tells people what that means."""
+    return Event("attempt.cancel_refused", {"attempt": attempt, "detail": detail})
 
 
 def observed(name: str, value: Any, stamp: float) -> Event:

@@ -25,6 +25,7 @@ from lupin_engine.machine.event import (
     CLOCK,
     NO_TRIGGER,
     NOTHING,
+    RELEASED,
     RESUMED,
     RUNNERS,
     STILL,
@@ -79,7 +80,7 @@ from lupin_engine.machine.structure import (
     dispatch_table,
 )
 from lupin_engine.machine.timers import seconds
-from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE, RESTARTED
+from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE, OWN_HOLDS, RESTARTED
 from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.types import fitted
 
@@ -306,6 +307,9 @@ class Machine:
             return
         if event.name == STILL:
             step.fail("", data["detail"])
+            return
+        if event.name == RELEASED:
+            self._holds.release({data["hold"]} & OWN_HOLDS.keys(), step)
             return
         name = data.get("hold", RESTARTED)
         if event.name == RESUMED:

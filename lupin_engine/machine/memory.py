@@ -93,13 +93,15 @@ class Phase(str, enum.Enum):
     ACCEPTED = "accepted"  #: the server took it
     CANCELLING = "cancelling"  #: nobody wants it any more; the server may not know yet
     LOST = "lost"  #: the server did not confirm the cancel in time
+    REFUSED = "refused"  #: the server refuses the cancel, which is repeated: it keeps what it uses to its end
 
 
 @dataclass(slots=True)
 class Attempt:
     """One request to a server. Only the current attempt of an invocation can speak.
 
-    `answer` is its end, while that waits for the release of a hold.
+    `answer` is its end, while that waits for the release of a hold. `detail` is its last progress, of one
+    whose cancel is refused what that means.
     """
 
     id: str
@@ -114,19 +116,21 @@ class Attempt:
 
 
 class ResourceClaim(NamedTuple):
-    """What an attempt uses; one that `waits` has not begun yet."""
+    """What an attempt uses; one that `waits` has not begun yet, the cancel of one that is `refused` was."""
 
     attempt: str
     uses: tuple[str, ...]
     waits: bool
+    refused: bool = False
 
 
 def claim_of(attempt: Attempt) -> ResourceClaim | None:
     """Return the claim of an attempt, if it uses anything or waits."""
     waits = attempt.phase is Phase.WAITING
-    if attempt.phase is Phase.LOST or not (attempt.uses or waits):
+    refused = attempt.phase is Phase.REFUSED
+    if attempt.phase is Phase.LOST or not (attempt.uses or waits or refused):
         return None
-    return ResourceClaim(attempt.id, attempt.uses, waits)
+    return ResourceClaim(attempt.id, attempt.uses, waits, refused)
 
 
 @dataclass(slots=True)

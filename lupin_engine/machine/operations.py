@@ -10,6 +10,8 @@ time. The rules, all kept here:
 * an attempt waits until every earlier one that uses one of its resources has ended, or has been cancelling
   for `CANCEL_DEADLINE` seconds, so that a late cancel can never hit the new goal; it then starts when the
   step has come to rest, if somebody still wants it;
+* silence ends that wait, a refusal does not: an attempt whose server refuses to end it keeps what it uses to
+  its end, and is reported after `REFUSAL_LIMIT` seconds. Only an operation that `replaces` begins beside it;
 * an attempt that a timeout, or a hold with `on_hold` other than `again`, cuts short is waited for where its
   operation gives a result then, as long as a cancel may take; the state hears of both together;
 * a failed attempt is tried again up to the number that `retry` gives; one that a hold ended is refunded;
@@ -44,10 +46,12 @@ from lupin_engine.machine.scope import OPERATIONS, Arguments, EvaluationScope, W
 from lupin_engine.machine.step import Macrostep, fields_told
 from lupin_engine.machine.structure import Configuration
 from lupin_engine.machine.timers import seconds
-from lupin_engine.plugin.contract import EXECUTION_CODE, OnHold
+from lupin_engine.plugin.contract import EXECUTION_CODE, REFUSED_CODE, OnHold
 
 #: How long a cancelled attempt may keep its resource, in seconds.
 CANCEL_DEADLINE = 3.0
+#: How long a server may refuse a cancel until that is reported, in seconds.
+REFUSAL_LIMIT = 1.0
 #: How many lost attempts are remembered, so that they can be cancelled should they be accepted after all.
 MAX_LOST = 64
 CANCELLED_CODE = "operation_cancelled"
@@ -59,7 +63,7 @@ EVERYTHING = "*"
 #: What a state's transitions call the end that a server reports.
 _ENDS = {"done": "done", "failed": "error", "cancelled": "error"}
 
-_W, _R, _A, _C, _L = Phase
+_W, _R, _A, _C, _L, _F = Phase
 #: The life of an attempt: phase and what happens -> the next phase; None: it has ended and is forgotten.
 #: docs/diagrams/attempt.mmd is drawn from this.
 LIFE: Mapping[tuple[Phase, str], Phase | None] = MappingProxyType(
@@ -80,10 +84,17 @@ LIFE: Mapping[tuple[Phase, str], Phase | None] = MappingProxyType(
         (_C, "failed"): None,
         (_C, "cancelled"): None,
         (_C, "no answer in time"): _L,
+        (_C, "cancel_refused"): _F,
         (_L, "accepted"): _L,
         (_L, "done"): None,
         (_L, "failed"): None,
         (_L, "cancelled"): None,
+        (_L, "cancel_refused"): _F,
+        (_F, "accepted"): _F,
+        (_F, "cancel_refused"): _F,
+        (_F, "done"): None,
+        (_F, "failed"): None,
+        (_F, "cancelled"): None,
     }
 )
 
@@ -370,16 +381,19 @@ class Operations:
         if phase is not None:
             attempt.phase = phase
             return
-        deadline = "cancel" if attempt.phase is Phase.CANCELLING else "timeout"
+        deadline = "cancel" if attempt.phase in (Phase.CANCELLING, Phase.REFUSED) else "timeout"
         self._scope.timers.disarm(deadline, attempt.id)
         del self._scope.memory.attempts[attempt.id]
 
     def _before(self, attempt: Attempt) -> Attempt | None:
         """Return the earlier attempt that still uses what this one needs."""
         needs, memory = set(attempt.uses), self._scope.memory
+        replaces = self._invoke(memory.invocations[attempt.invocation]).operation.replaces
         for claim in memory.claims:
             if claim.attempt == attempt.id:
                 break
+            if claim.refused and replaces:
+                continue
             if EVERYTHING in claim.uses or not needs.isdisjoint(claim.uses):
                 return memory.attempts[claim.attempt]
         return None
@@ -432,7 +446,9 @@ class Operations:
         attempt = self._scope.memory.attempts.get(event.data["attempt"])
         if attempt is None:
             self._drop(kind, event.data["attempt"], step)
-        elif attempt.phase in (Phase.CANCELLING, Phase.LOST):
+            if kind == "cancel_refused" and self._scope.memory.held:  # its server has said that it ended
+                self._scope.record_code(REFUSED_CODE, event.data["detail"], step)
+        elif attempt.phase in (Phase.CANCELLING, Phase.LOST, Phase.REFUSED):
             self._report_unwanted(kind, attempt, event.data, step)
         elif kind == "progress":
             attempt.detail = event.data["detail"]
@@ -476,9 +492,24 @@ class Operations:
         if kind == "accepted":
             step.commands.append(Cancel(attempt.id, attempt.operation))
             step.note(f"{attempt.operation} was accepted after its cancel: cancelled again")
+        elif kind == "cancel_refused":
+            self._be_refused(attempt, data["detail"], step)
         elif not self._gave(attempt, data.get("result"), step):
             self._drop(kind, attempt.id, step)
         self._move(attempt, kind, step)
+
+    def _be_refused(self, attempt: Attempt, detail: str, step: Macrostep) -> None:
+        """The server refuses to end the attempt: it keeps what it uses, whoever began it."""
+        if attempt.phase is Phase.REFUSED:
+            return
+        declared = self._scope.chart.catalog.operations.get(attempt.operation)
+        if EVERYTHING in attempt.uses and declared is not None:
+            attempt.uses = declared.uses  # what another process has left behind is there, and known
+        attempt.detail = detail
+        step.note(f"{attempt.operation} refuses to end")
+        self._scope.timers.disarm("cancel", attempt.id)
+        self._scope.timers.arm("cancel", attempt.id, step.now, REFUSAL_LIMIT)
+        self._scope.touch(OPERATIONS)
 
     def _end_current(self, kind: str, attempt: Attempt, data: Mapping[str, Any], step: Macrostep) -> None:
         invocation = self._scope.memory.invocations[attempt.invocation]
@@ -504,15 +535,22 @@ class Operations:
         self._failed(invocation, code, attempt.detail, step)
 
     def abandon(self, attempt_id: str, step: Macrostep) -> None:
-        """The cancel was never confirmed: stop waiting for it. A late accept is still cancelled."""
+        """The cancel was never confirmed: stop waiting for it. A late accept is still cancelled.
+
+        One that was refused is reported, and goes on.
+        """
         attempts = self._scope.memory.attempts
         attempt = attempts[attempt_id]
-        self._move(attempt, "no answer in time", step)
+        if attempt.phase is Phase.REFUSED:
+            self._scope.record_code(REFUSED_CODE, attempt.detail, step)
+        else:
+            self._move(attempt, "no answer in time", step)
+            limit = RECOVERY_DEADLINE if EVERYTHING in attempt.uses else CANCEL_DEADLINE
+            step.note(f"{attempt.operation} did not confirm its cancel in {limit:g} s")
         self._gave(attempt, None, step)
-        limit = RECOVERY_DEADLINE if EVERYTHING in attempt.uses else CANCEL_DEADLINE
-        step.note(f"{attempt.operation} did not confirm its cancel in {limit:g} s")
-        lost = [found.id for found in attempts.values() if found.phase is Phase.LOST]
+        lost = [found.id for found in attempts.values() if _keeps_nothing(found)]
         for oldest in lost[:-MAX_LOST]:
+            self._scope.timers.disarm("cancel", oldest)
             del attempts[oldest]
 
     def retry(self, invocation_id: str) -> None:
@@ -569,6 +607,11 @@ class Operations:
         else:
             with_item = Trigger(trigger.event, trigger.error, invocation.item)
             self._end_element(invocation, word, with_item, step)
+
+
+def _keeps_nothing(attempt: Attempt) -> bool:
+    """Say whether nothing waits for the end of an attempt that did not end when it was to."""
+    return attempt.phase is Phase.LOST or (attempt.phase is Phase.REFUSED and not attempt.uses)
 
 
 def _answered(attempt: Attempt) -> Event:

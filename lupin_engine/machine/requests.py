@@ -1,7 +1,8 @@
 """Requests: resolved as a whole before anything changes; what could be asked for now, and why not the rest.
 
 In this order: the chart's refusals, then the holds that the request engages or releases, then its
-transitions. Refused means that nothing changed, not even a hold.
+transitions. Refused means that nothing changed, not even a hold. What lets the robot go on is refused while
+it moves although its server was asked to end that; what leads home is not.
 """
 
 from __future__ import annotations
@@ -18,12 +19,13 @@ from lupin_engine.chart.semantics import ENGINE_EVENTS
 from lupin_engine.errors import guessed, nearest, reason, shortened
 from lupin_engine.machine.event import NO_TRIGGER, Event, Trigger
 from lupin_engine.machine.holds import Holds, all_holds, blocking_hold, released_by
+from lupin_engine.machine.memory import Attempt
 from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.step import Considered, Macrostep, Refusal, moment_of
 from lupin_engine.machine.structure import Configuration, Structure
 from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.builtin import DEFAULT_MAX_TARGETS, MAX_TARGETS
-from lupin_engine.plugin.contract import INVARIANT_CODE, classify
+from lupin_engine.plugin.contract import INVARIANT_CODE, REFUSED_CODE, OnHold, classify
 from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.types import Type, convert, fitted
 
@@ -59,12 +61,13 @@ class Resolution:
 class Requests:
     """Resolves the requests of one machine without changing anything."""
 
-    __slots__ = ("_holds", "_scope", "_structure", "questions")
+    __slots__ = ("_holds", "_resume", "_scope", "_structure", "questions")
 
     def __init__(self, scope: EvaluationScope, holds: Holds, structure: Structure) -> None:
         self._scope = scope
         self._holds = holds
         self._structure = structure
+        self._resume = f"operator.{scope.chart.profile.resume}"
         self.questions = Questions(scope)
 
     def resolve(self, event: Event, active: Configuration, step: Macrostep, dry: bool = False) -> Resolution:
@@ -83,8 +86,12 @@ class Requests:
         targets = (self._scope.chart.states[rule.target] for rule in found.rules if rule.target is not None)
         found.starts = any(target.slot for target in targets)
         broken = self._broken() if found.starts else None
+        resumes = event.name == self._resume or self._scope.memory.is_any_engaged(holds.releases)
+        going = self._goes_on() if resumes and not code else None
         if code:
             found.refusal = self._refusal(event, code)
+        elif going is not None:
+            found.refusal = Refusal(REFUSED_CODE, f"{_verb(event)} refused: {going.detail}")
         elif broken is not None:
             text = f"{_verb(event)} refused: the invariant {broken.name} does not hold: "
             found.refusal = Refusal(INVARIANT_CODE, text + (broken.summary or broken.that.source))
@@ -95,6 +102,17 @@ class Requests:
         if found.refusal is None and not changes:
             found.refusal = self._impossible(event)
         return found
+
+    def _goes_on(self) -> Attempt | None:
+        """Return what moves the robot and refuses to end."""
+        memory, known = self._scope.memory, self._scope.chart.catalog.operations
+        for claim in memory.claims:
+            if claim.refused:
+                attempt = memory.attempts[claim.attempt]
+                operation = known.get(attempt.operation)
+                if operation is None or operation.on_hold is OnHold.CANCEL:
+                    return attempt
+        return None
 
     def _broken(self) -> Invariant | None:
         """Return an invariant that does not hold, and is not about variables that begin anew."""

@@ -323,7 +323,7 @@ def view_of(chart: Chart, memory: Memory) -> View:
         held=tuple(memory.held),
         paused=bool(memory.held) or any(chart.states[name].paused for name in memory.configuration),
         attempts=tuple(_attempting(memory)),
-        cancelling=tuple(a.operation for a in memory.attempts.values() if a.phase is Phase.CANCELLING),
+        cancelling=tuple(a.operation for a in memory.attempts.values() if a.phase in _ENDING),
         dropped=memory.dropped,
         countdowns=tuple(_countdowns(memory)),
     )
@@ -361,6 +361,8 @@ def _attempting(memory: Memory) -> list[Attempting]:
     return shown
 
 
+#: What nobody wants any more and has not ended.
+_ENDING = frozenset({Phase.CANCELLING, Phase.REFUSED})
 #: Timers that are told as countdowns; those of attempts and questions are told with them.
 _COUNTED = frozenset({"after", "budget", "at", "retry"})
 

@@ -47,6 +47,8 @@ EXECUTION_CODE, INVARIANT_CODE = "execution_error", "invariant_broken"
 #: could not go on with, its journal cannot be written, or can again.
 RESTARTED_CODE, CLOSED_CODE = "restarted", "mission_closed"
 UNRECORDED_CODE, RECORDED_CODE = "journal_failed", "journal_works"
+#: The code of a server that refuses to end what it does.
+REFUSED_CODE = "cancel_refused"
 #: The engine's own holds, each with its code: they are in every chart.
 RESTARTED, UNRECORDED = "restarted", "unrecorded"
 OWN_HOLDS: Mapping[str, str] = {RESTARTED: RESTARTED_CODE, UNRECORDED: UNRECORDED_CODE}
@@ -90,6 +92,12 @@ ENGINE_CODES: Mapping[str, Code] = {
             advice="Look at the disk: after a restart now, the mission could not go on.",
         ),
         Code(RECORDED_CODE, "the journal is written again", Severity.INFO, "Nothing to do."),
+        Code(
+            REFUSED_CODE,
+            "a server refuses to stop",
+            Severity.ERROR,
+            "Stop what moves by its own emergency stop, then look at the server that the detail names.",
+        ),
     )
 }
 
@@ -140,6 +148,8 @@ class Operation:
     them has ended. `on_hold` says what a hold does to it. With `cut_short` the driver gives the
     result, as far as it came, of an attempt that was cancelled; after a timeout the mission waits for that.
     One that `adopts` goes on when the orchestrator was started again, where a hold would not end it either.
+    One that `replaces` begins although the server refuses to end an earlier attempt with the same resource:
+    its server puts the new order in the place of the old one. It is for ways home.
     `classes` are results that missions should be proven with, good ones and bad ones; each has the fields in
     which it differs from the mock's.
     """
@@ -153,6 +163,7 @@ class Operation:
     cut_short: bool = False
     mock: Mock = field(default_factory=Mock)
     adopts: bool = False
+    replaces: bool = False
     classes: tuple[Mapping[str, Any], ...] = ()
 
 
@@ -309,6 +320,12 @@ class Outlet(Protocol):
     def cancelled(self, attempt: str, result: Mapping[str, Any] | None = None) -> None:
         """The attempt ended because it was asked to, with its result so far where it is `cut_short`."""
 
+    def cancel_refused(self, attempt: str, detail: str) -> None:
+        """The server refuses to end the attempt, or does not end it; `detail` tells people what that means.
+
+        The driver goes on asking until the attempt has ended.
+        """
+
     def value(self, name: str, value: Any, stamp: float) -> None:
         """A live value changed; `stamp` is when it was true, in seconds of the node's clock."""
 
@@ -320,8 +337,9 @@ class Driver(Protocol):
     """The side of a plugin that talks to the world: starts and cancels attempts, carries out actions.
 
     No call blocks. After `cancel` exactly one of done, failed, cancelled still follows for an attempt that
-    the server has accepted; an attempt cancelled before it was accepted reports `accepted` when the server
-    takes it after all, and is then cancelled again by the engine.
+    the server has accepted; where the server refuses, `cancel_refused` comes first. An attempt cancelled
+    before it was accepted reports `accepted` when the server takes it after all, and is then cancelled again
+    by the engine.
     """
 
     def missing(self) -> list[str]:

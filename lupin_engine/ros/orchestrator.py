@@ -18,9 +18,8 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, shortened
-from lupin_engine.machine.event import NOTHING, TOLD, Event, Report
+from lupin_engine.machine.event import NOTHING, RELEASED, TOLD, Event, Report
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.reload import is_idle, successor
 from lupin_engine.machine.requests import UNKNOWN_MISSION
 from lupin_engine.machine.step import Moment, Refusal, Step, View
@@ -53,7 +52,7 @@ from lupin_engine.ros.keeping import JOURNAL_PARAMETERS, Keeping
 from lupin_engine.ros.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE, NODE
 from lupin_engine.ros.outlet import NodeClock, RosOutlet
 from lupin_engine.ros.readiness import Readiness
-from lupin_engine.ros.resuming import CONTINUE, RESUME_PARAMETERS, LookBack, look_back
+from lupin_engine.ros.resuming import CONTINUE, HEARD_S, POLICY, RESUME_PARAMETERS, LookBack, look_back
 from lupin_engine.ros.single import listen_for_an_elder, other_orchestrator
 from lupin_engine.ros.telling import LOG_PARAMETERS, Telling
 from lupin_engine.ros.told import ToldState
@@ -106,7 +105,8 @@ class Orchestrator:
             ros.lineage = back.left.file.head.lineage or ros.lineage
         else:
             machine = make_machine(chart, {name: given[name] for name in chart.parameters})
-        self._continues = given["resume_policy"] == CONTINUE
+        #: When the policy may end the hold `restarted`, of the monotonic clock; once in a process.
+        self._continues_at = time.monotonic() + HEARD_S if given[POLICY] == CONTINUE else None
         self._engine = Engine(
             machine,
             self._clock,
@@ -435,13 +435,28 @@ class Orchestrator:
         self._offer()
 
     def _continue(self) -> None:
-        """Resume a mission by itself where the policy says so: all servers are there, and nothing goes on."""
+        """Release the hold `restarted` where the policy says so, and no other hold: those are people's.
+
+        All servers are there, nothing of the last process goes on, and what engages other holds was heard.
+        """
         memory = self._machine.memory
-        if not (self._continues and RESTARTED in memory.held):
+        due = self._continues_at is not None and time.monotonic() >= self._continues_at
+        if not (due and RESTARTED in memory.held):
             return
-        ending = any(attempt.phase is Phase.CANCELLING for attempt in memory.attempts.values())
-        if not ending and not self._drivers[BUILTIN].missing():
-            self._ask(Event(f"operator.{self._chart.profile.resume}"), {"by": "resume_policy"})
+        ending = self._machine.view.cancelling
+        if not (ending or self._drivers[BUILTIN].missing() or self._unheard_holds()):
+            self._continues_at = None
+            self._ros.log.info("the hold restarted is released", by=POLICY)
+            self._engine.request(Event(RELEASED, {"hold": RESTARTED}), {"by": POLICY})
+            self._work()
+
+    def _unheard_holds(self) -> bool:
+        """Say whether an input that engages a hold was reported before the restart, and not since."""
+        inputs = self._machine.memory.inputs
+        levels = [hold.engage.split(".") for hold in self._chart.holds.values()]
+        engaging = {name for word, name, *_ in levels if word == "input" and name in inputs}
+        before = [self._chart.inputs[name].value for name in engaging if inputs[name].reported]
+        return not all(map(self._outlet.was_told, before))
 
     def _go_on_with(self, loaded: LoadedMissions) -> None:
         """Run another chart from here on: what could fail comes first, so that it changes nothing.

@@ -44,6 +44,10 @@ class RosOutlet(EngineOutlet):
         self._last[name] = stamp, at, value
         super().value(name, value, at)
 
+    def was_told(self, name: str) -> bool:
+        """Say whether a live value was reported to this process."""
+        return name in self._last
+
     def tell_again(self, names: Iterable[str]) -> None:
         """Tell what was reported last of these live values: some topics speak only once."""
         for name in self._last.keys() & set(names):

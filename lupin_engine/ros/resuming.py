@@ -27,13 +27,17 @@ from lupin_engine.runtime.journal.recovery import (
 from lupin_engine.runtime.setup import make_world
 
 ASK, CONTINUE, ABORT = POLICIES = ("ask", "continue", "abort")
+POLICY = "resume_policy"
+#: How long an orchestrator listens before the policy continues, in seconds: what tells a stop must find it.
+HEARD_S = 2.0
 #: The node's parameters about a mission that is under way when it starts.
 RESUME_PARAMETERS: Mapping[str, Parameter] = {
-    "resume_policy": Parameter(
+    POLICY: Parameter(
         TEXT,
         ASK,
         "what a mission does that was under way when the orchestrator ended: ask (it waits for resume), "
-        "continue (it goes on as soon as all servers are there), abort (it is closed)",
+        "continue (it goes on as soon as all servers are there, unless a pause or a stop holds it), "
+        "abort (it is closed)",
     ),
 }
 
@@ -63,7 +67,7 @@ def look_back(
     Raises:
         UsageError: there is no such policy.
     """
-    policy = str(given["resume_policy"])
+    policy = str(given[POLICY])
     if policy not in POLICIES:
         raise UsageError(f"resume_policy: expected {', '.join(POLICIES)}, got {policy!r}")
     left, problems = leftover(folder)

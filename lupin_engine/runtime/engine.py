@@ -362,6 +362,10 @@ class EngineOutlet:
         """The attempt ended as asked."""
         self._post(events.cancelled(attempt, result))
 
+    def cancel_refused(self, attempt: str, detail: str) -> None:
+        """The server refuses to end the attempt."""
+        self._post(events.cancel_refused(attempt, shortened(detail, MAX_DETAIL)))
+
     def value(self, name: str, value: Any, stamp: float) -> None:
         """A live value changed."""
         self._post(events.observed(name, value, stamp))

@@ -41,7 +41,7 @@ def requests_of(chart: Chart) -> tuple[PossibleRequest, ...]:
 
 @lru_cache(maxsize=32)
 def _reads(chart: Chart) -> Reads:
-    """Return what decides on the requests of a chart, questions and broken invariants aside."""
+    """Return what decides on the requests of a chart, aside from what `Foresight` looks at itself."""
     reads = Reads(chart, _conditions(chart))
     reads.parts |= CONFIGURATION | HELD
     return reads
@@ -71,7 +71,8 @@ class Foresight:
         """Return for each request what it would do at time `now`, as JSON data; None: as the last time."""
         machine = self._machine
         memory, reads = machine.memory, _reads(machine.chart)
-        seen = (tuple(memory.asked), tuple(memory.broken))
+        refused = tuple(claim.attempt for claim in memory.claims if claim.refused)
+        seen = (tuple(memory.asked), tuple(memory.broken), refused)
         if seen == self._seen and not self._watch.is_due(reads, now):
             return None
         self._seen = seen

@@ -113,7 +113,8 @@ class OutcomeNode(ShortNode):
     after: Latency = Field(None, description="duration from acceptance to the end")
     accepted: Latency = Field(None, description="duration from the request to its acceptance, or `never`")
     cancel: Latency = Field(
-        "ends", description="what a cancel does: `ends`, `ignored`, `unconfirmed`, or a duration to the end"
+        "ends",
+        description="what a cancel does: `ends`, `ignored`, `refused`, `unconfirmed`, a duration to the end",
     )
     cut_short: dict[str, Any] | None = Field(
         None, description="fields of the result that a cancel gives, over the mock's; else it gives none"

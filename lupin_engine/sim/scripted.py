@@ -28,6 +28,7 @@ class OnCancel(enum.Enum):
 
     END = "ends"  #: confirms, after `cancel_after` seconds
     IGNORE = "ignored"  #: goes on, and ends as if nothing had been said
+    REFUSE = "refused"  #: goes on, and says so
     SILENT = "unconfirmed"  #: stops, and never says so
 
 
@@ -246,6 +247,9 @@ class Stage:
         running = self._running.get(attempt)
         if running is None or not running.accepted or running.outcome.on_cancel is OnCancel.IGNORE:
             return
+        if running.outcome.on_cancel is OnCancel.REFUSE:
+            self.outlet.cancel_refused(attempt, f"{running.operation} refuses to stop, and may go on")
+            return
         del self._running[attempt]
         if running.outcome.on_cancel is OnCancel.SILENT:
             return
@@ -412,6 +416,9 @@ class _Unheard:
     def cancelled(self, attempt: str, result: Mapping[str, Any] | None = None) -> None:
         """Kept."""
         self._ends[attempt] = lambda: self._later().cancelled(attempt, result)
+
+    def cancel_refused(self, attempt: str, detail: str) -> None:
+        """Nobody hears: who asks again is told again."""
 
     def value(self, name: str, value: Any, stamp: float) -> None:
         """Nobody hears; it is told again."""

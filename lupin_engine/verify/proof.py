@@ -275,6 +275,7 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
     found = [
         f"Itineraries and lists have {_elements(bounds.targets)}.",
         late,
+        "Servers that refuse a cancel are not explored; meanwhile, nothing else begins with what they use.",
         "A deadline fires at any time, but not before one that was certainly due earlier.",
         f"{len(classes.requests)} requests, {len(classes.values)} values of inputs and {len(classes.events)}"
         " events of plugins come at any time.",

@@ -285,15 +285,23 @@ def _resources_exclude(passage: Passage) -> str | None:
     if not any(found.uses for found in touched(attempts)):
         return None
     using = [attempts[claim.attempt] for claim in passage.after.claims if claim.uses and not claim.waits]
+    begun = {command.operation for command in passage.step.commands if isinstance(command, Start)}
     for one in using:
-        for other in using if one.phase is not Phase.CANCELLING else ():
+        for other in using if one.phase not in (Phase.CANCELLING, Phase.REFUSED) else ():
             shared = [name for name in other.uses if name in one.uses or name == EVERYTHING]
+            if other.phase is Phase.REFUSED and one.operation not in begun - _replacing(passage.chart):
+                continue  # it was lost when the other one began, or is replaced by that
             if other is not one and shared:
                 name, beside = f"{one.operation} ({one.id})", f"{other.operation} ({other.id})"
                 return (
                     f"{name} is {one.phase.value} while {beside} is {other.phase.value}: both use {shared[0]}"
                 )
     return "" if using else None
+
+
+def _replacing(chart: Chart) -> set[str]:
+    """Return the operations that begin beside an earlier one which refuses to end."""
+    return {name for name, operation in chart.catalog.operations.items() if operation.replaces}
 
 
 def _moves(chart: Chart, operation: str) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from lupin_engine.plugin.contract import Access
@@ -34,6 +35,8 @@ OWN_ACCESS = Access(
 )
 #: Who the gateway itself is in the audit log.
 _GATEWAY = {"who": "gateway", "role": "", "from": "", "page": ""}
+#: A pause for a lost link that reaches nobody is asked for again so many seconds later.
+PAUSE_AGAIN_S = 1.0
 #: A frame that says stop is shorter than this, in bytes: a client that is too fast has no longer one read.
 STOP_FRAME = 4_000
 
@@ -90,6 +93,8 @@ class HouseRules:
         self._wrong = WrongAttempts()
         self._told: tuple[bool, str] | None = None
         self._kept = stops.kept()
+        #: When the pause for a lost link is asked for again, which has reached nobody.
+        self._pause_at: float | None = None
 
     def enter(self, visitor: Visitor, address: str, browser: str) -> Guard:
         """Return the guard of a client that has connected; its `leave` is to be called."""
@@ -126,14 +131,25 @@ class HouseRules:
 
     def tick(self) -> None:
         """Tell the stop, and decide about a lost link; to be called `TELL_HZ` times a second."""
-        decision = self.stops.link_lost(self.clocks.steady())
-        if decision is OnLinkLost.PAUSE:
-            self._hands.pause(lambda answer: self._decided("pause", answer))
+        now = self.clocks.steady()
+        decision = self.stops.link_lost(now)
+        again = self._pause_at is not None and now >= self._pause_at and self.stops.link_is_lost
+        if decision is OnLinkLost.PAUSE or again:
+            self._pause_at = None
+            self._hands.pause(partial(self._paused, is_first=not again))
         elif decision is OnLinkLost.STOP:
             self._decided("stop", {"accepted": True})
         self._hands.tell_stop(self.stops.stopped)
         self.people.nodes.look(self.clocks.wall(), self.clocks.steady())
         self.tell_changes()
+
+    def _paused(self, answer: Any, is_first: bool) -> None:
+        """Take the answer to a pause for a lost link; without one the orchestrator may just be starting."""
+        is_answer = isinstance(answer, Mapping)
+        if not is_answer:
+            self._pause_at = self.clocks.steady() + PAUSE_AGAIN_S
+        if is_answer or is_first:
+            self._decided("pause", answer)
 
     def _decided(self, what: str, answer: Any) -> None:
         told = answer if isinstance(answer, Mapping) else str(getattr(answer, "text", answer))

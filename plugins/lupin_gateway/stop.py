@@ -157,6 +157,11 @@ class StopArbiter:
             self._leave(LINK, "", now)
         return self._on_link_lost
 
+    @property
+    def link_is_lost(self) -> bool:
+        """Whether no operator is connected, and what to do about that was decided."""
+        return self._is_decided and not self._operators()
+
     # -- what is shown and kept -------------------------------------------------------------------------
 
     def state(self, now: float) -> Mapping[str, Any]:
@@ -170,7 +175,7 @@ class StopArbiter:
                 for name, since, is_left in sorted([*pages, *left], key=lambda stop: stop[1])
             ],
             "operators": self._operators(),
-            "link": "up" if self._operators() else "lost" if self._is_decided else "none",
+            "link": "up" if self._operators() else "lost" if self.link_is_lost else "none",
             "on_link_lost": self._on_link_lost.value,
         }
 

@@ -153,6 +153,7 @@ OPERATIONS: Mapping[str, Operation] = {
         codes=DRIVE_CODES,
         uses=("base",),
         on_hold=OnHold.CANCEL,
+        replaces=True,  # Nav2 gives up an old goal for a new one
         mock=Mock(after=MOCK_DRIVE_S, values=_arrived),
     ),
 }

@@ -36,7 +36,10 @@ from lupin_nav import goal_status, localization
 from lupin_nav.battery import Charges, charge
 from lupin_nav.exploration import Explorer
 from lupin_nav.frontier import Point
+from lupin_nav.standstill import MovementWatch
 
+#: What people are told when the robot does not stop.
+REFUSES = "the robot may be moving: navigation refuses to stop"
 #: How often a map is searched again while a frontier is waited for, in seconds; each new map is, too.
 SEARCH_PERIOD_S = 1.0
 #: Looks at the battery within the time after which a silent source is unknown.
@@ -64,7 +67,10 @@ class NavClient:
         self._warn = WarnOnce(ros.log)
         self._closed = False
         self._server = ActionServer(ros, NavigateToPose, parameters["nav_action_name"], ours=True)
-        self._driving = ActionOperation(self._server, _outcome, _told, "nav_rejected", "nav_unavailable")
+        self._driving = ActionOperation(
+            self._server, _outcome, _told, "nav_rejected", "nav_unavailable", refused=REFUSES
+        )
+        self._standstill = MovementWatch()
         self._pose_topic = ros.node.resolve_topic_name(parameters["amcl_pose_topic"])
         ros.subscribe(PoseWithCovarianceStamped, parameters["amcl_pose_topic"], Qos.LATCHED, self._on_pose)
         self._charges = Charges(
@@ -112,7 +118,10 @@ class NavClient:
 
     def cancel(self, attempt: str) -> None:
         """Ask that an attempt ends; a goal not yet accepted is left to be cancelled when it is."""
+        drives = self._drives.runs(attempt)
         self._drives.cancel(attempt)
+        if drives:
+            self._standstill.cancelled(attempt, self._ros.elapsed())
         if self._localizing.pop(attempt, None) is not None:
             self._outlet.cancelled(attempt)
         self._explorer.cancel(attempt)
@@ -120,6 +129,8 @@ class NavClient:
     def recover(self, attempt: str, operation: str, *, adopt: bool) -> None:
         """Have a drive of a process that is gone ended; what that process only looked for ended with it."""
         if operation in ("go_to", "dock"):
+            if not adopt:
+                self._standstill.cancelled(attempt, self._ros.elapsed())
             self._drives.recover(attempt, self._driving, adopt=adopt)
         else:
             self._outlet.cancelled(attempt)
@@ -181,7 +192,16 @@ class NavClient:
             # The time of receipt, not of the header: the pose holds until the next one, however old it is,
             # and simulations mix clocks.
             self._report("robot.pose", self._fix.pose)
+            self._watch_standstill((self._fix.x, self._fix.y))
         self._look_at_localization()
+
+    def _watch_standstill(self, place: Point) -> None:
+        attempt = self._standstill.attempt
+        if (
+            self._standstill.moves(place, self._ros.elapsed(), self._drives.runs(attempt))
+            and not self._closed
+        ):
+            self._outlet.cancel_refused(attempt, REFUSES)
 
     def _is_in_map(self, frame: str, topic: str) -> bool:
         """Whether a message is in frame `map`; others are ignored with one warning."""
@@ -233,6 +253,7 @@ class NavClient:
             self._drive(attempt, pose)
 
     def _drive(self, attempt: str, pose: Mapping[str, float]) -> None:
+        self._standstill.forget()
         self._drives.start(attempt, self._driving, self._goal(pose))
 
     def _goal(self, pose: Mapping[str, float]) -> NavigateToPose.Goal:

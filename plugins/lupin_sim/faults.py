@@ -12,6 +12,7 @@ class InjectedFault(enum.Enum):
     REJECT = "reject"  #: goals are rejected
     ABORT = "abort"  #: goals are aborted, the running one too
     STALL = "stall"  #: the robot stands still and keeps its goal
+    REFUSE_CANCEL = "refuse_cancel"  #: cancels are refused, the robot drives to its goal
     LOSE_LOCALIZATION = "lose_localization"  #: the pose stands still, its variance grows
 
 

@@ -61,7 +61,8 @@ def test_who_wants_no_pages_needs_none_of_their_packages(monkeypatch: pytest.Mon
     """Without them `lupin up` finds nothing missing; with `--hmi` it says what to install."""
     monkeypatch.setitem(sys.modules, "lupin_gateway.node", None)
     told_first = (
-        "--sim: parameter 'fault': expected one of none, reject, abort, stall, lose_localization, got 'x'"
+        "--sim: parameter 'fault': expected one of none, reject, abort, stall, refuse_cancel, "
+        "lose_localization, got 'x'"
     )
     assert told("--sim", "fault=x") == f"{told_first}\n"
     text = (

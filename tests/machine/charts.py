@@ -48,10 +48,12 @@ from lupin_greenhouse.profile import PROFILE
 
 PLACE = Place("test.yaml", 1, 1)
 
-#: Operations that tests invoke: two that drive, one that uses nothing, two that use the arm and may go on
-#: while held, one of them with an argument that has a range, one that uses both.
+#: Operations that tests invoke: two that drive, one that does so beside one that refuses to end, one that
+#: uses nothing, two that use the arm and may go on while held, one of them with an argument that has a range,
+#: one that uses both.
 DRIVE = Operation("drive", uses=("base",), on_hold=OnHold.CANCEL)
 DOCK = Operation("dock", uses=("base",), on_hold=OnHold.CANCEL)
+HOME = Operation("home", uses=("base",), on_hold=OnHold.CANCEL, replaces=True)
 READ = Operation("read", on_hold=OnHold.FINISH)
 LOOK = Operation("look", uses=("arm",), on_hold=OnHold.FINISH)
 TURN = Argument(within(NUMBER, 0.0, 2.0), "how far")
@@ -62,6 +64,7 @@ OPERATIONS = {
     "valve.give": GIVE,
     "nav.go": DRIVE,
     "nav.dock": DOCK,
+    "nav.home": HOME,
     "bridge.read": READ,
     "arm.look": LOOK,
     "arm.bend": BEND,

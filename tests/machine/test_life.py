@@ -20,12 +20,16 @@ STATES: dict[str, Any] = {
     "C": {"on": {"again": "A", "dock": "D"}},
     "D": {"invoke": "nav.dock", "on_done": "B", "on_error": "C", "on": {"away": "C", "again": "A"}},
 }
-REPORTS = ("accepted", "done", "failed", "cancelled")
+REPORTS = ("accepted", "done", "failed", "cancelled", "cancel_refused")
 
 
 def said_of(word: str, attempt: str) -> Event:
     """Return what a server says of an attempt."""
-    made = {"done": events.done(attempt, {}), "failed": events.failed(attempt, "blocked")}
+    made = {
+        "done": events.done(attempt, {}),
+        "failed": events.failed(attempt, "blocked"),
+        "cancel_refused": events.cancel_refused(attempt, "it goes on"),
+    }
     return made.get(word) or Event(f"attempt.{word}", {"attempt": attempt})
 
 
@@ -41,10 +45,12 @@ def reach(phase: Phase) -> tuple[Bench, str]:
         bench.send("dock")
     if phase is Phase.ACCEPTED:
         bench.send(events.accepted(bench.attempt))
-    if phase in (Phase.CANCELLING, Phase.LOST):
+    if phase in (Phase.CANCELLING, Phase.LOST, Phase.REFUSED):
         bench.send("away")
     if phase is Phase.LOST:
         bench.wait(CANCEL_DEADLINE)
+    if phase is Phase.REFUSED:
+        bench.send(said_of("cancel_refused", bench.attempt))
     attempt = newest(bench)
     assert attempt.phase is phase
     return bench, attempt.id

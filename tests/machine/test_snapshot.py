@@ -71,7 +71,9 @@ NAMES = ("close", "rest", "back", "flip", "out", "operator.pause", "operator.res
 RICH_HAPPENINGS = st.lists(
     st.sampled_from(NAMES)
     | st.lists(st.sampled_from("abc"), max_size=3)
-    | st.tuples(st.integers(-3, -1), st.sampled_from(["accepted", "done", "failed", "cancelled"]))
+    | st.tuples(
+        st.integers(-3, -1), st.sampled_from(["accepted", "done", "failed", "cancelled", "cancel_refused"])
+    )
     | st.sampled_from([0.4, 1.0, 3.0, 8.0]),
     max_size=30,
 )
@@ -96,6 +98,8 @@ def _report(word: str, attempt: str) -> Event:
     return (
         events.failed(attempt, "blocked")
         if word == "failed"
+        else events.cancel_refused(attempt, "it goes on")
+        if word == "cancel_refused"
         else Event(f"attempt.{word}", {"attempt": attempt})
     )
 

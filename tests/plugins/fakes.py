@@ -38,6 +38,9 @@ class FakeOutlet:
     def cancelled(self, attempt: str, result: Mapping[str, Any] | None = None) -> None:
         self.reports.append(("cancelled", attempt) if result is None else ("cancelled", attempt, result))
 
+    def cancel_refused(self, attempt: str, detail: str) -> None:
+        self.reports.append(("cancel_refused", attempt, detail))
+
     def value(self, name: str, value: Any, stamp: float) -> None:
         self.values.append((name, value, stamp))
 

@@ -439,6 +439,26 @@ def test_a_cancel_takes_the_time_that_is_said(tmp_path: Path) -> None:
         assert run.seconds == pytest.approx(seconds)
 
 
+def test_a_refused_cancel_keeps_a_person_from_resuming(tmp_path: Path) -> None:
+    """The way home begins at once: its server puts it in the place of the old drive."""
+    run = ran(
+        tmp_path,
+        """\
+mocks: [{do: nav.go_to, then: {never: true, cancel: refused}}]
+when:
+  - {on: NAVIGATING, after: 1 s, request: operator.pause}
+  - {on: NAVIGATING, after: 4 s, request: operator.resume}
+  - {on: NAVIGATING, after: 5 s, request: operator.abort}
+expect:
+  final: DONE
+  refused: [{request: operator.resume, code: cancel_refused}]
+  counts: {nav.go_to: 1, nav.dock: 1}
+""",
+    )
+    assert run.view.code == "cancel_refused"
+    assert run.view.detail == "nav.go_to refuses to stop, and may go on"
+
+
 def test_an_operation_ends_with_the_result_that_is_said(tmp_path: Path) -> None:
     """`finish` ends it now, over what the mock would say."""
     reading = '{tag_id: "1", stamp: 4.0, sim_time_of_day_seconds: 0, readings: [{name: co2, value: 400}]}'

@@ -177,6 +177,7 @@ BOUNDS = """\
   What was explored, and its bounds:
     Itineraries and lists have no elements.
     Late answers, to orders that timed out or were cancelled, are not explored; --late 1 adds them.
+    Servers that refuse a cancel are not explored; meanwhile, nothing else begins with what they use.
     A deadline fires at any time, but not before one that was certainly due earlier.
     7 requests, 7 values of inputs and 0 events of plugins come at any time.
     During a hold at most one event of each kind, and one time of day, waits for the release.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import RESUMED, Event
+from lupin_engine.machine.event import RELEASED, RESUMED, Event
 from lupin_engine.verify.situations.moves import told_move
 from lupin_engine.verify.situations.worlds import LOADED, OF_PROPERTY, Mover, WorldMove
 from tests.verify.toys import round_trip
@@ -21,6 +21,7 @@ TOLD = [
     (Event("operator.dock", {}), "operator.dock"),
     (Event("mission.start", {"mission_id": "proof", "tags": ["1", "2"]}), "mission.start (tags: [1, 2])"),
     (Event(RESUMED, {"away": 1.0}), "the process ends, and a new one continues"),
+    (Event(RELEASED, {"hold": "restarted"}), "the resume policy ends the hold restarted"),
     (LOADED, "the missions are reloaded"),
 ]
 DUE = [

@@ -139,9 +139,12 @@ class ActionServer:
         if self._cancel_all is not None:
             self._cancel_all.call(CancelGoal.Request(), _CLEARING_DEADLINE_S, self._cleared)
 
-    def _cleared(self, _: Any) -> None:
-        # Also without an answer: a server that does not answer must not keep the node from starting.
-        self._is_cleared = True
+    def _cleared(self, answer: Any) -> None:
+        # Also without an answer: a server that does not answer must not keep the node from starting. One that
+        # refuses has goals which nobody could tell from ours: it is asked again.
+        code = getattr(answer, "return_code", CancelGoal.Response.ERROR_NONE)
+        self._is_cleared = code != CancelGoal.Response.ERROR_REJECTED
+        self._clears = self._is_cleared
 
     def when_free(self, then: Callable[[], None]) -> None:
         """Call `then` when no goal of another client is under way at a server of ours."""
@@ -179,7 +182,8 @@ class ActionOperation:
 
     `outcome` says what the end of a goal means (an `action_msgs/GoalStatus` and the result; also 0, of a
     server that no longer knows it), `told` what its feedback tells people, `cut_short` what the result of
-    a goal that was cancelled as asked comes to, where it comes to anything.
+    a goal that was cancelled as asked comes to, where it comes to anything. `refused` is what people are told
+    where the server refuses to cancel; '' names the server.
     """
 
     server: ActionServer
@@ -188,6 +192,7 @@ class ActionOperation:
     rejected: str
     unavailable: str
     cut_short: Callable[[Any], Mapping[str, Any] | None] = field(default=lambda _: None)
+    refused: str = ""
 
     def failed(self, code: str, state: str) -> Failed:
         """Return that the server is in some state."""
@@ -237,6 +242,7 @@ class ActionAttempts:
             ended=partial(self._on_ended, attempt),
             rejected=partial(self._on_rejected, attempt),
         )
+        made.goal.refused = partial(self._on_refused, attempt)
 
     def recover(self, attempt: str, operation: ActionOperation, *, adopt: bool) -> None:
         """Follow the goal that a process which is gone has sent for an attempt; have it ended unless `adopt`.
@@ -250,12 +256,17 @@ class ActionAttempts:
             feedback=partial(self._on_feedback, attempt),
             ended=partial(self._on_ended, attempt),
         )
+        made.goal.refused = partial(self._on_refused, attempt)
         self._watching.start()
         if not adopt:
             made.goal.cancel()
 
     def _key(self, attempt: str) -> str:
         return f"{self._ros.lineage}/{attempt}"
+
+    def runs(self, attempt: str) -> bool:
+        """Say whether an attempt has not ended."""
+        return attempt in self._running
 
     def cancel(self, attempt: str) -> None:
         """Ask that an attempt ends; a goal not yet accepted is left to be cancelled when it is."""
@@ -314,6 +325,12 @@ class ActionAttempts:
             self._outlet.done(attempt, outcome.result)
         else:
             self._fail(attempt, outcome)
+
+    def _on_refused(self, attempt: str) -> None:
+        running = self._running.get(attempt)
+        if running is not None:
+            told = f"action server {running.operation.server.name} refuses to stop, and may go on"
+            self._outlet.cancel_refused(attempt, running.operation.refused or told)
 
     def _fail(self, attempt: str, failed: Failed) -> None:
         self._outlet.failed(attempt, failed.code, failed.detail)

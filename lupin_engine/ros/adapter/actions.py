@@ -1,7 +1,8 @@
 """Action clients and servers over rclpy whose goals survive an interrupted connection.
 
 rclpy leaves the future of a result pending for ever when the result was sent while the link was down. A
-`Goal` therefore asks again when a server (re-)appears, and repeats a cancel request until it is answered.
+`Goal` therefore asks again when a server (re-)appears. A cancel request is repeated until the server accepts
+it or the goal has ended: neither silence nor a refusal is an end.
 A client that is closed has its goals cancelled, and stays until that is answered: see `ActionCaller.close`.
 """
 
@@ -28,6 +29,10 @@ WATCH_PERIOD_S = 1.0
 #: How often a server that has appeared is asked for a result: before both have found each other an answer is
 #: lost, which its middleware calls "client will not receive response".
 ASKS = 3
+#: Seconds between two cancel requests, while the server refuses; while it does not answer, twice as many.
+CANCEL_PERIOD_S = 0.5
+#: So many of them wait for their answers at the most: a server may take longer than that.
+MOST_CANCELS = 8
 #: How long a closed client, and the end of a node, waits for the answers of its cancels, in seconds.
 CANCEL_LIMIT_S = 2.0
 
@@ -46,6 +51,10 @@ _TERMINAL = frozenset((GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, 
 def goal_id(action: str, key: str) -> bytes:
     """Return the id of the goal that is sent with a key."""
     return uuid.uuid5(_GOALS, f"{action} {key}").bytes
+
+
+def _nothing(*_: object) -> None:
+    """Tell nobody."""
 
 
 class ActionCaller:
@@ -149,9 +158,9 @@ class ActionCaller:
         if self.released:
             return
         if self.closed and self._goals:
-            self.ros.log.warning(
-                "no answer to a cancel: the goal may go on", action=self.name, goals=len(self._goals)
-            )
+            is_refused = any(goal.is_refused for goal in self._goals)
+            why = "a cancel is refused" if is_refused else "no answer to a cancel"
+            self.ros.log.warning(f"{why}: the goal may go on", action=self.name, goals=len(self._goals))
         self.closed = self.released = True
         if self._limit is not None:
             self._limit.cancel()
@@ -191,23 +200,27 @@ class Goal:
         self._tell_feedback = feedback
         self._tell_ended = ended
         self._tell_rejected = rejected
+        #: Called once where the server refuses to cancel the goal.
+        self.refused: Callable[[], None] = _nothing
         self._id = UUID(uuid=list(goal_id(caller.name, key) if key else uuid.uuid4().bytes))
         self._handle = self._own_handle()
         self._accepted = False
         self._over = False
         self._result_overdue = False
         self._asks_left = 0
-        self._cancelling: Future | None = None
-        self._cancel_unanswered = False
+        self._cancelling: list[Future] = []
+        self._unanswered = 0  # looks in a row that found no answer
+        self._cancels = Repeater(caller.ros.steady_timer, CANCEL_PERIOD_S, self._repeat_cancel)
+        self.is_refused = False
         self._abandoned = False
 
     def cancel(self) -> None:
-        """Ask the server to end the goal, again and again until it answers.
+        """Ask the server to end the goal, again and again until it accepts that.
 
         Nothing happens before the goal is accepted: the caller cancels when `accepted` comes.
         """
         if self._accepted and not self._over:
-            self._cancel_unanswered = True
+            self._cancels.start()
             self._send_cancel()
 
     def send(self, goal: Any) -> None:
@@ -232,20 +245,20 @@ class Goal:
             self._ask_result()
         self._asks_left = max(0, self._asks_left - 1)
         self._result_overdue = finished
-        if self._cancel_unanswered and self._caller.ready():
-            self._send_cancel()
 
     def abandon(self) -> None:
         """Have the goal ended, accepted or not, and tell nobody of it any more."""
         self._tell_accepted, self._tell_feedback = self.cancel, _nothing
-        self._tell_rejected = self._tell_ended = _nothing
-        self._abandoned = self._cancel_unanswered = True
-        if self._cancelling is None:
+        self._tell_rejected = self._tell_ended = self.refused = _nothing
+        self._abandoned = True
+        self._cancels.start()
+        if not self._cancelling:
             self._send_cancel()
 
     def drop(self) -> None:
         """Drop the goal without a callback."""
         self._over = True
+        self._cancels.stop()
         self._caller.forget(self)
 
     def _own_handle(self) -> ClientGoalHandle:
@@ -295,38 +308,55 @@ class Goal:
 
     def _end(self, tell: Callable[[], None]) -> None:
         self._over = True
+        self._cancels.stop()
         self._caller.forget(self)
         # rclpy forgets the feedback callback only with the result, so a rejected goal would leave it behind.
         self._client._feedback_callbacks.pop(bytes(self._id.uuid), None)
         tell()
 
+    def _repeat_cancel(self) -> None:
+        self._unanswered = self._unanswered + 1 if self._cancelling else 0
+        if self._unanswered % 2 == 0 and self._caller.ready():
+            self._send_cancel()
+
     def _send_cancel(self) -> None:
-        if self._cancelling is not None:
-            self._client._remove_pending_cancel_request(self._cancelling)
-        self._cancelling = self._handle.cancel_goal_async()
-        self._cancelling.add_done_callback(self._caller.ros.guarded(self._on_cancel_answer))
+        if len(self._cancelling) == MOST_CANCELS:
+            self._client._remove_pending_cancel_request(self._cancelling.pop(0))
+        sent = self._handle.cancel_goal_async()
+        self._cancelling.append(sent)
+        sent.add_done_callback(self._caller.ros.guarded(self._on_cancel_answer))
 
     def _on_cancel_answer(self, future: Future) -> None:
-        self._cancelling = None
-        self._cancel_unanswered = False
-        code = future.result().return_code
+        if future in self._cancelling:
+            self._cancelling.remove(future)
+        answer: CancelGoal.Response = future.result()
         if self._over:
             return
-        if code == CancelGoal.Response.ERROR_REJECTED:
-            self._caller.ros.log.warning("the server refuses to cancel the goal", action=self._caller.name)
+        if self._is_refusal(answer):
+            self._be_refused()
+            return
+        self._cancels.stop()
         if self._abandoned:
-            self._settle(code)
-        elif code not in (CancelGoal.Response.ERROR_NONE, CancelGoal.Response.ERROR_REJECTED):
+            self._settle(answer.return_code)
+        elif answer.return_code != CancelGoal.Response.ERROR_NONE:
             self._ask_result()  # the goal is unknown or has ended: the result says which
+
+    def _is_refusal(self, answer: CancelGoal.Response) -> bool:
+        """Say whether the server refuses; one of rclpy only leaves the goal out of those that it cancels."""
+        ids = [bytes(info.goal_id.uuid) for info in answer.goals_canceling]
+        left_out = answer.return_code == CancelGoal.Response.ERROR_NONE and bytes(self._id.uuid) not in ids
+        return left_out or bool(answer.return_code == CancelGoal.Response.ERROR_REJECTED)
+
+    def _be_refused(self) -> None:
+        if not self.is_refused:
+            self.is_refused = True
+            self._caller.ros.log.warning("the server refuses to cancel the goal", action=self._caller.name)
+            self.refused()
 
     def _settle(self, code: int) -> None:
         # A server may look at the cancel before it takes the goal: then the acceptance has it sent again.
         if self._accepted or code != CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
             self._end(_nothing)
-
-
-def _nothing(*_: object) -> None:
-    """Tell nobody."""
 
 
 class ActionHost:
@@ -349,6 +379,8 @@ class ActionHost:
         self._ros = ros
         self._kind = kind
         self._admit = admit
+        #: Says whether cancels are refused.
+        self.refuses: Callable[[], bool] = lambda: False
         self._started = started
         self._cancelled = ros.guarded(cancelled)
         self._served: dict[bytes, ServedGoal] = {}
@@ -394,7 +426,7 @@ class ActionHost:
 
     def _on_cancel(self, handle: ServerGoalHandle) -> CancelResponse:
         served = self._served.get(bytes(handle.goal_id.uuid))
-        if served is None:
+        if served is None or self.refuses():
             return CancelResponse.REJECT
         # rclpy marks the goal as cancelling only after this callback: tell the owner afterwards.
         self._ros.post(lambda: self._cancelled(served))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.machine.event import RESUMED
+from lupin_engine.machine.event import RELEASED, RESUMED
 from lupin_engine.sim.narration import short_name, shorten
 from lupin_engine.verify.situations.relevance import ANY_ORPHAN, is_orphan, kind_of
 from lupin_engine.verify.situations.worlds import LOADED, OF_PROPERTY, WorldMove
@@ -24,6 +24,8 @@ def told_move(chart: Chart, move: WorldMove) -> str:
         return "the missions are reloaded"
     if name == RESUMED:
         return "the process ends, and a new one continues"
+    if name == RELEASED:
+        return f"the resume policy ends the hold {data['hold']}"
     if name == "value":
         return f"{data['name']} = {shorten(data['value'])}"
     if name.startswith("attempt."):

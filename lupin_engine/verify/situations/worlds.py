@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from lupin_engine.chart.model import Chart, State
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import ANSWERED, RESUMED, Event
+from lupin_engine.machine.event import ANSWERED, RELEASED, RESUMED, Event
 from lupin_engine.machine.inputs import WAITS
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Attempt, Phase, Reported, ResourceClaim, Timer
@@ -27,6 +27,7 @@ from lupin_engine.machine.operations import CANCELLED_CODE
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.timers import Timers
 from lupin_engine.plugin.builtin import is_builtin
+from lupin_engine.plugin.contract import RESTARTED
 from lupin_engine.sim.simulation import label_of
 from lupin_engine.verify.properties import Remembered
 from lupin_engine.verify.situations.classes import Classes
@@ -141,6 +142,7 @@ class WorldMoves:
         yield "stray", WorldMove(Mover.WORLD, events.done("long over", {}))
         if restarts:
             yield "restart", WorldMove(Mover.WORLD, Event(RESUMED, {"detail": "", "held": True, "away": 1.0}))
+            yield "released", WorldMove(Mover.WORLD, Event(RELEASED, {"hold": RESTARTED}))
             yield "loaded", WorldMove(Mover.WORLD, LOADED)
 
     def told_before(self, values: tuple[int, ...], number: int) -> int:

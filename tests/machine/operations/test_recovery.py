@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import HELD_BACK, RESUMED, TOLD, Event
+from lupin_engine.machine.event import HELD_BACK, RELEASED, RESUMED, TOLD, Event
 from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.operations import RECOVERY_DEADLINE
 from lupin_engine.machine.step import Step
@@ -154,6 +154,30 @@ def test_a_failed_journal_holds_and_a_code_is_told() -> None:
     assert made.machine.memory.held == [UNRECORDED]
     made.send(Event(HELD_BACK, {"hold": UNRECORDED, "detail": "full"}))
     assert made.machine.memory.held == [UNRECORDED]
+
+
+def test_who_runs_the_machine_releases_the_engines_holds_only() -> None:
+    """A policy after a restart: what a person, a level or the disk holds stays held."""
+    made = bench()
+    restarted(made)
+    made.send("operator.pause")
+    made.send(Event(HELD_BACK, {"hold": UNRECORDED, "detail": "full"}))
+    made.send(Event(RELEASED, {"hold": "pause"}))
+    assert made.machine.memory.held == [RESTARTED, "pause", UNRECORDED]
+    made.send(Event(RELEASED, {"hold": RESTARTED}))
+    made.send(Event(RELEASED, {"hold": RESTARTED}))
+    assert made.machine.memory.held == ["pause", UNRECORDED]
+
+
+def test_the_release_of_the_last_hold_goes_on() -> None:
+    """As a person's resume does, with the same target and what had waited."""
+    made = bench()
+    old = made.attempt
+    restarted(made)
+    made.send(events.cancelled(old))
+    step = made.send(Event(RELEASED, {"hold": RESTARTED}))
+    assert (made.machine.memory.held, step.accepted) == ([], None)
+    assert [type(command).__name__ for command in step.commands] == ["Start"]
 
 
 @pytest.mark.parametrize("adopts", [True, False])

@@ -21,7 +21,18 @@ from tests.machine.charts import PAUSE, Bench, chart, legal
 from tests.machine.properties.test_properties import World
 from tests.machine.test_snapshot import RICH
 
-WORDS = ("accepted", "progress", "done", "failed", "cancelled", "", "resource free", "not wanted", "unheard")
+WORDS = (
+    "accepted",
+    "progress",
+    "done",
+    "failed",
+    "cancelled",
+    "cancel_refused",
+    "",
+    "resource free",
+    "not wanted",
+    "unheard",
+)
 NAMES = st.sampled_from(
     [
         *(f"attempt.{word}" for word in WORDS),

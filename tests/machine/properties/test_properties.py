@@ -32,7 +32,8 @@ VALUES = st.sampled_from(
 )
 #: What servers say of attempts: (which of the known ones, what); most of it of the newest one.
 REPORTS = st.tuples(
-    st.integers(-4, -1), st.sampled_from(["accepted", "progress", "done", "failed", "cancelled"])
+    st.integers(-4, -1),
+    st.sampled_from(["accepted", "progress", "done", "failed", "cancelled", "cancel_refused"]),
 )
 WAITS = st.sampled_from([0.1, 1.0, 3.0, 20.0, 100.0])
 HAPPENINGS = st.lists(REQUESTS | VALUES | REPORTS | WAITS, max_size=60)
@@ -92,6 +93,7 @@ class World:
             "done": events.done(attempt, READING),
             "failed": events.failed(attempt, "nav_status_6", "blocked"),
             "cancelled": events.cancelled(attempt),
+            "cancel_refused": events.cancel_refused(attempt, "it goes on"),
         }
         self.send(made[what])
 
@@ -109,7 +111,10 @@ class World:
     def look(self, step: Step) -> None:
         """Check what must always be true."""
         self.steps.append(step)
-        self.attempts += [c.attempt for c in step.commands if isinstance(c, events.Start)]
+        begun = [command for command in step.commands if isinstance(command, events.Start)]
+        self.attempts += [command.attempt for command in begun]
+        refused = [a for a in self.memory.attempts.values() if "base" in a.uses and a.phase is Phase.REFUSED]
+        assert not (refused and any(command.operation == "nav.go_to" for command in begun))
         assert self.memory.code != "execution_error", self.memory.detail
         self._configuration()
         self._deadlines()
@@ -134,11 +139,11 @@ class World:
         invoking = {name for name in self.memory.configuration if self.chart.states[name].invoke}
         assert set(self.memory.invocations) == invoking
         current = {invocation.attempt for invocation in self.memory.invocations.values()} - {None}
-        idle = (Phase.WAITING, Phase.LOST)
+        idle = (Phase.WAITING, Phase.LOST, Phase.REFUSED)
         busy = [a for a in self.memory.attempts.values() if "base" in a.uses and a.phase not in idle]
         assert len(busy) <= 1, "two goals at the base"
         for attempt in self.memory.attempts.values():
-            wanted = attempt.phase not in (Phase.CANCELLING, Phase.LOST)
+            wanted = attempt.phase not in (Phase.CANCELLING, Phase.LOST, Phase.REFUSED)
             assert (attempt.id in current) == wanted
             moves = shipped.catalog().operations[attempt.operation].on_hold is OnHold.CANCEL
             assert not (wanted and moves and self.memory.held), "it drives while held"

@@ -26,6 +26,7 @@ from lupin_engine.plugin.contract import Access
 from lupin_gateway import server
 from lupin_gateway.doors import LONGEST_FRAME, MOST_SUBSCRIPTIONS, IssuedToken, UserRole, Visitor
 from lupin_gateway.guard import RESET_STOP
+from lupin_gateway.sides import CallFailed
 from lupin_gateway.stop import LINK_GRACE_S, OnLinkLost, StopArbiter
 from tests.plugins.gateway.served import OpenPage, ServedGateway, until
 
@@ -206,6 +207,29 @@ def test_a_link_cut_for_half_a_minute(tmp_path: Path, mode: OnLinkLost) -> None:
         expected = {OnLinkLost.CONTINUE: [], OnLinkLost.PAUSE: ["pause"], OnLinkLost.STOP: ["stop"]}[mode]
         lines = wait_for_lines(gateway, 1 + len(expected))
         assert [line["name"] for line in lines] == [START, *expected]
+
+
+def test_a_pause_for_a_lost_link_is_asked_for_until_somebody_answers(tmp_path: Path) -> None:
+    """The orchestrator may be dead when the link is lost, and go on by itself when it is started again."""
+    with ServedGateway(tmp_path, stops=StopArbiter(OnLinkLost.PAUSE)) as gateway:
+        page = OpenPage(gateway.port)
+        page.cut()
+        until(lambda: not gateway.states[-1]["operators"], "the page is gone")
+
+        def tick(second: float) -> int:
+            gateway.ahead = second
+            gateway.call(gateway.rules.tick)
+            return len(gateway.pauses)
+
+        assert tick(LINK_GRACE_S) == 1
+        gateway.call(lambda: gateway.pauses[0](CallFailed("nobody serves this service now")))
+        assert [tick(LINK_GRACE_S + later) for later in (0.5, 1.1, 5.0)] == [1, 2, 2]
+        gateway.call(lambda: gateway.pauses[1](CallFailed("nobody serves this service now")))
+        assert tick(9.0) == 3
+        gateway.call(lambda: gateway.pauses[2]({"success": True, "message": "pause accepted"}))
+        assert tick(30.0) == 3
+        lines = wait_for_lines(gateway, 2)
+        assert [line["answer"] for line in lines] == ["nobody serves this service now", "pause accepted"]
 
 
 # -- roles ------------------------------------------------------------------------------------------------

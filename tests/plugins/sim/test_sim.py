@@ -269,6 +269,7 @@ def test_nothing_goes_wrong_at_first() -> None:
         "reject",
         "abort",
         "stall",
+        "refuse_cancel",
         "lose_localization",
     ]
     faults = Faults()

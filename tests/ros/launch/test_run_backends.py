@@ -75,8 +75,8 @@ def test_a_mission_reads_a_recording(lupin: Start, tmp_path: Path) -> None:
         (
             ["--set", "greenhouse_bridge.backend=recorded", "--sim", "pests=1,2,3", "--sim", "fault=explode"],
             [
-                "--sim: parameter 'fault': expected one of none, reject, abort, stall, lose_localization, "
-                "got 'explode'",
+                "--sim: parameter 'fault': expected one of none, reject, abort, stall, refuse_cancel, "
+                "lose_localization, got 'explode'",
                 "parameter 'pests': expected x and y of each place, got 3 numbers",
                 "backend 'recorded' needs the parameter recording_file, a CSV file",
             ],

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
+from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import OccupancyGrid
@@ -21,6 +22,7 @@ from lupin_nav.catalog import PLUGIN
 from lupin_nav.client import NavClient
 from tests.plugins.fakes import FakeOutlet, defaults
 from tests.ros.helpers import spin_until
+from tests.ros.wire.wire import Asked, Base
 
 MakeNode = Callable[..., RosNode]
 POSE = {"x": 1.0, "y": 2.0, "yaw": 0.0}
@@ -97,6 +99,25 @@ def test_a_drive_reaches_the_server_and_is_done(make_node: MakeNode) -> None:
     nav2.goals[0].succeed(NavigateToPose.Result())
     rig.until_reported("done")
     assert nav2.goals[0].request.pose.pose.position.y == 2.0
+
+
+def test_goals_of_before_that_a_server_refuses_to_end_keep_the_driver_waiting(make_node: MakeNode) -> None:
+    """They would go on beside ours; it is asked again."""
+
+    class Refusing(Base):
+        code, asked = CancelGoal.Response.ERROR_REJECTED, 0
+
+        def _on_cancel(self, asked: Asked) -> None:
+            self.asked += 1
+            asked.answer(CancelGoal.Response(return_code=self.code))
+
+    rig = Rig(make_node("ours"))
+    rig.others.append(make_node("nav2"))
+    server = Refusing(rig.others[0])
+    waits = ["action server navigate_to_pose to cancel the goals it had"]
+    rig.until(lambda: rig.client.missing() == waits and server.asked > 2, "asked again")
+    server.code = CancelGoal.Response.ERROR_NONE
+    rig.until(lambda: not rig.client.missing(), "cancelled")
 
 
 def test_a_server_that_rejects(make_node: MakeNode) -> None:

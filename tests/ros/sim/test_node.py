@@ -213,6 +213,14 @@ def test_a_stalled_robot_keeps_its_goal_until_the_fault_is_lifted(make_node: Mak
     assert scene.end_of(drive) == 4
 
 
+def test_a_goal_whose_cancel_is_refused_is_driven_to_its_end(make_node: MakeNode) -> None:
+    scene = Scene(make_node, "-p", "fault:=refuse_cancel", "-p", "speed:=0.5")
+    drive = scene.drive(0.5, 1.0)
+    scene.until(lambda: drive.feedback)
+    drive.goal.cancel()
+    assert scene.end_of(drive) == 4
+
+
 def test_lost_localization_freezes_the_pose_and_its_variance_grows(make_node: MakeNode) -> None:
     scene = Scene(make_node)
     scene.until(lambda: scene.poses)

@@ -1,0 +1,60 @@
+"""Whether the robot stands after a drive was cancelled; a server may agree to stop, and drive on."""
+
+from __future__ import annotations
+
+import math
+
+from lupin_nav.frontier import Point
+
+#: How long the robot may take to stand after its drive was cancelled, and after that has ended, in seconds.
+BRAKING_S = 2.0
+#: How far a standing robot may be from where it was then, in metres.
+MOVED_M = 0.2
+#: How long a robot is watched whose drive has ended, after `BRAKING_S`, in seconds: people may drive it then.
+WATCHED_S = 5.0
+
+
+class MovementWatch:
+    """Watches the poses after the drive that was cancelled last. One jump of the localizer is no movement."""
+
+    def __init__(self) -> None:
+        self.attempt = ""
+        self._since = 0.0
+        self._ended = False
+        self._from: Point | None = None
+        self._last: Point = (0.0, 0.0)
+        self._jump = 0.0
+
+    def cancelled(self, attempt: str, now: float) -> None:
+        """Begin to watch; asking again changes nothing."""
+        if attempt != self.attempt:
+            self.attempt, self._ended = attempt, False
+            self._brake(now)
+
+    def forget(self) -> None:
+        """Stop watching: another drive has begun."""
+        self.attempt = ""
+
+    def moves(self, place: Point, now: float, runs: bool) -> bool:
+        """Take a pose, and say once that the robot moves; `runs` says whether the server has the drive."""
+        if not self.attempt:
+            return False
+        if not (runs or self._ended):
+            self._ended = True
+            self._brake(now)
+        if now < self._since + BRAKING_S:
+            return False
+        if self._ended and now > self._since + BRAKING_S + WATCHED_S:
+            self.forget()
+            return False
+        if self._from is None:
+            self._from = self._last = place
+        self._jump = max(self._jump, math.dist(place, self._last))
+        self._last = place
+        moved = math.dist(place, self._from) - self._jump > MOVED_M
+        if moved:
+            self.forget()
+        return moved
+
+    def _brake(self, now: float) -> None:
+        self._since, self._from, self._jump = now, None, 0.0
