@@ -15,6 +15,8 @@ const TELL_EVERY_MS = 500;
 const TRY_EVERY_MS = 1000;
 /** A connection on which something was asked so long ago, without any answer, is dead. */
 const DEAD_AFTER_MS = 3000;
+/** One that does not come about for so long is tried anew. */
+const CONNECT_WITHIN_MS = 5000;
 /** For so long a button is held that releases a stop. */
 const HOLD_MS = 1000;
 const REMEMBERED = "lupin.stopped";
@@ -54,6 +56,7 @@ const others = document.getElementById("stop-others")!;
 const NONE: Stops = { stopped: false, stops: [] };
 let stopped = remembered() === "1";
 let socket: WebSocket | undefined;
+let triedAt = 0;
 let stops = NONE;
 let problem = "";
 /** Since when an answer is awaited. */
@@ -69,6 +72,7 @@ function remembered(now?: string): string | null {
   }
 }
 
+const isTried = (): boolean => socket?.readyState === WebSocket.CONNECTING;
 const isOpen = (): boolean => socket?.readyState === WebSocket.OPEN;
 
 function send(frame: object): void {
@@ -175,6 +179,7 @@ function answerOf(result: boolean | undefined, values: unknown): string {
 function connect(): void {
   const own = new WebSocket(addressOf(location));
   socket = own;
+  triedAt = performance.now();
   own.onopen = () => {
     if (stopped) tell();
     send({ op: "subscribe", topic: STOPS, type: "std_msgs/msg/String" });
@@ -198,14 +203,13 @@ function gone(): void {
 
 /** Find out whether the connection lives: after a sleep the browser may not know that it does not. */
 function ask(): void {
-  if (!isOpen()) return;
   const now = performance.now();
-  if (askedAt !== undefined && now - askedAt > DEAD_AFTER_MS) {
+  if (isOpen() ? askedAt !== undefined && now - askedAt > DEAD_AFTER_MS : isTried() && now - triedAt > CONNECT_WITHIN_MS) {
     const dead = socket!;
     connect();
     dead.close();
     gone();
-  } else if (askedAt === undefined) {
+  } else if (isOpen() && askedAt === undefined) {
     askedAt = now;
     send({ op: "call_service", id: ALIVE, service: ASKED, args: {} });
   }
