@@ -52,7 +52,7 @@ const SIGNS = { stop: "■", fault: "✖", question: "?" } as const;
 function Alerts() {
   return (
     <div class="alerts" role="alert">
-      {alerts.value.map(({ kind, text }) => (
+      {alerts.value.map(({ kind, text, isSaid }) => isSaid || (
         <a key={text} href="#control" class={`alert ${kind === "question" ? "warn" : "bad"}`} onClick={() => open("control")}>
           <span aria-hidden="true">{SIGNS[kind]}</span> {text}
         </a>

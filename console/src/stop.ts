@@ -57,6 +57,8 @@ const NONE: Stops = { stopped: false, stops: [] };
 let stopped = remembered() === "1";
 let socket: WebSocket | undefined;
 let triedAt = 0;
+/** Whether anything was heard on this connection: only then it counts as one. */
+let isHeard = false;
 let stops = NONE;
 let problem = "";
 /** Since when an answer is awaited. */
@@ -100,10 +102,10 @@ function show(): void {
   button.setAttribute("aria-pressed", String(stopped));
   release.textContent = words.release;
   release.hidden = !stopped;
-  box.dataset["state"] = !isOpen() ? "away" : stopped || stops.stopped ? "stopped" : "free";
+  box.dataset["state"] = !isHeard ? "away" : stopped || stops.stopped ? "stopped" : "free";
   const by = names.length ? words.by(names.join(", ")) : "";
   button.disabled = isRecording;
-  told.textContent = isRecording ? words.recording : problem || (isOpen() ? by || (stopped ? words.here : "") : words.unreachable);
+  told.textContent = isRecording ? words.recording : problem || (isHeard ? by || (stopped ? words.here : "") : words.unreachable);
   showOthers(
     stops.stops.filter((each) => each.left || !stopped).map((each) => each.name),
     words.reset,
@@ -162,8 +164,9 @@ function whenHeld(button: HTMLButtonElement, act: () => void): void {
 
 function receive(data: string): void {
   askedAt = undefined;
+  isHeard = true;
   const frame = JSON.parse(data) as { op?: string; id?: string; msg?: unknown; values?: unknown; result?: boolean; level?: string };
-  if (frame.id === ALIVE) return; // nothing to be shown anew: a button that is being pressed would go
+  if (frame.id === ALIVE && box.dataset["state"] !== "away") return; // nothing to be shown anew
   if (frame.op === "publish") stops = JSON.parse((frame.msg as { data: string }).data) as Stops;
   else if (frame.op === "service_response") problem = answerOf(frame.result, frame.values);
   else if (frame.op === "status" && frame.level === "error") problem = String(frame.msg);
@@ -197,6 +200,7 @@ function connect(): void {
 
 function gone(): void {
   stops = NONE;
+  isHeard = false;
   askedAt = undefined;
   show();
 }

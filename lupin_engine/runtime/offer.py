@@ -20,7 +20,8 @@ def missions_record(machine: Machine, now: float, problems: Sequence[str]) -> di
 
     `codes` are label, severity and advice of every code, `holds` the code of each hold, also of
     the engine's own, `outcomes` how a visit can end, with the name of its count in views, `stages` what
-    published states mean, `ends` the verb that ends a mission. `problems` say what is wrong with files that were not loaded.
+    published states mean, `ends` the verb that ends a mission. `problems` say what is wrong with files that
+    were not loaded.
     """
     chart, profile = machine.chart, machine.chart.profile
     return {

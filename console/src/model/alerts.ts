@@ -8,6 +8,8 @@ import { moment } from "./time/past";
 export interface Alert {
   readonly kind: "stop" | "fault" | "question";
   readonly text: string;
+  /** It stands beside the button of the stop already. */
+  readonly isSaid?: boolean;
 }
 
 /** So the device shakes when something is new, in milliseconds: on, off, on. */
@@ -20,7 +22,7 @@ export const alerts = computed<readonly Alert[]>(() => {
   const view = steps.past.at(at)?.value.view;
   const names = stopNames(at);
   const found: Alert[] = [];
-  if (names.length || state.past.at(at)?.value.estop_engaged) found.push({ kind: "stop", text: t.stop(names.join(", ")) });
+  if (names.length || state.past.at(at)?.value.estop_engaged) found.push({ kind: "stop", text: t.stop(names.join(", ")), isSaid: names.length > 0 });
   if (view && isFault(view.lifecycle)) {
     const label = missions.past.at(at)?.value.codes[view.code]?.label ?? view.code;
     found.push({ kind: "fault", text: t.fault(view.lifecycle, [label, view.detail].filter(Boolean).join(": ")) });
@@ -30,7 +32,7 @@ export const alerts = computed<readonly Alert[]>(() => {
 });
 
 /** Which pages hold the robot. */
-function stopNames(at: number | null): readonly string[] {
+export function stopNames(at: number | null): readonly string[] {
   return stops.past.at(at)?.value.stops.map(({ name }) => name) ?? [];
 }
 

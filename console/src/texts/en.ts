@@ -55,7 +55,7 @@ export const en = {
     heldLonger: (text: string) => `for more than ${text}`,
     stopReleased: "stopped before: the stop is released",
     by: (who: string) => `by ${who}`,
-    waitsForVerb: (verbs: string) => `waits for: ${verbs}`,
+    endedBy: (verbs: string) => `ended by: ${verbs}`,
     asked: (verb: string, who: string, time: string) => `Asked last: ${verb} by ${who} (${time})`,
     pausing: "pausing",
     cancelling: "being cancelled",

@@ -57,7 +57,7 @@ export const nl: Texts = {
     heldLonger: (text) => `al meer dan ${text}`,
     stopReleased: "eerder gestopt: de stop is opgeheven",
     by: (who) => `door ${who}`,
-    waitsForVerb: (verbs) => `wacht op: ${verbs}`,
+    endedBy: (verbs) => `eindigt door: ${verbs}`,
     asked: (verb, who, time) => `Laatst gevraagd: ${verb} door ${who} (${time})`,
     pausing: "gaat pauzeren",
     cancelling: "wordt afgebroken",

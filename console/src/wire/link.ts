@@ -2,7 +2,7 @@
 import { batch, signal } from "@preact/signals";
 import { addressOf } from "./address";
 
-/** Whether the gateway is there. `lost`: it was, and is being looked for. */
+/** Whether the gateway is heard. `lost`: it was, and is being looked for. */
 export type LinkState = "connecting" | "open" | "lost";
 
 /** What a call came to that has no answer; the text says of what and why. */
@@ -50,7 +50,7 @@ export class Link {
   readonly state = signal<LinkState>("connecting");
   /** What the gateway had to say about something that it did not do, newest last. */
   readonly complaints = signal<readonly string[]>([]);
-  /** What is called each time that a connection stands. */
+  /** What is called each time that the gateway is heard on a connection for the first time. */
   readonly opened: (() => void)[] = [];
   /** When something was heard last before the link was lost, by this page's steady clock; undefined while it is not. */
   readonly silentSince = signal<number | undefined>(undefined);
@@ -114,14 +114,8 @@ export class Link {
     this.triedAt = performance.now();
     socket.onopen = () => {
       if (this.socket !== socket) return;
-      this.tryAfter = FIRST_TRY_MS;
-      this.heard();
-      batch(() => {
-        this.state.value = "open";
-        this.silentSince.value = undefined;
-      });
       for (const [id, subscription] of this.subscriptions) this.sendSubscription(id, subscription);
-      for (const tell of this.opened) tell();
+      this.ask();
     };
     socket.onmessage = ({ data }) => {
       if (this.socket !== socket) return;
@@ -151,6 +145,18 @@ export class Link {
   private heard(): void {
     this.heardAt = performance.now();
     this.askedAt = undefined;
+    if (this.state.peek() === "open") return;
+    this.tryAfter = FIRST_TRY_MS;
+    batch(() => {
+      this.state.value = "open";
+      this.silentSince.value = undefined;
+    });
+    for (const tell of this.opened) tell();
+  }
+
+  private ask(): void {
+    this.askedAt = performance.now();
+    this.call("/rosapi/get_time").catch(() => undefined);
   }
 
   /** Find out whether the connection lives: the browser may not know for minutes that it does not. */
@@ -158,13 +164,10 @@ export class Link {
     const now = performance.now();
     if (this.socket?.readyState === WebSocket.CONNECTING) {
       if (now - this.triedAt > CONNECT_WITHIN_MS) this.lose();
-    } else if (this.state.value !== "open") return;
+    } else if (this.socket?.readyState !== WebSocket.OPEN) return;
     else if (this.askedAt !== undefined) {
       if (now - this.askedAt > DEAD_AFTER_MS) this.lose();
-    } else if (now - this.heardAt > ASK_AFTER_MS) {
-      this.askedAt = now;
-      this.call("/rosapi/get_time").catch(() => undefined);
-    }
+    } else if (now - this.heardAt > ASK_AFTER_MS) this.ask();
   }
 
   private receive(frame: Frame): void {

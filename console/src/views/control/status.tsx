@@ -1,11 +1,14 @@
 // Where the mission stands: state, progress, holds, battery, e-stop, and what to do next.
 import { loopNow } from "../../model/time/countdown";
-import { missions, possible, state, steps, view, type Offer, type Outcome, type Possible, type StepRecord, type View } from "../../model/mission/mission";
+import { isFault, missions, possible, state, steps, view, type Offer, type Outcome, type Possible, type StepRecord, type View } from "../../model/mission/mission";
+import { stopNames } from "../../model/alerts";
+import { moment } from "../../model/time/past";
 import { lostSince } from "../../model/time/clock";
 import { mode, texts } from "../../model/page";
 import { commandHindrance, missionNow, missionSince, verbText } from "../../model/mission/permission";
 import { clockTime, number, span } from "../../parts/format";
 import { Panel, Pill, type Tone } from "../../parts/panel";
+import { inOrder } from "./requests";
 
 export function Where() {
   const t = texts.value.control;
@@ -107,13 +110,14 @@ function Holds({ view: now }: { view: View }) {
   return (
     <ul class="control-holds" aria-label={t.holds}>
       {now.held.map((name) => {
-        const { at, exact, by } = heldSince(name);
+        const { at, exact, by: asker } = heldSince(name);
+        const by = asker || (name === ESTOP && !isReleased ? stopNames(moment.value).join(", ") : "");
         const text = at === undefined ? "" : span((missionNow.value - at) / 1000);
         const ends = verbsOf(({ releases }) => releases.includes(name));
         return (
           <li key={name} class="row">
             <Pill tone="warn">{name === ESTOP && isReleased ? t.stopReleased : now.holds[name] || name}</Pill> {by && t.by(by)}{" "}
-            {text && (exact ? t.heldFor(text) : t.heldLonger(text))} {ends && t.waitsForVerb(ends)}
+            {text && (exact ? t.heldFor(text) : t.heldLonger(text))} {ends && t.endedBy(ends)}
           </li>
         );
       })}
@@ -124,7 +128,8 @@ function Holds({ view: now }: { view: View }) {
 /** The verbs of what is possible now and is like this. */
 function verbsOf(isWanted: (request: Possible) => boolean): string {
   const requests = possible.shown.value?.value.requests ?? [];
-  return [...new Set(requests.filter((each) => each.possible && isWanted(each)).map(({ verb }) => verbText(verb)))].join(", ");
+  const wanted = requests.filter((each) => each.possible && isWanted(each)).sort(inOrder);
+  return [...new Set(wanted.map(({ verb }) => verbText(verb)))].join(", ");
 }
 
 /** Since when a hold is engaged and by whom, and whether that is known: what is known of the past may begin later. */
@@ -178,9 +183,9 @@ function advice(now: View, offer: Offer): readonly string[] {
   const t = texts.value.control;
   const idle = isIdle(now);
   const starts = (possible.shown.value?.value.requests ?? []).filter(({ verb }) => verb === "start");
-  const codes = now.held.length
-    ? now.held.map((name) => offer.holds[name] ?? "")
-    : [...presentCodes(), ...(idle ? starts.map(({ code }) => code) : [])];
+  const held = now.held.map((name) => offer.holds[name] ?? "");
+  const present = held.length && !isFault(now.lifecycle) ? [] : presentCodes();
+  const codes = [...held, ...present, ...(idle && !held.length ? starts.map(({ code }) => code) : [])];
   const found = codes.map((code) => offer.codes[code]?.advice ?? "").filter(Boolean);
   if (now.asking.length) found.unshift(t.toAnswer);
   if (found.length) return [...new Set(found)];
