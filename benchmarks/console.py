@@ -58,6 +58,8 @@ const look = () => {
 requestAnimationFrame(look);
 """
 PATIENCE_MS = 60_000
+#: Seconds for which a release is held.
+HOLD_S = 1.0
 #: Presses of stop and release for one figure, and seconds between two.
 PRESSES, BETWEEN_S = 200, 0.1
 
@@ -203,10 +205,12 @@ class Listener:
         }
 
 
-def click(page: Page, stopped: bool) -> float:
-    """Press the button of a page; return when, in seconds since 1970."""
-    press = f"document.querySelector('{'#stop' if stopped else '#release'}').click()"
-    return float(page.evaluate(f"[performance.timeOrigin + performance.now(), {press}][0]")) / 1000
+def press(page: Page, stopped: bool) -> float:
+    """Press STOP of a page, or hold its release; return when that counts, in seconds since 1970."""
+    key = "new KeyboardEvent('keydown', {key: 'Enter'})"
+    act = "#stop').click()" if stopped else f"#release').dispatchEvent({key})"
+    now = f"[performance.timeOrigin + performance.now(), document.querySelector('{act}][0]"
+    return float(page.evaluate(now)) / 1000 + (0 if stopped else HOLD_S)
 
 
 def five(browser: Browser, gateway: int, seconds: float) -> dict[str, Any]:
@@ -225,7 +229,7 @@ def five(browser: Browser, gateway: int, seconds: float) -> dict[str, Any]:
         found["gateway"] = share(lambda: [gateway], seconds)
         found["browser"] = share(browser_pids, seconds)
         found["stop of a client beside five consoles"] = listener.delays(send)
-        found["stop of a page, one of five"] = listener.delays(partial(click, pages[0]))
+        found["stop of a page, one of five"] = listener.delays(partial(press, pages[0]))
         yield_to_others(browser_pids())
         found["the same, as if they were drawn elsewhere"] = listener.delays(send)
 

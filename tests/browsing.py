@@ -26,6 +26,8 @@ FLAGS = (
 )
 DESK = {"width": 1440, "height": 900}
 PHONE = {"width": 390, "height": 844}
+#: Milliseconds for which a press is held that is to release a stop.
+HOLD_MS = 1_400
 
 
 @pytest.fixture(scope="module")

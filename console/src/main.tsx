@@ -1,15 +1,19 @@
 // The console: a bar with what matters most, the views, and on wide screens the mission's buttons beside each of them.
 import { render } from "preact";
-import { startClock } from "./model/time/clock";
+import { alerts, startAlerts } from "./model/alerts";
+import { lostSince, startClock } from "./model/time/clock";
 import { startHistory } from "./model/time/history";
 import { startLog } from "./model/story/log";
 import { state } from "./model/mission/mission";
-import { language, mode, open, route, startPage, texts, theme, type Language, type Theme } from "./model/page";
+import { missionSince } from "./model/mission/permission";
+import { language, mode, open, route, startPage, stopLinked, texts, theme, type Language, type Theme } from "./model/page";
 import { startScrubbing } from "./model/time/scrub";
 import { startPlayback } from "./model/time/playback";
 import { startSimulation } from "./model/mission/simulation";
 import { startPeople } from "./model/people";
 import { startTopics } from "./model/topics";
+import { moment } from "./model/time/past";
+import { clockTime } from "./parts/format";
 import { MomentBar } from "./parts/moment";
 import { Contained, Pill } from "./parts/panel";
 import { VirtualBar } from "./parts/virtual";
@@ -17,15 +21,55 @@ import "./style/base.css";
 import { VIEWS } from "./views/list";
 import { link } from "./wire/link";
 
+/** How the connections are: that of what is shown, and that of the stop. */
+function Linked() {
+  const t = texts.value.shell;
+  const linked = link.state.value;
+  if (linked === "open" && !stopLinked.value) return <Pill tone="bad">{t.stopLost}</Pill>;
+  return <Pill tone={linked === "open" ? "good" : linked === "lost" ? "bad" : "info"}>{t[linked]}</Pill>;
+}
+
+/** Of when the mission is that is shown, where nothing newer is known. */
+function AsOf() {
+  const t = texts.value.shell;
+  const since = isOld() ? missionSince.value : undefined;
+  return (
+    <span role="status" class="bad as-of">
+      {since !== undefined && t.asOf(clockTime(since), lostSince.value === undefined ? t.silent : t.lost)}
+    </span>
+  );
+}
+
+/** Whether what is shown is not of now any more: all of it, or the mission only. */
+function isOld(what: "all" | "mission" = "mission"): boolean {
+  const since = what === "all" ? lostSince.value : missionSince.value;
+  return mode.value !== "recording" && moment.value === null && since !== undefined;
+}
+
+const SIGNS = { stop: "■", fault: "✖", question: "?" } as const;
+
+/** What everybody is to see at once, in each view; a press leads to where something can be done about it. */
+function Alerts() {
+  return (
+    <div class="alerts" role="alert">
+      {alerts.value.map(({ kind, text, isSaid }) => isSaid || (
+        <a key={text} href="#control" class={`alert ${kind === "question" ? "warn" : "bad"}`} onClick={() => open("control")}>
+          <span aria-hidden="true">{SIGNS[kind]}</span> {text}
+        </a>
+      ))}
+    </div>
+  );
+}
+
 function Bar() {
   const t = texts.value.shell;
   const now = state.shown.value?.value;
-  const linked = link.state.value;
   return (
     <section class="bar" aria-label={t.now}>
-      <Pill tone={linked === "open" ? "good" : linked === "lost" ? "bad" : "info"}>{t[linked]}</Pill>
+      <Linked />
+      <AsOf />
       {now ? (
-        <span class="where" role="status">
+        <span class={isOld() ? "where stale" : "where"} role="status">
           <b>{now.lifecycle_state || "–"}</b> {now.mission_phase} {now.current_target && `· ${now.current_target}`}
           {now.paused && <Pill tone="warn">{t.paused}</Pill>}
         </span>
@@ -75,6 +119,7 @@ function Console() {
   const views = VIEWS.filter(({ only }) => !only || only === mode.value);
   const shown = views.find(({ id }) => route.value.split("/")[0] === id) ?? VIEWS[0]!;
   const control = VIEWS[0]!;
+  const stale = (ofMission: boolean): string => (isOld(ofMission ? "mission" : "all") ? "stale" : "");
   return (
     <>
       <a class="skip" href="#content" onClick={(event) => (event.preventDefault(), document.getElementById("content")?.focus())}>
@@ -89,18 +134,19 @@ function Console() {
         <Settings />
       </nav>
       <div class="bars">
+        <Alerts />
         <VirtualBar />
         <Bar />
       </div>
       <main id="content" tabIndex={-1} class={shown === control ? "alone" : ""}>
         <h1 class="unseen">{shown.title(t)}</h1>
-        <div class="view" key={shown.id}>
+        <div class={`view ${stale(!!shown.ofMission)}`} key={shown.id}>
           <Contained>
             <shown.View />
           </Contained>
         </div>
         {shown !== control && (
-          <aside class="beside" aria-label={control.title(t)}>
+          <aside class={`beside ${stale(true)}`} aria-label={control.title(t)}>
             <Contained>
               <control.View />
             </Contained>
@@ -123,5 +169,6 @@ startScrubbing();
 startSimulation();
 startPlayback();
 startPeople();
+startAlerts();
 link.start();
 render(<Console />, document.getElementById("console")!);

@@ -1,6 +1,7 @@
 // The software stop: a button of its own, with a connection of its own, which works when the rest of the page does not.
 //
-// One press stops, when the button goes down. Releasing is another button, which is there only while this page is stopped.
+// One press stops, when the button goes down; the button is never anywhere else. Releasing is another button, apart from
+// it, which is there only while this page is stopped and has to be held: the finger that stops cannot release.
 // The stop is told at once and then steadily; what this page said last is remembered, so that a page that is loaded anew is
 // still stopped. Whether the connection lives is asked all the time: one that is dead is found out, and made anew.
 import { addressOf } from "./wire/address";
@@ -14,6 +15,10 @@ const TELL_EVERY_MS = 500;
 const TRY_EVERY_MS = 1000;
 /** A connection on which something was asked so long ago, without any answer, is dead. */
 const DEAD_AFTER_MS = 3000;
+/** One that does not come about for so long is tried anew. */
+const CONNECT_WITHIN_MS = 5000;
+/** For so long a button is held that releases a stop. */
+const HOLD_MS = 1000;
 const REMEMBERED = "lupin.stopped";
 
 interface Stops {
@@ -24,19 +29,19 @@ interface Stops {
 const WORDS = {
   en: {
     stop: "STOP",
-    release: "Release my stop",
+    release: "Hold to release my stop",
     here: "Stop pressed: not confirmed yet",
     by: (names: string) => `Stopped by ${names}`,
-    reset: (name: string) => `Reset ${name}`,
+    reset: (name: string) => `Hold to reset ${name}`,
     unreachable: "Not connected: use the button on the robot",
     recording: "A recording: there is no robot here",
   },
   nl: {
     stop: "STOP",
-    release: "Mijn stop opheffen",
+    release: "Vasthouden: mijn stop opheffen",
     here: "Stop ingedrukt: nog niet bevestigd",
     by: (names: string) => `Gestopt door ${names}`,
-    reset: (name: string) => `${name} opheffen`,
+    reset: (name: string) => `Vasthouden: ${name} opheffen`,
     unreachable: "Niet verbonden: gebruik de knop op de robot",
     recording: "Een opname: hier is geen robot",
   },
@@ -51,6 +56,9 @@ const others = document.getElementById("stop-others")!;
 const NONE: Stops = { stopped: false, stops: [] };
 let stopped = remembered() === "1";
 let socket: WebSocket | undefined;
+let triedAt = 0;
+/** Whether anything was heard on this connection: only then it counts as one. */
+let isHeard = false;
 let stops = NONE;
 let problem = "";
 /** Since when an answer is awaited. */
@@ -66,6 +74,7 @@ function remembered(now?: string): string | null {
   }
 }
 
+const isTried = (): boolean => socket?.readyState === WebSocket.CONNECTING;
 const isOpen = (): boolean => socket?.readyState === WebSocket.OPEN;
 
 function send(frame: object): void {
@@ -77,6 +86,7 @@ function tell(): void {
 }
 
 function set(to: boolean): void {
+  letGo();
   stopped = to;
   problem = "";
   tell(); // before all else
@@ -92,25 +102,71 @@ function show(): void {
   button.setAttribute("aria-pressed", String(stopped));
   release.textContent = words.release;
   release.hidden = !stopped;
-  box.dataset["state"] = !isOpen() ? "away" : stopped || stops.stopped ? "stopped" : "free";
+  box.dataset["state"] = !isHeard ? "away" : stopped || stops.stopped ? "stopped" : "free";
   const by = names.length ? words.by(names.join(", ")) : "";
   button.disabled = isRecording;
-  told.textContent = isRecording ? words.recording : problem || (isOpen() ? by || (stopped ? words.here : "") : words.unreachable);
-  const left = stops.stops.filter((each) => each.left || !stopped);
-  others.replaceChildren(
-    ...left.map(({ name }) => {
-      const reset = document.createElement("button");
-      reset.textContent = words.reset(name);
-      reset.onclick = () => send({ op: "call_service", id: `reset ${name}`, service: RESET, args: { name } });
-      return reset;
-    }),
+  told.textContent = isRecording ? words.recording : problem || (isHeard ? by || (stopped ? words.here : "") : words.unreachable);
+  showOthers(
+    stops.stops.filter((each) => each.left || !stopped).map((each) => each.name),
+    words.reset,
   );
+}
+
+/** The buttons for the stops of others; one that is there stays, for it may be held just now. */
+function showOthers(names: readonly string[], label: (name: string) => string): void {
+  const known = new Map([...others.children].map((each) => [(each as HTMLElement).dataset["name"], each as HTMLButtonElement]));
+  for (const [name, reset] of known) if (!names.includes(name!)) reset.remove();
+  for (const name of names) {
+    const reset = known.get(name) ?? others.appendChild(document.createElement("button"));
+    if (!known.has(name)) whenHeld(reset, () => send({ op: "call_service", id: `reset ${name}`, service: RESET, args: { name } }));
+    reset.dataset["name"] = name;
+    reset.textContent = label(name);
+  }
+}
+
+/** What is held just now, by a finger or a key, until it has been held long enough. */
+let held: { readonly button: HTMLButtonElement; readonly timer: number } | undefined;
+
+function letGo(): void {
+  if (!held) return;
+  clearTimeout(held.timer);
+  delete held.button.dataset["held"];
+  held = undefined;
+}
+
+function hold(button: HTMLButtonElement, act: () => void): void {
+  letGo();
+  button.dataset["held"] = "";
+  held = {
+    button,
+    timer: setTimeout(() => {
+      letGo();
+      act();
+    }, HOLD_MS),
+  };
+}
+
+/** A button that acts when it was held by one finger, which stayed on it, or by Enter or Space; a click does nothing. */
+function whenHeld(button: HTMLButtonElement, act: () => void): void {
+  button.addEventListener("pointerdown", (event) => {
+    if (!event.isPrimary || event.button) return;
+    button.releasePointerCapture(event.pointerId); // so that a finger that slides off has left
+    hold(button, act);
+  });
+  for (const end of ["pointerup", "pointerleave", "pointercancel", "keyup", "blur"]) button.addEventListener(end, letGo);
+  button.addEventListener("keydown", (event) => {
+    if (event.key !== "Enter" && event.key !== " ") return;
+    event.preventDefault();
+    if (!event.repeat) hold(button, act);
+  });
+  button.addEventListener("contextmenu", (event) => event.preventDefault()); // that of a finger that rests
 }
 
 function receive(data: string): void {
   askedAt = undefined;
+  isHeard = true;
   const frame = JSON.parse(data) as { op?: string; id?: string; msg?: unknown; values?: unknown; result?: boolean; level?: string };
-  if (frame.id === ALIVE) return; // nothing to be shown anew: a button that is being pressed would go
+  if (frame.id === ALIVE && box.dataset["state"] !== "away") return; // nothing to be shown anew
   if (frame.op === "publish") stops = JSON.parse((frame.msg as { data: string }).data) as Stops;
   else if (frame.op === "service_response") problem = answerOf(frame.result, frame.values);
   else if (frame.op === "status" && frame.level === "error") problem = String(frame.msg);
@@ -126,6 +182,7 @@ function answerOf(result: boolean | undefined, values: unknown): string {
 function connect(): void {
   const own = new WebSocket(addressOf(location));
   socket = own;
+  triedAt = performance.now();
   own.onopen = () => {
     if (stopped) tell();
     send({ op: "subscribe", topic: STOPS, type: "std_msgs/msg/String" });
@@ -143,27 +200,28 @@ function connect(): void {
 
 function gone(): void {
   stops = NONE;
+  isHeard = false;
   askedAt = undefined;
   show();
 }
 
 /** Find out whether the connection lives: after a sleep the browser may not know that it does not. */
 function ask(): void {
-  if (!isOpen()) return;
   const now = performance.now();
-  if (askedAt !== undefined && now - askedAt > DEAD_AFTER_MS) {
+  if (isOpen() ? askedAt !== undefined && now - askedAt > DEAD_AFTER_MS : isTried() && now - triedAt > CONNECT_WITHIN_MS) {
     const dead = socket!;
     connect();
     dead.close();
     gone();
-  } else if (askedAt === undefined) {
+  } else if (isOpen() && askedAt === undefined) {
     askedAt = now;
     send({ op: "call_service", id: ALIVE, service: ASKED, args: {} });
   }
 }
 
 for (const press of ["pointerdown", "click"]) button.addEventListener(press, () => set(true));
-release.addEventListener("click", () => set(false));
+whenHeld(release, () => set(false));
+addEventListener("pointerdown", letGo, { capture: true }); // another finger comes: nobody is holding deliberately
 addEventListener(
   "keydown",
   (event) => {
@@ -174,6 +232,7 @@ addEventListener(
   { capture: true },
 );
 new MutationObserver(show).observe(document.documentElement, { attributeFilter: ["lang", "data-mode"] });
+document.addEventListener("visibilitychange", letGo);
 setInterval(() => {
   if (stopped) tell();
   ask();

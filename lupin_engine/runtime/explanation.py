@@ -1,17 +1,22 @@
 """What the transitions of a state would do now, and why some cannot be taken: plain data, for displays.
 
-The answers are the machine's own: what it would consider and take, were the event to come now.
+The answers are the machine's own: what it would consider and take, were the event to come now. Of requests
+they are those that `possible` tells, and that whoever makes one gets.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from lupin_engine.chart.model import Chart, State, Transition
 from lupin_engine.chart.semantics import ENGINE_EVENTS
 from lupin_engine.errors import UsageError, meant, shortened
+from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.requests import Possibility
+from lupin_engine.machine.step import Considered
+from lupin_engine.runtime.possible import requests_of
 
 #: Letters of a value that are told.
 _LONGEST = 120
@@ -66,14 +71,14 @@ def _reason(machine: Machine, rule: Transition, now: float) -> str:
     """Return why a transition would not be taken if its event came now; '' if it would be."""
     chart = machine.chart
     source = chart.states[rule.source]
-    considered = machine.consider(rule, now)
-    if rule in source.resume_at:
-        return considered.reason(_shown)
     if rule.source not in machine.memory.configuration:
         return f"{source.local_name} is not active"
-    # A refusal answers whatever is held.
-    told = "" if rule.refuse and considered.holds else considered.reason(_shown)
-    if told or rule.event.endswith("*"):
+    considered = machine.consider(rule, now)
+    requests = [one.event for one in requests_of(chart) if one.event.name == rule.event]
+    if requests and rule not in source.resume_at:
+        return _refusal(machine, rule, considered, requests, now)
+    told = considered.reason(_shown)
+    if told or rule in source.resume_at or rule.event.endswith("*"):
         return told
     if rule.event.partition(".")[0] in ENGINE_EVENTS:
         # The end of an operation and a clock are the state's own: of its rules the first one is taken.
@@ -86,9 +91,25 @@ def _reason(machine: Machine, rule: Transition, now: float) -> str:
         return ""
     if found.level is False:
         return f"{rule.event} is false"
-    if found.refusal is not None:
-        return found.refusal.text
-    return f"{found.taken[0]} is taken instead" if found.taken else f"{rule.event} would not be taken"
+    return _instead(found)
+
+
+def _refusal(
+    machine: Machine, rule: Transition, considered: Considered, requests: Sequence[Event], now: float
+) -> str:
+    """Return why none of the requests that it listens to would take it: the answer that they would get."""
+    found = [machine.foresee(request, now, dry=True) for request in requests]
+    if any(rule.id in one.taken for one in found):
+        return ""
+    if not considered.holds:
+        return considered.reason(_shown)
+    refused = next((one.refusal.text for one in found if one.refusal is not None), "")
+    return refused or _instead(found[0])
+
+
+def _instead(found: Possibility) -> str:
+    """Return what is taken where one transition is not."""
+    return f"{found.taken[0]} is taken instead" if found.taken else f"{found.event} would not be taken"
 
 
 def _shown(value: object) -> str:

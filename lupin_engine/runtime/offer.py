@@ -9,6 +9,7 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.model import Field
+from lupin_engine.machine.holds import all_holds
 from lupin_engine.machine.machine import Machine
 from lupin_engine.plugin.contract import ENGINE_CODES
 from lupin_engine.plugin.types import Type
@@ -17,9 +18,10 @@ from lupin_engine.plugin.types import Type
 def missions_record(machine: Machine, now: float, problems: Sequence[str]) -> dict[str, Any]:
     """Return the missions with all that is said of them once, as JSON data.
 
-    `codes` are label, severity and advice of every code, `holds` the code of each hold, `outcomes` how a
-    visit can end, with the name of its count in views, `stages` what published states mean, `ends` the verb
-    that ends a mission. `problems` say what is wrong with files that were not loaded.
+    `codes` are label, severity and advice of every code, `holds` the code of each hold, also of
+    the engine's own, `outcomes` how a visit can end, with the name of its count in views, `stages` what
+    published states mean, `ends` the verb that ends a mission. `problems` say what is wrong with files that
+    were not loaded.
     """
     chart, profile = machine.chart, machine.chart.profile
     return {
@@ -29,7 +31,7 @@ def missions_record(machine: Machine, now: float, problems: Sequence[str]) -> di
             name: {"label": code.label, "severity": code.severity, "advice": code.advice}
             for name, code in sorted({**ENGINE_CODES, **chart.codes}.items())
         },
-        "holds": {hold.name: hold.code for hold in chart.holds.values()},
+        "holds": {name: hold.code for name, hold in all_holds(chart).items()},
         "outcomes": [
             {"name": one.name, "counter": one.counter, "word": one.word, "rating": one.rating.value}
             for one in profile.outcomes

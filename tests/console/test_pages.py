@@ -17,7 +17,7 @@ pytest.importorskip("mcap_ros2", reason="the extra record is not installed here"
 from mcap_ros2.writer import Writer
 from playwright.sync_api import Browser, BrowserContext, CDPSession, Locator, Page, expect
 
-from tests.browsing import PHONE, opened
+from tests.browsing import HOLD_MS, PHONE, opened
 from tests.console.pages import STEPS, ServedPages, SimulationPage
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(300)]
@@ -114,7 +114,7 @@ def test_the_stop_of_the_page_stops_the_simulated_robot(page: Page) -> None:
     page.locator("#stop").click()
     row = page.get_by_role("row", name=re.compile("^estop"))
     expect(row.locator("code")).to_have_text("true")
-    page.get_by_role("button", name="Release my stop").click()
+    page.get_by_role("button", name="Release my stop").click(delay=HOLD_MS)
     expect(row.locator("code")).to_have_text("false")
 
 

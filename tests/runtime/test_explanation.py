@@ -56,7 +56,10 @@ def test_each_transition_says_what_speaks_against_it() -> None:
 def test_a_hold_stops_what_does_not_pass_it() -> None:
     held = bench()
     held.send("operator.pause")
-    assert reasons(held, "WORK") == {"go.above": "pause is engaged", "dock": "pause is engaged"}
+    assert reasons(held, "WORK") == {
+        "go.above": "pause is engaged",
+        "dock": "dock refused: paused by the operator",
+    }
 
 
 def test_a_request_is_refused_in_the_words_of_its_answer() -> None:

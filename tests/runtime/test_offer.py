@@ -69,7 +69,12 @@ def test_all_codes_say_what_to_do() -> None:
 def test_what_is_told_beside_the_missions_is_said_once() -> None:
     told = missions_record(make_machine(shipped.mission("inspection"), {}), 0.0, ["a problem"])
     assert told["problems"] == ["a problem"]
-    assert told["holds"] == {"pause": "paused_by_operator", "estop": "estop_engaged"}
+    assert told["holds"] == {
+        "pause": "paused_by_operator",
+        "estop": "estop_engaged",
+        "restarted": "restarted",
+        "unrecorded": "journal_failed",
+    }
     assert told["codes"]["battery_low"] == {
         "label": "battery low",
         "severity": Severity.WARN,

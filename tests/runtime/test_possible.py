@@ -24,6 +24,7 @@ from lupin_engine.missions.load import load_chart
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.builtin import MISSING
 from lupin_engine.plugin.profile import START
+from lupin_engine.runtime.explanation import explanation
 from lupin_engine.runtime.possible import Foresight, requests_of
 from lupin_engine.runtime.setup import make_machine
 from lupin_engine.sim.scenario import Missions, load_scenario, scenario_files
@@ -116,11 +117,26 @@ class Situation:
         return step
 
 
+def rules_of(chart: Chart, event: str) -> list[str]:
+    """Return the transitions on a request."""
+    return [rule.id for state in chart.states.values() for rule in state.transitions if rule.event == event]
+
+
+def explained(machine: Machine, now: float, element: str) -> dict[str, Any]:
+    """Return what the chart shows of one transition."""
+    (rule,) = explanation(machine, element, now)["rules"]
+    return dict(rule)
+
+
 def press(situation: Situation, told: dict[str, Any], request: Event) -> None:
-    """Make a request, and hold what comes of it against what was told."""
+    """Make a request, and hold what comes of it against what was told, and what the chart showed."""
     machine = situation.machine
     before = list(machine.memory.held)
+    rules = {rule: explained(machine, situation.now, rule) for rule in rules_of(machine.chart, request.name)}
     step = situation.happen(request)
+    can = {rule for rule, shown in rules.items() if shown["possible"]}
+    if not told["fields"]:
+        assert can == ({*step.taken} & {*rules} if step.accepted else set()), (request, rules)
     held = machine.memory.held
     refusal = step.refusal
     assert {
@@ -178,6 +194,16 @@ def test_what_is_told_comes_true_in_every_state_of_both_missions() -> None:
     chart = load_missions((), shipped.catalog()).chart
     met = walked(chart)
     assert rests(chart) - {name for one in met for name in one.machine.memory.configuration} == set()
+
+
+def test_where_a_state_goes_on_is_no_promise_of_one_that_is_not_active() -> None:
+    chart = load_missions((), shipped.catalog()).chart
+    ways = [rule for state in chart.states.values() for rule in state.resume_at]
+    machine = begun(chart).machine
+    told = [explained(machine, 0.0, rule.id) for rule in ways]
+    assert [(one["possible"], one["reason"]) for one in told] == [
+        (False, f"{chart.states[rule.source].local_name} is not active") for rule in ways
+    ]
 
 
 def test_what_is_told_of_answers_comes_true() -> None:

@@ -42,6 +42,10 @@ export const theme = signal<Theme>(kept("lupin.theme", ["auto", "light", "dark"]
 /** All texts of the page in the language that is chosen. */
 export const texts = computed<Texts>(() => LANGUAGES[language.value]);
 
+/** Whether the stop's own connection stands; what it shows itself is the truth about it. */
+const stopBox = document.getElementById("stop-box")!;
+export const stopLinked = signal(false);
+
 export const route = signal(location.hash.slice(1));
 
 /** Open a view; `#chart/MISSION.INSPECTING` is the view `chart`, about that state. */
@@ -62,6 +66,9 @@ export function startPage(): void {
   mode.subscribe((now) => {
     document.documentElement.dataset["mode"] = now;
   });
+  const lookAtStop = (): void => void (stopLinked.value = stopBox.dataset["state"] !== "away");
+  new MutationObserver(lookAtStop).observe(stopBox, { attributeFilter: ["data-state"] });
+  lookAtStop();
   link.opened.push(() => void look().catch(() => undefined));
 }
 

@@ -2,6 +2,7 @@
 import { computed, signal } from "@preact/signals";
 import { link } from "../wire/link";
 import { alike, recordTopic } from "./topics";
+import { person } from "./mission/mission";
 import { route } from "./page";
 
 const HMI = "/lupin/hmi";
@@ -92,7 +93,7 @@ export function startPeople(): void {
   const tell = (): void => {
     const view = route.value.split("/")[0] || "control";
     link.call<{ page: string }>(`${HMI}/here`, { view }).then(
-      ({ page }) => (ownPage.value = page),
+      ({ page }) => (ownPage.value = person.value = page),
       () => undefined,
     );
   };

@@ -31,7 +31,7 @@ function Strip(props: { from: number; to: number }) {
   });
   return (
     <svg class="strip" viewBox="0 0 1 1" preserveAspectRatio="none" aria-hidden="true">
-      {stepStory.value.reader.rows.get(LIFECYCLE)!.map((span, index) => part(span, index, `life n${index % 2}`))}
+      {stepStory.value.reader.rows.get(LIFECYCLE)!.map((span, index) => part(span, index, `life ${span.severity ? "fault" : `n${index % 2}`}`))}
       {gaps.value.map((span, index) => part(span, index, "gap"))}
       {marks}
     </svg>
@@ -42,7 +42,7 @@ export function MomentBar() {
   const t = texts.value.log;
   const at = moment.value;
   const now = robotNow();
-  const to = Math.max(shownNow.value, now);
+  const to = at === null ? shownNow.value : Math.max(at, now);
   const from = Math.min(begin.value ?? to, to - 1000);
   const time = timeWithZone(shownNow.value);
   return (

@@ -19,6 +19,8 @@ export interface ViewEntry {
   readonly sign: string;
   readonly title: (texts: Texts) => string;
   readonly View: ComponentType;
+  /** It shows the mission: it is of the past when the orchestrator is not heard. */
+  readonly ofMission?: boolean;
   /** It is there only where this is looked at. */
   readonly only?: Mode;
   /** How many things of it wait for somebody, and in words. */
@@ -31,8 +33,8 @@ function unacknowledged({ people }: Texts) {
 }
 
 export const VIEWS: readonly ViewEntry[] = [
-  { id: "control", sign: "▶", title: (t) => t.control.title, View: ControlView },
-  { id: "chart", sign: "◫", title: (t) => t.chart.title, View: ChartView },
+  { id: "control", sign: "▶", title: (t) => t.control.title, View: ControlView, ofMission: true },
+  { id: "chart", sign: "◫", title: (t) => t.chart.title, View: ChartView, ofMission: true },
   { id: "map", sign: "▦", title: (t) => t.map.title, View: MapView },
   { id: "log", sign: "☰", title: (t) => t.log.title, View: LogView },
   { id: "twin", sign: "❀", title: (t) => t.twin.title, View: TwinView },

@@ -1,8 +1,8 @@
 // One connection to the gateway by the rosbridge protocol: subscriptions come back after a break, calls end in time.
-import { signal } from "@preact/signals";
+import { batch, signal } from "@preact/signals";
 import { addressOf } from "./address";
 
-/** Whether the gateway is there. `lost`: it was, and is being looked for. */
+/** Whether the gateway is heard. `lost`: it was, and is being looked for. */
 export type LinkState = "connecting" | "open" | "lost";
 
 /** What a call came to that has no answer; the text says of what and why. */
@@ -38,16 +38,27 @@ const FIRST_TRY_MS = 250;
 const LONGEST_TRY_MS = 5000;
 /** Seconds that a call may take unless it says otherwise; the gateway has limits of its own. */
 const CALL_S = 6;
-/** A service that is asked from time to time, by which a link that is dead without a word is noticed. */
-const PING_EVERY_MS = 5000;
+/** How often it is looked at whether the gateway is heard, and after how much silence it is asked for a sign of life. */
+const LOOK_EVERY_MS = 500;
+const ASK_AFTER_MS = 500;
+/** When no answer has come after so long the connection is dead: 3 s without news, as STOP's own connection has it. */
+const DEAD_AFTER_MS = 2500;
+/** A connection that does not come about for so long is tried anew. */
+const CONNECT_WITHIN_MS = 5000;
 
 export class Link {
   readonly state = signal<LinkState>("connecting");
   /** What the gateway had to say about something that it did not do, newest last. */
   readonly complaints = signal<readonly string[]>([]);
-  /** What is called each time that a connection stands. */
+  /** What is called each time that the gateway is heard on a connection for the first time. */
   readonly opened: (() => void)[] = [];
+  /** When something was heard last before the link was lost, by this page's steady clock; undefined while it is not. */
+  readonly silentSince = signal<number | undefined>(undefined);
 
+  /** When something was heard last; since when a connection is tried, and since when a sign of life is asked for. */
+  private heardAt = 0;
+  private triedAt = 0;
+  private askedAt: number | undefined;
   private socket: WebSocket | undefined;
   private tryAfter = FIRST_TRY_MS;
   private count = 0;
@@ -59,11 +70,9 @@ export class Link {
   /** Connect, and go on connecting for ever. */
   start(): void {
     this.connect();
-    setInterval(() => this.ping(), PING_EVERY_MS);
-    addEventListener("online", () => this.reconnect());
-    document.addEventListener("visibilitychange", () => {
-      if (!document.hidden) this.ping();
-    });
+    setInterval(() => this.look(), LOOK_EVERY_MS);
+    addEventListener("online", () => this.look());
+    document.addEventListener("visibilitychange", () => this.look());
   }
 
   /** Hear a topic; returns what ends that. `throttle`: at least so many milliseconds lie between two messages. */
@@ -102,30 +111,63 @@ export class Link {
   private connect(): void {
     const socket = new WebSocket(this.address);
     this.socket = socket;
+    this.triedAt = performance.now();
     socket.onopen = () => {
-      this.tryAfter = FIRST_TRY_MS;
-      this.state.value = "open";
-      for (const [id, subscription] of this.subscriptions) this.sendSubscription(id, subscription);
-      for (const tell of this.opened) tell();
-    };
-    socket.onmessage = ({ data }) => this.receive(JSON.parse(data as string) as Frame);
-    socket.onclose = () => {
       if (this.socket !== socket) return;
-      this.socket = undefined;
-      if (this.state.value === "open") this.state.value = "lost";
-      this.failAll();
-      setTimeout(() => this.socket ?? this.connect(), this.tryAfter);
-      this.tryAfter = Math.min(2 * this.tryAfter, LONGEST_TRY_MS);
+      for (const [id, subscription] of this.subscriptions) this.sendSubscription(id, subscription);
+      this.ask();
+    };
+    socket.onmessage = ({ data }) => {
+      if (this.socket !== socket) return;
+      this.heard();
+      this.receive(JSON.parse(data as string) as Frame);
+    };
+    socket.onclose = () => {
+      if (this.socket === socket) this.lose();
     };
   }
 
-  private reconnect(): void {
-    this.socket?.close();
+  /** Leave the connection at once, whether or not the other side agrees, and look for another one. */
+  private lose(): void {
+    const left = this.socket;
+    this.socket = undefined;
+    left?.close();
+    if (this.state.value === "open")
+      batch(() => {
+        this.state.value = "lost";
+        this.silentSince.value = this.heardAt;
+      });
+    this.failAll();
+    setTimeout(() => this.socket ?? this.connect(), this.tryAfter);
+    this.tryAfter = Math.min(2 * this.tryAfter, LONGEST_TRY_MS);
   }
 
-  private ping(): void {
-    if (this.state.value !== "open") return;
-    this.call("/rosapi/get_time", {}, 4).catch(() => this.reconnect());
+  private heard(): void {
+    this.heardAt = performance.now();
+    this.askedAt = undefined;
+    if (this.state.peek() === "open") return;
+    this.tryAfter = FIRST_TRY_MS;
+    batch(() => {
+      this.state.value = "open";
+      this.silentSince.value = undefined;
+    });
+    for (const tell of this.opened) tell();
+  }
+
+  private ask(): void {
+    this.askedAt = performance.now();
+    this.call("/rosapi/get_time").catch(() => undefined);
+  }
+
+  /** Find out whether the connection lives: the browser may not know for minutes that it does not. */
+  private look(): void {
+    const now = performance.now();
+    if (this.socket?.readyState === WebSocket.CONNECTING) {
+      if (now - this.triedAt > CONNECT_WITHIN_MS) this.lose();
+    } else if (this.socket?.readyState !== WebSocket.OPEN) return;
+    else if (this.askedAt !== undefined) {
+      if (now - this.askedAt > DEAD_AFTER_MS) this.lose();
+    } else if (now - this.heardAt > ASK_AFTER_MS) this.ask();
   }
 
   private receive(frame: Frame): void {

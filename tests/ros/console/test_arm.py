@@ -10,6 +10,7 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 
 from playwright.sync_api import Locator, Page, expect
 
+from tests.browsing import HOLD_MS
 from tests.ros.console.asking import command
 
 
@@ -109,7 +110,7 @@ def test_nothing_moves_under_a_stop_or_while_a_mission_runs(arm: Page) -> None:
     arm.locator("#stop").click()
     expect(arm.locator(".why").first).to_have_text("the robot is stopped: release the stop first")
     expect(preset).to_be_disabled()
-    arm.get_by_role("button", name="Release my stop").click()
+    arm.get_by_role("button", name="Release my stop").click(delay=HOLD_MS)
     expect(preset).to_be_enabled()
     assert command(arm, "start", "ExplorationMission")["accepted"]
     expect(arm.locator(".why").first).to_contain_text("a mission is running")

@@ -13,6 +13,7 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
+from tests.browsing import HOLD_MS
 from tests.ros.console.asking import command
 from tests.ros.console.conftest import DESK, PATIENCE_MS, Served
 from tests.ros.launch.processes import until
@@ -67,7 +68,7 @@ def test_a_stop_notifies_and_what_one_acknowledges_the_other_sees(console: Page,
     expect(other.get_by_text("e-stop engaged").first).to_be_visible()
     expect(other.locator(".notices li.open")).to_have_count(1)
     expect(other.locator("nav .badge")).to_contain_text("not acknowledged")
-    console.get_by_role("button", name="Release my stop").click()
+    console.get_by_role("button", name="Release my stop").click(delay=HOLD_MS)
     expect(stop).to_contain_text("over since")
     console.get_by_role("button", name="Acknowledge: stopped by").click()
     other.reload()
@@ -85,7 +86,7 @@ def test_notifications_outlive_the_gateway(context: BrowserContext, robot: Serve
     console.locator(".bar .pill.good").wait_for()
     acknowledge_all(console)
     console.locator("#stop").click()
-    console.get_by_role("button", name="Release my stop").click()
+    console.get_by_role("button", name="Release my stop").click(delay=HOLD_MS)
     stop = console.locator(".notices li", has_text="stopped by").first
     expect(stop).to_have_class("open")
     # A gateway that dies before it took the release comes back stopped.

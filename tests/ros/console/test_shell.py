@@ -9,7 +9,7 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from lupin_gateway.server import PAGES
-from tests.browsing import PHONE, opened
+from tests.browsing import HOLD_MS, PHONE, opened
 from tests.ros.console.conftest import Served
 
 
@@ -19,7 +19,7 @@ def test_one_press_stops_and_another_button_releases(console: Page) -> None:
     expect(console.locator("#stop")).to_have_attribute("aria-pressed", "true")
     console.reload()
     expect(console.locator("#stop")).to_have_attribute("aria-pressed", "true")
-    console.get_by_role("button", name="Release my stop").click()
+    console.get_by_role("button", name="Release my stop").click(delay=HOLD_MS)
     expect(console.locator("#stop-box")).to_have_attribute("data-state", "free")
 
 
@@ -32,7 +32,7 @@ def test_the_stop_of_a_page_that_is_gone_is_reset_by_its_name(
     page.locator("#stop").click()
     expect(console.locator("#stop-box")).to_have_attribute("data-state", "stopped")
     other.close()
-    console.get_by_role("button", name="Reset page-").click()
+    console.get_by_role("button", name="Reset page-").click(delay=HOLD_MS)
     expect(console.locator("#stop-box")).to_have_attribute("data-state", "free")
 
 

@@ -14,6 +14,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 from std_msgs.msg import Bool
 
 from lupin_engine.ros.adapter.node import Qos, RosNode
+from tests.browsing import HOLD_MS
 from tests.ros.console.conftest import Served
 from tests.ros.helpers import spin_until
 
@@ -48,7 +49,7 @@ def listener(robot: Served, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
 
 
 def release(page: Page) -> None:
-    page.locator("#release").click()
+    page.locator("#release").click(delay=HOLD_MS)
     expect(page.locator("#stop-box")).to_have_attribute("data-state", "free")
 
 
@@ -104,7 +105,7 @@ def test_its_texts_are_in_the_language_of_the_page(console: Page, listener: Robo
     console.get_by_text("Settings").click()
     console.get_by_label("Language").select_option("nl")
     expect(console.locator("#stop-state")).to_contain_text("Gestopt door page-")
-    console.get_by_role("button", name="Mijn stop opheffen").click()
+    console.get_by_role("button", name="Mijn stop opheffen").click(delay=HOLD_MS)
     listener.is_told(False)
     console.get_by_label("Taal").select_option("en")
 
@@ -157,7 +158,7 @@ def test_each_tab_has_its_own(console: Page, context: BrowserContext, robot: Ser
         page.locator("#stop").click()
         listener.is_told(True)
     release_one = other.locator("#release")
-    release_one.click()
+    release_one.click(delay=HOLD_MS)
     expect(other.locator("#stop")).to_have_attribute("aria-pressed", "false")
     expect(other.locator("#stop-box")).to_have_attribute("data-state", "stopped")
     listener.is_told(True)
@@ -228,6 +229,6 @@ def test_two_browsers_are_two(console: Page, browser: Browser, robot: Served, li
     listener.is_told(True)
     expect(console.locator("#stop-state")).to_contain_text("Stopped by page-")
     expect(console.locator("#stop")).to_have_attribute("aria-pressed", "false")
-    page.locator("#release").click()
+    page.locator("#release").click(delay=HOLD_MS)
     listener.is_told(False)
     other.close()

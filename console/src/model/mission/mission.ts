@@ -277,6 +277,11 @@ export const observations = topic<Observation>("/floranova/observations", MSG_TY
 /** The view after the last step at the moment that is shown. */
 export const view = computed(() => steps.shown.value?.value.view);
 
+/** Whether a published state is one in which the mission has failed. */
+export function isFault(lifecycle: string): boolean {
+  return !!missions.past.at(null)?.value.stages.faulted.includes(lifecycle);
+}
+
 /** The answer to what was commanded from this page. */
 export interface Answered {
   readonly verb: string;

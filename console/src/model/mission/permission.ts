@@ -1,7 +1,7 @@
 // Why nothing can be commanded from this page now. Buttons are grey with this reason; the engine's own come after it.
 import { computed } from "@preact/signals";
 import { link } from "../../wire/link";
-import { shownNow } from "../time/clock";
+import { lostSince, shownNow } from "../time/clock";
 import { asking, state } from "./mission";
 import { gateway, mode, texts } from "../page";
 import { moment } from "../time/past";
@@ -11,10 +11,12 @@ import { isStale } from "../topics";
 const SILENT_S = 3;
 
 /** Whether the orchestrator tells nothing any more, although there is a connection to the gateway. */
-export const silent = computed(() => {
-  void shownNow.value;
-  return isStale(state, SILENT_S);
-});
+export const silent = computed(() => isStale(state, SILENT_S));
+
+/** Of when the mission is that is shown, where it is not of now; undefined: it is. */
+export const missionSince = computed(() => (moment.value === null ? (lostSince.value ?? (silent.value ? state.heardAt.value : undefined)) : undefined));
+/** The moment by which the mission is shown; it stands still when nothing is heard. */
+export const missionNow = computed(() => missionSince.value ?? shownNow.value);
 
 /** Why this page may command nothing at all; "" where it may. What is under way now is not among it. */
 export const hindrance = computed(() => {

@@ -4,7 +4,7 @@ import { Observation } from "../../ros";
 import { link, type LinkState } from "../../wire/link";
 import { robotNow } from "../time/clock";
 import { isLoading } from "../time/history";
-import { observations, state, steps } from "../mission/mission";
+import { isFault, observations, state, steps } from "../mission/mission";
 import { mode, texts } from "../page";
 import { Past, type Known } from "../time/past";
 import { StepStory, type Entry, type Span, type Words } from "./story";
@@ -119,7 +119,7 @@ class StopStory implements Reader<Stops> {
   }
 }
 
-export const stepStory = readOn(steps.past, (words) => new StepStory(words));
+export const stepStory = readOn(steps.past, (words) => new StepStory(words, isFault));
 const observationStory = readOn(observations.past, (words) => new ObservationStory(words));
 export const stopStory = readOn(stops.past, (words) => new StopStory(words));
 

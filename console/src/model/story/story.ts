@@ -110,7 +110,11 @@ export class StepStory {
   private last: Known<StepRecord> | undefined;
   private ends = 0;
 
-  constructor(private readonly words: Words) {}
+  /** `isFault`: whether a published state is one in which the mission has failed. */
+  constructor(
+    private readonly words: Words,
+    private readonly isFault: (lifecycle: string) => boolean,
+  ) {}
 
   /** How much has been told: more after each step that tells something. */
   get told(): number {
@@ -124,9 +128,10 @@ export class StepStory {
     const before = this.last?.value;
     if (before && before.boot !== value.boot) this.startAnew(at);
     this.tellStep(at, value);
-    this.tellHolds(at, before?.boot === value.boot ? before.view : undefined, value.view);
-    this.follow(LIFECYCLE, at, value.view.lifecycle);
-    this.follow(PHASE, at, value.view.phase);
+    this.tellHolds(at, before?.boot === value.boot ? before.view : undefined, value);
+    const severity = this.isFault(value.view.lifecycle) ? 2 : 0;
+    this.follow(LIFECYCLE, at, value.view.lifecycle, severity);
+    this.follow(PHASE, at, value.view.phase, severity);
     this.follow(TARGET, at, value.view.target);
     this.followOperations(at, value, before?.view);
     this.last = known;
@@ -211,20 +216,22 @@ export class StepStory {
     return event;
   }
 
-  private tellHolds(at: number, before: View | undefined, { held, holds, asking }: View): void {
+  private tellHolds(at: number, before: View | undefined, { view, command }: StepRecord): void {
+    const { held, holds, asking } = view;
     if (held === before?.held && asking === before.asking) return;
+    const who = command?.by ? ` (${command.by})` : "";
     const { words } = this;
     const earlier = before?.held ?? [];
     for (const name of held)
       if (!earlier.includes(name)) {
         const text = words.held(holds[name] ?? name);
-        this.entries.push({ at, kind: "hold", severity: 1, text });
+        this.entries.push({ at, kind: "hold", severity: 1, text: text + who });
         this.open(HOLDS, { from: at, to: undefined, text: holds[name] ?? name, severity: 1 });
       }
     for (const name of earlier)
       if (!held.includes(name)) {
         const text = before?.holds[name] ?? name;
-        this.entries.push({ at, kind: "hold", severity: 0, text: words.released(text) });
+        this.entries.push({ at, kind: "hold", severity: 0, text: words.released(text) + who });
         const open = this.rows.get(HOLDS)!.findLast((span) => span.to === undefined && span.text === text);
         if (open) this.close(open, at);
       }
@@ -246,12 +253,12 @@ export class StepStory {
   }
 
   /** Let a row show a word, from a moment on. */
-  private follow(row: string, at: number, text: string): void {
+  private follow(row: string, at: number, text: string, severity: Severity = 0): void {
     const last = this.rows.get(row)!.at(-1);
     const isOpen = last && last.to === undefined;
     if (isOpen && last.text === text) return;
     if (isOpen) this.close(last, at);
-    if (text) this.open(row, { from: at, to: undefined, text, severity: text === "FAULT" ? 2 : 0 });
+    if (text) this.open(row, { from: at, to: undefined, text, severity });
   }
 
   private followOperations(at: number, { step, view }: StepRecord, before: View | undefined): void {

@@ -29,15 +29,26 @@ export function atRobotTime(call: (at: number) => void): void {
 
 /** The robot's time now, in milliseconds since 1970. */
 export function robotNow(): number {
-  const virtual = pace.value;
-  if (virtual) return virtual.at + (performance.now() - virtual.seen) * virtual.rate;
-  return performance.now() + (ahead.value ?? performance.timeOrigin);
+  return robotTime(performance.now());
 }
 
-/** The moment that is shown, as a time; it goes on by the second while it is now. */
+/** The robot's time at a moment of this page's steady clock. */
+function robotTime(at: number): number {
+  const virtual = pace.value;
+  if (virtual) return virtual.at + (at - virtual.seen) * virtual.rate;
+  return at + (ahead.value ?? performance.timeOrigin);
+}
+
+/** When the link was lost, in the robot's milliseconds: nothing newer is known. Undefined while it stands. */
+export const lostSince = computed(() => {
+  const at = link.silentSince.value;
+  return at === undefined ? undefined : robotTime(at);
+});
+
+/** The moment that is shown, as a time; it goes on by the second while it is now, and stands still with a lost link. */
 export const shownNow = computed(() => {
   void ticks.value;
-  return moment.value ?? robotNow();
+  return moment.value ?? lostSince.value ?? robotNow();
 });
 
 /** Ask what the robot's clock shows: the answer with the shortest way is the best. */

@@ -3,7 +3,7 @@
 // A record of a step has it beside the robot's clock. How fast it goes is seen from two records: in simulated time it
 // may be faster, slower, or stand still.
 import { computed } from "@preact/signals";
-import { shownNow } from "./clock";
+import { missionNow } from "../mission/permission";
 import { steps } from "../mission/mission";
 
 /** Milliseconds of the robot's clock that two records must be apart to say how fast the loop's clock goes. */
@@ -21,7 +21,7 @@ const rate = computed(() => {
 export const loopNow = computed(() => {
   const newest = steps.shown.value;
   if (!newest) return undefined;
-  return newest.value.time + Math.max(0, (shownNow.value - newest.at) / 1000) * rate.value;
+  return newest.value.time + Math.max(0, (missionNow.value - newest.at) / 1000) * rate.value;
 });
 
 /** The seconds that are left until a deadline, or on a clock that a hold has stopped; null where there is none. */

@@ -42,7 +42,7 @@ export function Detail(props: { chart: ChartRecord; element: string; tools?: pre
     <div class="detail">
       <h3>
         {state ? shortName(element) : label || element}{" "}
-        {state && isActive(element) && <Pill tone="good">{t.active}</Pill>}
+        {state && isActive(element) && <Pill tone="info">{t.active}</Pill>}
       </h3>
       <p class="soft">{element}</p>
       {state?.summary && <p>{state.summary}</p>}

@@ -14,7 +14,7 @@ export function Outline(props: { chart: ChartRecord }) {
           <button class="link" onClick={() => choose(name)}>
             {shortName(name)}
           </button>{" "}
-          {active.has(name) && <Pill tone="good">{t.active}</Pill>}
+          {active.has(name) && <Pill tone="info">{t.active}</Pill>}
         </li>
       ))}
     </ul>

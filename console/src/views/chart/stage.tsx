@@ -2,7 +2,7 @@
 import { computed, effect, untracked, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { robotNow, shownNow } from "../../model/time/clock";
-import { steps, view, type ChartRecord } from "../../model/mission/mission";
+import { isFault, steps, view, type ChartRecord } from "../../model/mission/mission";
 import { texts } from "../../model/page";
 import { moment } from "../../model/time/past";
 import { Camera } from "./camera";
@@ -173,7 +173,7 @@ export function Stage(props: { chart: ChartRecord; chosen: string }) {
       )}
       <div class="stage-frame">
         <div
-          class={`stage ${moment.value === null ? "" : "past"}`}
+          class={`stage ${moment.value === null ? "" : "past"} ${isFault(view.value?.lifecycle ?? "") ? "fault" : ""}`}
           ref={stage}
           tabIndex={0}
           role="application"

@@ -8,6 +8,10 @@ import { RequestButton } from "./button";
 /** Verbs that are known stand in this order; others behind them. */
 const ORDER = ["pause", "resume", "skip", "skip_current", "dock", "abort", "reset"];
 
+export function inOrder(one: Possible, other: Possible): number {
+  return place(one) - place(other);
+}
+
 function place({ verb }: Possible): number {
   const found = ORDER.indexOf(verb);
   return found < 0 ? ORDER.length : found;
@@ -20,7 +24,7 @@ export function Requests() {
   return (
     <Panel title={t.requests} class="control-requests">
       {[...requests]
-        .sort((one, other) => place(one) - place(other))
+        .sort(inOrder)
         .map((each) => (
           <RequestButton key={each.verb} label={verbText(each.verb)} verb={each.verb} possible={each} />
         ))}

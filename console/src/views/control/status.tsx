@@ -1,11 +1,14 @@
 // Where the mission stands: state, progress, holds, battery, e-stop, and what to do next.
 import { loopNow } from "../../model/time/countdown";
-import { missions, possible, state, steps, view, type Outcome, type View } from "../../model/mission/mission";
-import { shownNow } from "../../model/time/clock";
-import { texts } from "../../model/page";
-import { commandHindrance } from "../../model/mission/permission";
-import { number, span } from "../../parts/format";
+import { isFault, missions, possible, state, steps, view, type Offer, type Outcome, type Possible, type StepRecord, type View } from "../../model/mission/mission";
+import { stopNames } from "../../model/alerts";
+import { moment } from "../../model/time/past";
+import { lostSince } from "../../model/time/clock";
+import { mode, texts } from "../../model/page";
+import { commandHindrance, missionNow, missionSince, verbText } from "../../model/mission/permission";
+import { clockTime, number, span } from "../../parts/format";
 import { Panel, Pill, type Tone } from "../../parts/panel";
+import { inOrder } from "./requests";
 
 export function Where() {
   const t = texts.value.control;
@@ -20,6 +23,7 @@ export function Where() {
       <Progress view={now} />
       <Robot />
       <Holds view={now} />
+      <Asked />
     </Panel>
   );
 }
@@ -32,7 +36,7 @@ function Stage({ view: now }: { view: View }) {
   return (
     <span class="row">
       {is("returning") && <Pill tone="info">{t.stages.returning}</Pill>}
-      {is("ended") && <Pill tone="good">{t.stages.ended}</Pill>}
+      {is("ended") && <Pill>{t.stages.ended}</Pill>}
       {is("faulted") && <Pill tone="bad">{t.stages.faulted}</Pill>}
       {now.held.length > 0 && now.cancelling.length > 0 && <Pill tone="warn">{t.pausing}</Pill>}
       {now.paused && !now.held.length && <Pill tone="warn">{t.waitsForYou}</Pill>}
@@ -65,12 +69,12 @@ function Progress({ view: now }: { view: View }) {
   const t = texts.value.control;
   if (!now.total) return null;
   const counts = (missions.shown.value?.value.outcomes ?? []).map((outcome) => ({ ...outcome, count: Number(now[outcome.counter] ?? 0) }));
-  const closed = counts.reduce((sum, { count }) => sum + count, 0);
+  const done = counts.reduce((sum, { count, rating }) => sum + (rating === "good" ? count : 0), 0);
   return (
     <div class="control-progress">
-      <progress max={now.total} value={closed} aria-label={t.progress} />
+      <progress max={now.total} value={done} aria-label={t.progress} />
       <p class="row">
-        {t.done(number(closed), number(now.total))}
+        {t.done(number(done), number(now.total))}
         {counts
           .filter(({ count }) => count > 0)
           .map(({ name, counter, rating, count }) => (
@@ -91,22 +95,29 @@ function Robot() {
   return (
     <p class="row">
       {told.battery_low ? <Pill tone="bad">{t.batteryLow(percent)}</Pill> : <Pill>{t.battery(percent)}</Pill>}
-      {told.estop_engaged ? <Pill tone="bad">{t.estop}</Pill> : <Pill>{t.noEstop}</Pill>}
+      {told.estop_engaged && <Pill tone="bad">{t.estop}</Pill>}
     </p>
   );
 }
 
+/** What the e-stop's hold is called: the level that engaged it may be over, and it holds on. */
+const ESTOP = "estop";
+
 function Holds({ view: now }: { view: View }) {
   const t = texts.value.control;
   if (!now.held.length) return null;
+  const isReleased = state.shown.value?.value.estop_engaged === false;
   return (
     <ul class="control-holds" aria-label={t.holds}>
       {now.held.map((name) => {
-        const { at, exact } = heldSince(name);
-        const text = at === undefined ? "" : span((shownNow.value - at) / 1000);
+        const { at, exact, by: asker } = heldSince(name);
+        const by = asker || (name === ESTOP && !isReleased ? stopNames(moment.value).join(", ") : "");
+        const text = at === undefined ? "" : span((missionNow.value - at) / 1000);
+        const ends = verbsOf(({ releases }) => releases.includes(name));
         return (
           <li key={name} class="row">
-            <Pill tone="warn">{now.holds[name] || name}</Pill> {text && (exact ? t.heldFor(text) : t.heldLonger(text))}
+            <Pill tone="warn">{name === ESTOP && isReleased ? t.stopReleased : now.holds[name] || name}</Pill> {by && t.by(by)}{" "}
+            {text && (exact ? t.heldFor(text) : t.heldLonger(text))} {ends && t.endedBy(ends)}
           </li>
         );
       })}
@@ -114,47 +125,101 @@ function Holds({ view: now }: { view: View }) {
   );
 }
 
-/** Since when a hold is engaged, and whether that is known: what is known of the past may begin later. */
-function heldSince(hold: string): { at: number | undefined; exact: boolean } {
+/** The verbs of what is possible now and is like this. */
+function verbsOf(isWanted: (request: Possible) => boolean): string {
+  const requests = possible.shown.value?.value.requests ?? [];
+  const wanted = requests.filter((each) => each.possible && isWanted(each)).sort(inOrder);
+  return [...new Set(wanted.map(({ verb }) => verbText(verb)))].join(", ");
+}
+
+/** Since when a hold is engaged and by whom, and whether that is known: what is known of the past may begin later. */
+function heldSince(hold: string): { at: number | undefined; exact: boolean; by: string } {
   const newest = steps.shown.value;
   const known = newest ? steps.past.until(newest.at) : [];
   let at: number | undefined;
+  let by = "";
   for (let index = known.length - 1; index >= 0; index--) {
     const { at: when, value } = known[index]!;
-    if (value.boot !== newest!.value.boot || !value.view.held.includes(hold)) return { at, exact: true };
+    if (value.boot !== newest!.value.boot || !value.view.held.includes(hold)) return { at, exact: true, by };
     at = when;
+    by = value.command?.by ?? "";
   }
-  return { at, exact: false };
+  return { at, exact: false, by: "" };
 }
 
-/** What to do next: the advice of the holds, else of what happened last and of starts that are refused. */
+/** What was asked for last, and by whom: who paused, resumed or ended the mission. */
+function Asked() {
+  const t = texts.value.control;
+  const newest = steps.shown.value;
+  const last = newest && steps.past.until(newest.at).findLast(({ value }) => value.step.accepted && value.command?.by);
+  if (!last) return null;
+  const verb = last.value.step.event.replace(/^.*\./, "");
+  return <p class="soft">{t.asked(verbText(verb), last.value.command!.by!, clockTime(last.at))}</p>;
+}
+
+/** The codes of warnings and errors that were reported since the mission is where it is: in this phase, at this target. */
+function presentCodes(): readonly string[] {
+  const newest = steps.shown.value;
+  const known = newest ? steps.past.until(newest.at) : [];
+  const isHere = ({ boot, view: { lifecycle, phase, target, mission_id } }: StepRecord): boolean => {
+    const now = newest!.value;
+    return boot === now.boot && lifecycle === now.view.lifecycle && phase === now.view.phase && target === now.view.target && mission_id === now.view.mission_id;
+  };
+  const found: string[] = [];
+  for (let index = known.length - 1; index >= 0 && isHere(known[index]!.value); index--)
+    for (const { code, severity } of known[index]!.value.step.codes ?? []) if (severity > 0) found.unshift(code);
+  return found;
+}
+
+/** When a code was reported last, as a time of day; "" where that is not known. */
+function toldAt(code: string): string {
+  const newest = steps.shown.value;
+  const found = newest && steps.past.until(newest.at).findLast(({ value }) => value.step.codes?.some((each) => each.code === code));
+  return found ? clockTime(found.at) : "";
+}
+
+/** What the present asks of somebody: a question, what holds, what went wrong here, a start that is refused. */
+function advice(now: View, offer: Offer): readonly string[] {
+  const t = texts.value.control;
+  const idle = isIdle(now);
+  const starts = (possible.shown.value?.value.requests ?? []).filter(({ verb }) => verb === "start");
+  const held = now.held.map((name) => offer.holds[name] ?? "");
+  const present = held.length && !isFault(now.lifecycle) ? [] : presentCodes();
+  const codes = [...held, ...present, ...(idle && !held.length ? starts.map(({ code }) => code) : [])];
+  const found = codes.map((code) => offer.codes[code]?.advice ?? "").filter(Boolean);
+  if (now.asking.length) found.unshift(t.toAnswer);
+  if (found.length) return [...new Set(found)];
+  if (idle && starts.some((each) => each.possible)) return [t.toStart];
+  const verbs = verbsOf(({ verb }) => verb !== "pause" && verb !== "answer");
+  return [idle || now.paused ? t.toChoose(verbs || "–") : t.toWait];
+}
+
+/** What to do about it that nothing newer is known; "" where that is not so. */
+function unheard(): string {
+  const t = texts.value.control;
+  if (missionSince.value === undefined) return "";
+  return (lostSince.value === undefined ? t.toFind : t.toReach)(clockTime(missionSince.value));
+}
+
+/** What to do now. */
 export function ToDo() {
   const t = texts.value.control;
   const now = view.value;
   const offer = missions.shown.value?.value;
-  if (!now || !offer) return null;
-  const idle = isIdle(now);
-  const requests = possible.shown.value?.value.requests ?? [];
-  const starts = requests.filter(({ verb }) => verb === "start");
-  const refused = idle ? starts.map(({ code }) => code) : [];
-  const held = now.held.map((name) => offer.holds[name] ?? "");
-  const codes = held.length ? held : [now.code, ...refused];
-  const advice = codes.map((code) => offer.codes[code]?.advice ?? "").filter(Boolean);
-  if (now.asking.length) advice.unshift(t.toAnswer);
-  if (!advice.length && idle && starts.some((each) => each.possible)) advice.push(t.toStart);
-  if (!advice.length && !idle && !now.paused) advice.push(t.toWait);
-  const last = offer.codes[now.code];
+  const lost = mode.value === "recording" ? "" : unheard();
+  if (!lost && (!now || !offer)) return null;
+  const last = now && offer?.codes[now.code];
   return (
     <Panel title={t.toDo}>
       {commandHindrance.value && <p class="note">{commandHindrance.value}</p>}
       <ul class="control-todo">
-        {[...new Set(advice)].map((each) => (
+        {(lost ? [lost] : advice(now!, offer!)).map((each) => (
           <li key={each}>{each}</li>
         ))}
       </ul>
-      {now.code && (
+      {now?.code && (
         <p class="soft">
-          {t.last(last?.label ?? now.code, now.detail)} <code>{now.code}</code>
+          {t.last(last?.label ?? now.code, now.detail, toldAt(now.code))} <code>{now.code}</code>
         </p>
       )}
     </Panel>

@@ -20,6 +20,8 @@ const LOOK_EVERY_MS = 5000;
 const MOST_LINES = 200;
 /** Less charge than this is a warning. */
 const LOW_CHARGE = 0.2;
+/** Less room than this on the disk is bad, and less than five times as much is a warning. */
+const LEAST_DISK_GB = 1;
 /** Seconds of silence after which the battery is not heard any more. */
 const BATTERY_SILENT_S = 5;
 
@@ -39,7 +41,7 @@ function State({ node, now }: { node: NodeHealth; now: number }) {
   const t = texts.value.health;
   if (node.level === ENDED) return <Pill>{t.endedAt(clockTime(node.at))}</Pill>;
   if (isSilent(node, now)) return <Pill tone="bad">{t.silentSince(clockTime(node.at))}</Pill>;
-  if (node.level >= WARNED) return <Pill tone="warn">{node.message}</Pill>;
+  if (node.level >= WARNED) return <Pill tone={node.level > WARNED ? "bad" : "warn"}>{node.message}</Pill>;
   return <Pill tone="good">{t.running}</Pill>;
 }
 
@@ -152,12 +154,15 @@ function Nodes({ nodes, now }: { nodes: readonly NodeHealth[]; now: number }) {
   );
 }
 
-function Gauge(props: { label: string; share: number; text: string; bad: boolean }) {
+/** A share of 0 to 1: good up to `low`, bad beyond `high`; of what should be much, `much`, the other way round. */
+function Gauge({ label, share, text, low = 0.7, high = 0.9, much = false }: { label: string; share: number; text: string; low?: number; high?: number; much?: boolean }) {
+  const level = much ? Number(share < high) + Number(share < low) : Number(share > low) + Number(share > high);
+  const sign = ["", "▲ ", "✖ "][level]!;
   return (
     <div class="gauge">
-      <span>{props.label}</span>
-      <meter min={0} max={1} value={Math.max(0, Math.min(1, props.share))} aria-label={`${props.label}: ${props.text}`} />
-      <span class={props.bad ? "bad" : ""}>{`${props.bad ? "▲ " : ""}${props.text}`}</span>
+      <span>{label}</span>
+      <meter min={0} max={1} low={low} high={high} optimum={much ? 1 : 0} value={Math.max(0, Math.min(1, share))} aria-label={`${label}: ${text}`} />
+      <span class={["", "warn", "bad"][level]!}>{sign + text}</span>
     </div>
   );
 }
@@ -172,14 +177,21 @@ function Machine({ name, node, silent }: { name: string; node: NodeHealth; silen
     <div class={silent ? "machine silent" : "machine"}>
       <h3>{name}</h3>
       {silent && <Pill tone="warn">{t.silentSince(clockTime(node.at))}</Pill>}
-      <Gauge label={t.processor} share={busy} text={`${number(busy * 100, 0)} %`} bad={busy > 0.95} />
+      <Gauge label={t.processor} share={busy} text={`${number(busy * 100, 0)} %`} />
       <Gauge
         label={t.memory}
         share={memory ? 1 - memoryFree / memory : 0}
         text={t.free(`${number(memoryFree / 1000)} GB`, `${number(memory / 1000)} GB`)}
-        bad={memoryFree < 0.05 * memory}
+        low={0.85}
+        high={0.95}
       />
-      <Gauge label={t.disk} share={disk ? 1 - diskFree / disk : 0} text={t.free(`${number(diskFree)} GB`, `${number(disk, 0)} GB`)} bad={diskFree < 1} />
+      <Gauge
+        label={t.disk}
+        share={disk ? 1 - diskFree / disk : 0}
+        text={t.free(`${number(diskFree)} GB`, `${number(disk, 0)} GB`)}
+        low={disk ? 1 - (5 * LEAST_DISK_GB) / disk : 1}
+        high={disk ? 1 - LEAST_DISK_GB / disk : 1}
+      />
     </div>
   );
 }
@@ -211,7 +223,7 @@ function BatteryPanel() {
         <p class="soft">{t.noBattery}</p>
       ) : (
         <div class={silent ? "silent" : ""}>
-          {charge !== undefined && <Gauge label={t.charge} share={charge} text={`${number(charge * 100, 0)} %`} bad={charge < LOW_CHARGE} />}
+          {charge !== undefined && <Gauge label={t.charge} share={charge} text={`${number(charge * 100, 0)} %`} low={LOW_CHARGE} high={2 * LOW_CHARGE} much />}
           <p>
             {known.value.voltage !== undefined && `${number(known.value.voltage)} V `}
             <Sparkline values={past} label={t.chargeHistory(past.length)} />

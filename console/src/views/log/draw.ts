@@ -44,7 +44,7 @@ interface Colours {
 const colours = computed<Colours>(() => {
   const of = colourOf;
   const tones = ["info", "warn", "bad"].map((name) => ({ fill: of(`${name}-back`), text: of(name) }));
-  return { text: of("text"), line: of("line"), soft: of("soft"), accent: of("accent"), back: of("back"), tones, other: of("good-back"), otherText: of("good") };
+  return { text: of("text"), line: of("line"), soft: of("soft"), accent: of("accent"), back: of("back"), tones, other: of("line"), otherText: of("soft") };
 });
 
 /** The index of the first span that ends after a time. */
