@@ -65,6 +65,9 @@ class Keeping:
         self._loaded: LoadedMissions | None = None
         self._retry_at = 0.0
         self._part = 1
+        #: Which targets the file knows of, and by what it is seen that there are others.
+        self._targets: set[str] = set()
+        self._walks: tuple[object, ...] = ()
 
     def refusal(self, request: Event, foreseen: Possibility, profile: Profile) -> Refusal | None:
         """Say why a request is refused without a step; None where it is the machine's to answer.
@@ -128,6 +131,8 @@ class Keeping:
                 snapshot=machine.snapshot() if machine.memory.sequence else "",
             )
         )
+        self._targets, self._walks = set(), ()
+        self._note_targets(machine)
         unkept, self._unkept = self._unkept, []
         for write_again in unkept:
             write_again()
@@ -139,7 +144,8 @@ class Keeping:
             self.begin(self._loaded, machine, str(data["mission_type"]), str(data.get("mission_id", "")))
 
     def after(self, step: Step, view: View, machine: Machine) -> None:
-        """Close a mission's file where a step has ended it, when all that it published is out."""
+        """Note the targets it took on; close a mission's file where it ended, when all it published is out."""
+        self._note_targets(machine)
         head = self.journal.head
         profile = machine.chart.profile
         if head is None or not head.mission_id or not step.changed:
@@ -149,6 +155,22 @@ class Keeping:
         counts = {outcome.counter: view.counts.get(outcome.name, 0) for outcome in profile.outcomes}
         self.journal.ended({"state": view.lifecycle, "code": view.code, "total": view.total, **counts})
         self.journal.when_kept(lambda: self._writes.add(lambda: self._rest(head.mission_id, machine)))
+
+    def _note_targets(self, machine: Machine) -> None:
+        """Write the targets that are new in a mission's file."""
+        head, memory = self.journal.head, machine.memory
+        if head is None or not head.mission_id or memory.mission_id != head.mission_id:
+            return
+        walks = memory.itineraries.items()
+        found = tuple((name, w.begun, w.before, w.sweep, len(w.items)) for name, w in walks)
+        if found == self._walks:
+            return
+        self._walks = found
+        visits = [visit for visit in memory.outcomes if not visit.closed]
+        new = [target for target in dict.fromkeys(v.target for v in visits) if target not in self._targets]
+        self._targets.update(new)
+        if new:
+            self.journal.targets(memory.mission, head.mission_id, new)
 
     def _rest(self, mission_id: str, machine: Machine) -> None:
         """Write into a file about no mission, unless the next one has begun meanwhile."""

@@ -80,13 +80,18 @@ def _judged(left: Leftover, folder: Path, loaded: LoadedMissions, policy: str) -
     """Decide whether a mission that is under way goes on."""
     head = left.file.head
     same = head.chart == loaded.hash
+    recovered: Recovered | None = None
     try:
         recovered = _recovered(left, folder, loaded if same else None, loaded)
+        wrong = recovered.problem
     except LupinError as problem:
+        wrong = str(problem)
+    if recovered is None or wrong:
         if not head.mission_id or left.file.is_ended:
             return LookBack(left)
-        told = tuple(_left_out(loaded, head.mission, head.mission_id, open_targets(left.file), str(problem)))
-        return LookBack(left, closing=str(problem), left_out=told)
+        targets = open_targets(left.file, recovered)
+        told = tuple(_left_out(loaded, head.mission, head.mission_id, targets, wrong))
+        return LookBack(left, recovered, closing=wrong, left_out=told)
     machine = recovered.machine
     view, stages = machine.view, machine.chart.profile.stages
     found = LookBack(left, recovered)

@@ -33,6 +33,7 @@ from lupin_engine.runtime.journal.records import (
     RESUMED,
     SNAPSHOT,
     START,
+    TARGETS,
     TIMER,
     WALL,
     JournalFile,
@@ -224,6 +225,10 @@ class Journal:
         self._outcomes += 1
         self._put(encoded(OUTCOME, self._outcomes, asdict(told), fields), urgent=True)
         return self._outcomes
+
+    def targets(self, mission: str, mission_id: str, targets: list[str]) -> None:
+        """Write which targets a mission has taken on: each will have an outcome, also when it is closed."""
+        self._put(encoded(TARGETS, mission, mission_id, targets), urgent=False)
 
     def published(self, number: int) -> None:
         """Write that it was."""
