@@ -87,7 +87,7 @@ ENGINE_CODES: Mapping[str, Code] = {
         Code(
             UNRECORDED_CODE,
             "the journal cannot be written",
-            advice="Look at the disk: after a restart now, the mission could not go on.",
+            advice="Make room on its disk, or make its folder writable, then resume; abort and dock work.",
         ),
         Code(RECORDED_CODE, "the journal is written again", Severity.INFO, "Nothing to do."),
     )

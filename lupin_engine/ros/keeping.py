@@ -29,13 +29,22 @@ JOURNAL_PARAMETERS: Mapping[str, Parameter] = {
     "journal_path": Parameter(
         TEXT, "", "folder of the journal; empty: the user's state folder, by ROS domain"
     ),
-    "journal_required": Parameter(
-        BOOL, False, "whether the mission is held, and none begins, while the journal cannot be written"
+    "may_repeat_outcomes": Parameter(
+        BOOL,
+        False,
+        "whether missions run while the journal cannot be written; after a restart the mission may then be "
+        "forgotten, or a target published twice",
     ),
+    "journal_required": Parameter(BOOL, True, "the older name: false is may_repeat_outcomes"),
     "journal_missions": Parameter(COUNT, 200, "of how many missions the journal is kept", minimum=1),
     "journal_megabytes": Parameter(COUNT, 1000, "how large all that is kept is together, in MB", minimum=50),
     "journal_days": Parameter(NUMBER, 60.0, "for how many days the journal is kept", minimum=0.01),
 }
+#: What mends a journal that cannot be written.
+WHAT_TO_DO = (
+    "make room there or make it writable, or name another folder: XDG_STATE_HOME=FOLDER, or the parameter "
+    "journal_path of mission_orchestrator"
+)
 #: How often it is tried again to write, in seconds.
 RETRY_S = 5.0
 
@@ -52,7 +61,9 @@ class Keeping:
         self._work = work
         self._tell = tell
         given = ros.parameters()
-        self.required = bool(given["journal_required"])
+        self.required = bool(given["journal_required"] and not given["may_repeat_outcomes"])
+        if not given["journal_required"]:
+            ros.log.warning("journal_required", problem="false is written may_repeat_outcomes:=true now")
         self.folder = journal_folder(str(given["journal_path"] or ""))
         size = 1_000_000 * int(given["journal_megabytes"])
         keep = Keep(int(given["journal_missions"]), float(given["journal_days"]), size)
@@ -75,15 +86,15 @@ class Keeping:
         While nothing can be written down none is taken, unless it stops something; and what is foreseen to be
         refused is only counted where that was written many times already.
         """
-        if not (self.required and self.journal.problem):
+        if not (self.required and self.journal.failing):
             found, now = foreseen.refusal, self._ros.elapsed()
             return found if found and self._refusals.is_one_more(request, found.code, now) else None
         name = request.name.rpartition(".")[2]
         known = profile.requests.get(name) if request.name.startswith("operator.") else None
         if known is not None and known.however_late:
             return None
-        why = f"the journal cannot be written: {self.journal.problem}"
-        return Refusal(UNRECORDED_CODE, f"{name} refused: {why}")
+        why = f"the journal cannot be written: {self.journal.failing}: {self.folder}"
+        return Refusal(UNRECORDED_CODE, f"{name} refused: {why}; {WHAT_TO_DO}")
 
     def close(self) -> None:
         """Have all that was noted on the disk, and end."""
@@ -104,7 +115,7 @@ class Keeping:
         """Begin a file with the memory of a machine as it is, for a mission or for the time between them."""
         self._refusals.tell_all()
         self._writes.finish()  # the outcomes of a file's steps are in that file
-        if loaded is not self._loaded:
+        if loaded is not self._loaded or self.journal.problem:  # the folder may have been removed
             names = loaded.short_names
             self.journal.keep_files(loaded.hash, {names[name]: raw for name, raw in loaded.sources.items()})
         self._loaded = loaded
@@ -144,7 +155,7 @@ class Keeping:
             self.begin(self._loaded, machine, str(data["mission_type"]), str(data.get("mission_id", "")))
 
     def after(self, step: Step, view: View, machine: Machine) -> None:
-        """Note the targets it took on; close a mission's file where it ended, when all it published is out."""
+        """Note new targets; close a mission's file where a step ended it, when all it published is out."""
         self._note_targets(machine)
         head = self.journal.head
         profile = machine.chart.profile
@@ -215,8 +226,15 @@ class Keeping:
         self, found: LookBack, new: Iterable[tuple[Publish, Fields]], send: Callable[[Fields], None]
     ) -> None:
         """Publish what was told, and what is new; a repeat has the same fields."""
+
+        def send_again(fields: Fields) -> None:
+            try:
+                send(fields)
+            except Exception as problem:  # the journal has fields that are none of the message
+                self._ros.log.warning("an outcome cannot be published again", problem=str(problem))
+
         for number, fields in found.left.told.items():
-            self._send_when_kept(number, fields, send)
+            self._send_when_kept(number, fields, send_again)
         for told, fields in new:
             self.publish([told], partial(_given, fields), send)
 
@@ -256,9 +274,10 @@ class Keeping:
         send: Callable[[Fields], None],
         again: Callable[[], None] | None = None,
     ) -> None:
-        """Publish an outcome; where the journal is required, and this one is not kept, write it `again`.
+        """Publish an outcome when it is flushed; one that is not is written `again`, later.
 
-        Else who replays the journal would not know of it, and tell the target once more.
+        With `may_repeat_outcomes` it is published all the same: who replays the journal does not know of it,
+        and publishes the target once more.
         """
 
         def publish() -> None:

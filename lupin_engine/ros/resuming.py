@@ -15,7 +15,7 @@ from lupin_engine.plugin.contract import CLOSED_CODE, Parameter
 from lupin_engine.plugin.profile import Publish, Rating
 from lupin_engine.plugin.types import TEXT
 from lupin_engine.ros.adapter.node import RosNode
-from lupin_engine.runtime.journal.journal import CHARTS, journal_files, mission_in_name
+from lupin_engine.runtime.journal.journal import CHARTS
 from lupin_engine.runtime.journal.recovery import (
     Leftover,
     Recovered,
@@ -66,14 +66,12 @@ def look_back(
     policy = str(given["resume_policy"])
     if policy not in POLICIES:
         raise UsageError(f"resume_policy: expected {', '.join(POLICIES)}, got {policy!r}")
-    left, problems = leftover(folder)
+    left, problems, lost = leftover(folder)
     for problem in problems:
         ros.log.warning("journal", problem=problem)
-    newest = next(reversed(journal_files(folder)), None)
-    lost = mission_in_name(newest) if newest is not None else ""
-    if lost and (left is None or left.file.path != newest):
-        return None, f"{lost}: {problems[0]}"
-    return None if left is None else _judged(left, folder, loaded, policy), ""
+    if left is None or lost:
+        return None, lost
+    return _judged(left, folder, loaded, policy), ""
 
 
 def _judged(left: Leftover, folder: Path, loaded: LoadedMissions, policy: str) -> LookBack:

@@ -62,7 +62,7 @@ def read_frames(data: bytes) -> FrameScan:
 
 
 def _is_one_bit_off(begin: bytes) -> bool:
-    return len(begin) == len(MAGIC) and sum((a ^ b).bit_count() for a, b in zip(begin, MAGIC, strict=True)) == 1
+    return (int.from_bytes(begin) ^ int.from_bytes(MAGIC)).bit_count() == 1
 
 
 def _content(data: bytes, at: int) -> bytes | None:

@@ -264,6 +264,11 @@ class Journal:
         if self._writer.waits > PATIENCE_S and not self.problem:
             self._on_failure(f"the disk has not answered for {PATIENCE_S:g} s", self._writer.give_up())
 
+    @property
+    def failing(self) -> str:
+        """What kept records from the disk, until some are on it again: while it is tried anew, too."""
+        return self.problem or self._told
+
     def _on_failure(self, reason: str, waiting: list[Callable[[], None]]) -> None:
         self.problem = reason
         if not self._told:

@@ -4,8 +4,8 @@ What entered the machine, each with the machine's time: `start`, `event`, `value
 says how these and progress are written), `timer`, `loaded` (a machine of another chart goes on), `resumed`
 (another process goes on). What was told the world: `outcome` before it is published, `published` after,
 `answered` what came of a command with an id. And for whoever reads: `head` first, `wall` when the clock on
-the wall was set, `refused` how many more requests were refused like those before, `snapshot`, `end`, and `targets`
-that the mission has taken on: where the file is damaged, they are known from here or from what comes before.
+the wall was set, `refused` how many more requests were refused like those before, `snapshot`, `end`, and
+`targets` that the mission has taken on: they are known from there also where the file is damaged.
 """
 
 from __future__ import annotations
@@ -61,6 +61,10 @@ _WRONG = (ValueError, TypeError, LookupError, OverflowError, RecursionError)
 
 class JournalError(LupinError):
     """A journal cannot be used; the text names the file and the reason."""
+
+
+class NothingWritten(JournalError):
+    """The first write of a file was broken off: what came of it had not begun, and the file before counts."""
 
 
 @dataclass(frozen=True)
@@ -192,7 +196,9 @@ def journal_of(path: Path, data: bytes) -> JournalFile:
     found = read_frames(data)
     if data.startswith(FAMILY) and not (data.startswith(MAGIC) or found.behind):
         raise JournalError(f"{path} was written by another version of the engine; this one does not read it")
-    reason = "is no journal, or was broken off at its first record"
+    if not (found.contents or found.behind or found.damaged):
+        raise NothingWritten(f"{path} was broken off at its first record")
+    reason = "is no journal"
     head: JournalHead | None = None
     records: list[JournalRecord] = []
     try:
@@ -249,7 +255,8 @@ def _head_behind(contents: Iterable[bytes]) -> JournalHead | None:
                 return _head(content)
             if kind == TARGETS:
                 _check(kind, data)
-                named = named or JournalHead("", "", "", "", "", {}, 0.0, 0, mission=data[0], mission_id=data[1])
+                about = {"mission": data[0], "mission_id": data[1]}
+                named = named or JournalHead("", "", "", "", "", {}, 0.0, 0, **about)
         except _WRONG:
             continue
     return named

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +14,18 @@ from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.profile import Publish
-from lupin_engine.runtime.journal.journal import journal_files
+from lupin_engine.runtime.journal.journal import journal_files, mission_in_name
 from lupin_engine.runtime.journal.records import (
     ANSWERED,
     INPUTS,
     OUTCOME,
+    PUBLISHED,
     SNAPSHOT,
     TARGETS,
     JournalError,
     JournalFile,
     JournalRecord,
+    NothingWritten,
     read_journal,
 )
 from lupin_engine.runtime.journal.replay import ReplayError, replay, tail
@@ -83,27 +85,36 @@ class Recovered:
     problem: str = ""
 
 
-def leftover(folder: Path) -> tuple[Leftover | None, list[str]]:
-    """Return what is in the newest files of a folder, and what is wrong with them, in words."""
+def leftover(folder: Path) -> tuple[Leftover | None, list[str], str]:
+    """Return what is in the newest files of a folder, what is wrong with them, and which mission is lost.
+
+    That is the one of the newest file, with the reason, where it cannot be read; '' where it can.
+    """
     found: list[JournalFile] = []
     problems: list[str] = []
+    lost, is_newest = "", True
     for path in reversed(journal_files(folder)):
         try:
             found.append(read_journal(path))
-        except JournalError as problem:
+        except NothingWritten as problem:
             problems.append(str(problem))
             continue
-        if found[-1].problem:
-            problems.append(found[-1].problem)
+        except JournalError as problem:
+            problems.append(str(problem))
+            if is_newest and mission_in_name(path):
+                lost = f"{mission_in_name(path)}: {problem}"
+        else:
+            problems += [found[-1].problem] if found[-1].problem else []
+        is_newest = False
         if len(found) == LOOKED_AT:
             break
     if not found:
-        return None, problems
+        return None, problems, lost
     records = [record for file in reversed(found) for record in file.all]
     told = {record.data[0]: record.data[2] for record in records if record.kind == OUTCOME}
     newest = dict(list(told.items())[-BACKLOG:])
     outcomes = max([*(file.head.outcomes for file in found), *told])
-    return Leftover(found[0], newest, outcomes, _commands(records)), problems
+    return Leftover(found[0], newest, outcomes, _commands(records)), problems, lost
 
 
 def _commands(records: list[JournalRecord]) -> dict[str, KeptCommand]:
@@ -143,7 +154,15 @@ def _replayed(found: JournalFile, world: World, problem: str) -> Recovered:
             waiting.pop(0)
     assert machine is not None, "a file that was read has a head"
     behind = {record.data[1]["target"] for record in found.behind if record.kind == OUTCOME}
-    return Recovered(machine, tuple(one for one in waiting if one[1].target not in behind), problem)
+    untold = [one for one in waiting if one[1].target not in behind]
+    return Recovered(machine, tuple(untold[_published_without_record(found) :]), problem)
+
+
+def _published_without_record(found: JournalFile) -> int:
+    """Return how many outcomes were published whose own records are damaged; they are the oldest."""
+    written = {record.data[0] for record in found.all if record.kind == OUTCOME}
+    marked = {record.data[0] for record in found.behind if record.kind == PUBLISHED}
+    return sum(number > found.head.outcomes for number in marked - written)
 
 
 def outcomes_of(step: Step) -> list[Publish]:
@@ -157,15 +176,17 @@ def open_targets(found: JournalFile, recovered: Recovered | None) -> list[str]:
     Each is known from its own record, and from the steps or the snapshots: no single damage hides it.
     """
     mission_id = found.head.mission_id
-    noted = [record.data[2] for record in found.all if record.kind == TARGETS and record.data[1] == mission_id]
+    noted = [record.data[1:] for record in found.all if record.kind == TARGETS]
     shots = [record.data[0] for record in found.all if record.kind == SNAPSHOT]
-    left = [target for targets in noted for target in targets]
+    left = [target for of, targets in noted if of == mission_id for target in targets]
     left += _open_in(shots[-1] if shots else found.head.snapshot, mission_id)
     told = {record.data[1]["target"] for record in found.all if record.kind == OUTCOME}
     if recovered is not None:
         told |= {told.target for _, told in recovered.untold}
-        if recovered.machine.memory.mission_id == mission_id:
-            left += [visit.target for visit in recovered.machine.memory.outcomes if not visit.closed]
+        memory = recovered.machine.memory
+        visits = memory.outcomes if memory.mission_id == mission_id else ()
+        told |= {visit.target for visit in visits if visit.closed}
+        left += [visit.target for visit in visits]
     return [target for target in dict.fromkeys(left) if target not in told]
 
 

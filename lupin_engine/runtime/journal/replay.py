@@ -51,7 +51,7 @@ def replay(found: JournalFile, world: World) -> Iterator[Replayed]:
         world: of the chart and the parameters that the head names; the head's seed counts.
 
     Raises:
-        ReplayError: the machine comes to another memory than the one that was recorded, or takes no such input.
+        ReplayError: the machine comes to something else than was recorded, or takes no such input.
         JournalError: no machine can be made of the head.
     """
     head = found.head
@@ -79,6 +79,8 @@ def _run(machine: Machine, record: JournalRecord) -> tuple[Step | None, Machine]
         if step is None:
             raise ValueError("no deadline is due there")
     elif record.kind == START:
+        if machine.memory.sequence:
+            raise ValueError("it is started already")
         step = machine.start(record.time, record.data[0])
     elif record.kind == LOADED:
         step = machine.go_on(record.time)
