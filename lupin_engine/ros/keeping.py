@@ -79,6 +79,7 @@ class Keeping:
         #: Which targets the file knows of, and by what it is seen that there are others.
         self._targets: set[str] = set()
         self._walks: tuple[object, ...] = ()
+        self._is_returning = False
 
     def refusal(self, request: Event, foreseen: Possibility, profile: Profile) -> Refusal | None:
         """Say why a request is refused without a step; None where it is the machine's to answer.
@@ -156,6 +157,7 @@ class Keeping:
 
     def after(self, step: Step, view: View, machine: Machine) -> None:
         """Note new targets; close a mission's file where a step ended it, when all it published is out."""
+        self._is_returning = view.lifecycle in machine.chart.profile.stages.returning
         self._note_targets(machine)
         head = self.journal.head
         profile = machine.chart.profile
@@ -302,7 +304,7 @@ class Keeping:
         self._ros.post(run)
 
     def _changed(self, problem: str) -> None:
-        """Tell that the journal cannot be written, or can again."""
+        """Report that the journal cannot be written, or can again; hold the mission, but not its way home."""
         where = f"{problem}: {self.folder}"
         self._ros.trouble("journal", problem and f"the journal cannot be written: {where}")
         if not problem:
@@ -312,7 +314,7 @@ class Keeping:
         self._ros.log.error("the journal cannot be written", problem=problem, folder=str(self.folder))
         self._retry_at = self._ros.elapsed() + RETRY_S
         head = self.journal.head
-        if self.required and head is not None and head.mission_id:
+        if self.required and head is not None and head.mission_id and not self._is_returning:
             self._tell(Event(HELD_BACK, {"hold": UNRECORDED, "detail": where}))
         else:
             self._tell(Event(TOLD, {"code": UNRECORDED_CODE, "detail": where}))

@@ -55,10 +55,15 @@ class Node:
             self.posted.get(timeout=max(0.01, end - time.monotonic()))()
 
 
-@pytest.mark.parametrize("required", [True, False])
-def test_what_the_disk_does_not_take_is_published_when_it_does(tmp_path: Path, required: bool) -> None:
-    """Or at once, where nobody requires a journal: a machine made of it would tell that target once more."""
-    node = Node(journal_path=str(tmp_path), journal_required=required)
+@pytest.mark.parametrize(
+    ("given", "required"),
+    [({}, True), ({"may_repeat_outcomes": True}, False), ({"journal_required": False}, False)],
+)
+def test_what_the_disk_does_not_take_is_published_when_it_does(
+    tmp_path: Path, given: dict[str, bool], required: bool
+) -> None:
+    """Or at once, where outcomes may be repeated: a machine made of it publishes that target once more."""
+    node = Node(journal_path=str(tmp_path), **given)
     loaded = load_missions(["inspection"], shipped.catalog())
     machine = make_machine(loaded.chart, {})
     keeping = Keeping(node, "boot", lambda: None, lambda _: None)  # type: ignore[arg-type]

@@ -81,6 +81,7 @@ MORE = {
     "amcl_pose_must_live",  # a pose seeded once is one without a publisher
     "journal_path",  # what enters the machine is on disk before it counts
     "journal_required",
+    "may_repeat_outcomes",  # what a journal that cannot be written would otherwise forbid
     "journal_missions",
     "journal_days",
     "journal_megabytes",
