@@ -4,6 +4,7 @@ there, and lines that are not repeated.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import time
 from collections.abc import Callable
@@ -113,7 +114,8 @@ class NodeLog:
         for key in list(self._counted):
             self._tell_more(key)
         if self._file is not None:
-            self._file.close()
+            with contextlib.suppress(OSError):  # what a full disk did not take is lost
+                self._file.close()
 
     def _tell_more(self, key: tuple[str, str]) -> None:
         counted = self._counted.pop(key)

@@ -117,7 +117,7 @@ def test_a_full_disk_is_reported_and_the_mission_goes_on_where_outcomes_may_be_r
     assert (old in log_of(world)) == parameter.startswith("journal_required")
 
 
-@pytest.mark.parametrize(("way", "end"), [("abort", "DONE"), ("dock", "DOCKED")])
+@pytest.mark.parametrize(("way", "end"), [("abort", "DONE"), ("dock", "RETURNING")])
 def test_a_full_disk_holds_the_mission_and_the_way_home_is_open(
     world: World, operator: Operator, own_state: Path, way: str, end: str
 ) -> None:
@@ -136,6 +136,7 @@ def test_a_full_disk_holds_the_mission_and_the_way_home_is_open(
     assert operator.ask(way).success
     operator.in_state("RETURNING")
     operator.in_state(end)
+    operator.until(lambda: operator.state.paused == (way == "dock"), "it waits in the dock, or is done")
     started = operator.start("1")
     assert (started.accepted, started.error_message) == (False, f"start refused: {why}")
 
