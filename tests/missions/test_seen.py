@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ def signed(name: str = "", version: str = "", key: str = "k") -> Bundle:
 
 def test_versions_are_in_order() -> None:
     """Integers and those of semver.org."""
-    assert sorted(ORDER[::-1], key=version_key) == ORDER
+    assert all(version_key(one) < version_key(next_) for one, next_ in pairwise(ORDER))
 
 
 @pytest.mark.parametrize("version", ["", "1.2", "v1", "-1", "1.2.3.4", "1" * 19, "latest"])
@@ -39,7 +40,7 @@ def test_a_name_and_a_version_stand_in_the_bundle(tmp_path: Path) -> None:
     file.write_bytes(make_bundle("m.yaml", "h", {"m.yaml": b"mission: M"}, None, "set", "1.2.3"))
     found = read_bundle(file)
     assert (found.name, found.version) == ("set", "1.2.3")
-    with pytest.raises(UsageError, match=r"^name: 'a b' is none; expected letters, digits, '_', '\.' and '-'$"):
+    with pytest.raises(UsageError, match=r"^name: 'a b' is none; expected letters, digits, '_', '\.' and"):
         make_bundle("m.yaml", "h", {}, None, "a b", "1")
     with pytest.raises(UsageError, match=r"^a bundle has a name and a version, or neither$"):
         make_bundle("m.yaml", "h", {}, None, "", "1")
