@@ -14,7 +14,7 @@ from lupin_engine.errors import UsageError, shortened
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 60
 #: So many elements, letters in an attribute, and words in one (events, targets, names) are read.
-MAX_ELEMENTS, MAX_LETTERS, MAX_WORDS = 5_000, 10_000, 100
+MAX_ELEMENTS, MAX_LETTERS, MAX_WORDS = 3_000, 10_000, 50
 #: Attributes that are lists of words.
 _LISTS = ("event", "target", "initial", "namelist")
 #: What attributes of ours begin with, in a document that the engine exported.
@@ -33,6 +33,7 @@ class Element:
     parent: Element | None = None
     text: str = ""
     _of_kinds: dict[tuple[str, ...], list[Element]] = field(default_factory=dict, repr=False)
+    _inside: dict[tuple[str, ...], list[Element]] = field(default_factory=dict, repr=False)
 
     def get(self, name: str) -> str:
         """Return an attribute, empty if absent."""
@@ -45,12 +46,18 @@ class Element:
             found = self._of_kinds[kinds] = [child for child in self.children if child.kind in kinds]
         return found
 
-    def every(self, *kinds: str) -> Iterator[Element]:
-        """Yield this element and its descendants in document order; with `kinds`, only those."""
+    def every(self, *kinds: str) -> list[Element]:
+        """Return this element and its descendants in document order; with `kinds`, only those."""
+        found = self._inside.get(kinds)
+        if found is None:
+            found = self._inside[kinds] = list(self._every(kinds))
+        return found
+
+    def _every(self, kinds: tuple[str, ...]) -> Iterator[Element]:
         if not kinds or self.kind in kinds:
             yield self
         for child in self.children:
-            yield from child.every(*kinds)
+            yield from child._every(kinds)
 
     @property
     def around(self) -> list[Element]:

@@ -87,7 +87,7 @@ ENGINE_CODES: Mapping[str, Code] = {
         Code(
             UNRECORDED_CODE,
             "the journal cannot be written",
-            advice="Make room on its disk, or make its folder writable, then resume; abort and dock work.",
+            advice="Make room on its disk, or make its folder writable, then resume; it can be ended now.",
         ),
         Code(RECORDED_CODE, "the journal is written again", Severity.INFO, "Nothing to do."),
     )

@@ -204,7 +204,7 @@ def journal_of(path: Path, data: bytes) -> JournalFile:
     try:
         if found.contents:
             head = _head(found.contents[0])
-            sequence = _Sequence(head)
+            sequence = _Records(head)
             for content, end in zip(found.contents, found.ends, strict=True):
                 records.append(sequence.read(content, end))
     except _WRONG as problem:
@@ -214,7 +214,7 @@ def journal_of(path: Path, data: bytes) -> JournalFile:
         head = _head_behind(rest)
         if head is None:
             raise JournalError(f"{path} {reason}")
-        records = [_Sequence(head).read(encoded_head(head), 0)]
+        records = [_Records(head).read(encoded_head(head), 0)]
     good = records[-1].end
     damaged = found.damaged or good < found.good
     return JournalFile(path, head, records, good, len(data) - good, damaged, _out_of_sequence(rest, head))
@@ -262,7 +262,7 @@ def _head_behind(contents: Iterable[bytes]) -> JournalHead | None:
     return named
 
 
-class _Sequence:
+class _Records:
     """Reads the records of a file one after the other; what each adds to those before is known."""
 
     def __init__(self, head: JournalHead) -> None:
@@ -304,7 +304,7 @@ class _Sequence:
 
 def _out_of_sequence(contents: Iterable[bytes], head: JournalHead) -> list[JournalRecord]:
     """Return the records that say something by themselves."""
-    sequence, records = _Sequence(head), []
+    sequence, records = _Records(head), []
     for content in contents:
         try:
             records.append(sequence.read(content, 0, alone=True))

@@ -25,9 +25,7 @@ from lupin_engine.plugin.registry import load_catalog
     default="",
     help="An integer or one like 1.2.3: a robot that has run a newer one refuses this.",
 )
-@click.option(
-    "--name", metavar="NAME", default="", help="Of what has the version; default: the mission."
-)
+@click.option("--name", metavar="NAME", default="", help="Of what has the version; default: the mission.")
 @click.option(
     "--output",
     "-o",
