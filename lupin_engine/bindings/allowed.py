@@ -1,4 +1,7 @@
-"""What bindings may reach: what plugins serve, and what the robot's `lupin.yaml` allows.
+"""What bindings may reach: what plugins offer, and what the robot's `lupin.yaml` allows.
+
+To call, to send goals, to publish and to subscribe are separate rights. What a plugin publishes, and what
+people command, no pattern of `lupin.yaml` opens: the owner has to write the name itself.
 
 The file stands above the folder of the missions, so who may only put missions there cannot allow himself
 more; where there is none, one in that folder counts.
@@ -34,10 +37,12 @@ _CALLED: Mapping[str, str] = MappingProxyType(
         "subscribe": "listen to the topic",
     }
 )
+#: The names of the orchestrator's own node.
+_ENGINE = "/mission_orchestrator/*"
 
 
 class AllowNode(Node):
-    """What bindings may reach beside what plugins serve, by absolute name; `*` stands for any letters."""
+    """What bindings may reach beside what plugins offer, by absolute name; `*` stands for any letters."""
 
     ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType(
         {"topics": ("a topic is listened to or published on", "write 'subscribe: [...]' or 'publish: [...]'")}
@@ -56,19 +61,66 @@ class RobotNode(Node):
 
 
 def check_allowed(bindings: Iterable[Binding], catalog: Catalog, findings: Findings) -> None:
-    """Tell the endpoints that are no plugin's and that nobody has allowed."""
-    served = {_absolute(name) for plugin in catalog.plugins.values() for name in plugin.serves}
+    """Report the endpoints that are no plugin's and that nobody has allowed."""
     for binding in bindings:
         file = lupin_file(Path(binding.node.place.file).parent.parent)
         allowed = _read(file, findings) if file.is_file() else {}
         if allowed is None:
             continue  # what is wrong with it has been told
         for key, path, endpoint in _endpoints(binding.node):
-            name, patterns = _absolute(endpoint.name), allowed.get(key, [])
-            if name not in served and not any(fnmatchcase(name, pattern) for pattern in patterns):
-                problem = f"it is not allowed to {_CALLED[key]} {name!r}"
-                hint = or_else(meant(name, patterns), f"write {name} under 'allow: {key}' in {file}")
-                findings.add(endpoint.at("name"), "not-allowed", path, problem, hint)
+            name = _absolute(endpoint.name)
+            if not _is_offered(key, name, catalog):
+                told = _told(key, name, allowed.get(key, []), file, catalog)
+                if told:
+                    findings.add(endpoint.at("name"), "not-allowed", path, *told)
+            if key == "subscribe" and (plugin := _old_owner(name, catalog)):
+                problem = f"plugin {plugin!r} declares the topic {name!r} under 'serves', among services"
+                hint = f"write publishes=({name!r},) in its catalog"
+                findings.warn(endpoint.at("name"), "not-allowed", path, problem, hint)
+
+
+def _told(key: str, name: str, patterns: list[str], file: Path, catalog: Catalog) -> tuple[str, str] | None:
+    """Return what is told of a name that nobody has allowed, and what to write; None where somebody has."""
+    owner = _owner(key, name, catalog)
+    if any(pattern == name or (not owner and fnmatchcase(name, pattern)) for pattern in patterns):
+        return None
+    itself, belongs = (", without '*',", f", which belongs to {owner}") if owner else ("", "")
+    hint = or_else(meant(name, patterns), f"write {name}{itself} under 'allow: {key}' in {file}")
+    if key == "publish" and (plugin := _old_owner(name, catalog)):
+        hint += f"; or let plugin {plugin!r} declare accepts=({name!r},)"
+    return f"it is not allowed to {_CALLED[key]} {name!r}{belongs}", hint
+
+
+def _is_offered(key: str, name: str, catalog: Catalog) -> bool:
+    """Say whether a plugin has a name for whoever wants to do this with it."""
+    for plugin in catalog.plugins.values():
+        heard = (*plugin.publishes, *plugin.serves)  # catalogs of before have topics among the services
+        offered = {"publish": plugin.accepts, "subscribe": heard}.get(key, plugin.serves)
+        if name in map(_absolute, offered):
+            return True
+    return False
+
+
+def _old_owner(name: str, catalog: Catalog) -> str:
+    """Return the plugin that declares a topic among what it serves, as all did once; '' where none does."""
+    plugins = catalog.plugins.items()
+    return next((owner for owner, plugin in plugins if name in map(_absolute, plugin.serves)), "")
+
+
+def _owner(key: str, name: str, catalog: Catalog) -> str:
+    """Return who else publishes a topic, or whose commands are given by it; '' for what is free."""
+    if key == "subscribe":
+        return ""
+    profile = catalog.profile
+    owned = [("the engine", [_ENGINE]), *((f"plugin {n!r}", p.publishes) for n, p in catalog.plugins.items())]
+    access = [(f"plugin {n!r}", p.access) for n, p in catalog.plugins.items()]
+    for owner, one in (*access, (f"profile {profile.name!r}", profile.access)):
+        owned.append((owner, (*one.operator, *one.engineer, *(one.viewer if key == "publish" else ()))))
+    if (wire := profile.wire) is not None:
+        requests = (wire.requests.format(request) for request in profile.requests)
+        topics = (wire.state.name, wire.outcomes.name)
+        owned.append(("the orchestrator", (wire.start.name, *requests, *topics)))
+    return next((o for o, names in owned if any(fnmatchcase(name, _absolute(n)) for n in names)), "")
 
 
 def _read(file: Path, findings: Findings) -> Mapping[str, list[str]] | None:

@@ -1,6 +1,6 @@
 """A mission as one file: its chart, parts and bindings, and perhaps a signature of them.
 
-A bundle is a ZIP file with `bundle.json` (the mission, the hash of the whole, the digest of each file), the
+A bundle is a ZIP file with `bundle.json` (name, version, the hash of the whole, the digest of each file), the
 files as they stand in a folder of missions, and `bundle.sig`: who signed `bundle.json`, by Ed25519. What a
 robot may be told is not in it: no `lupin.yaml`. Nothing of a bundle is carried out when it is opened, and
 nothing is written outside a folder of the user's own.
@@ -34,6 +34,9 @@ FORMAT = 1
 MAX_FILES, MAX_BYTES = 200, 1_000_000
 #: What a file may be called: nothing that leads out of the folder, or hides in it.
 _NAME = re.compile(r"([a-z]+/)?[A-Za-z0-9_][A-Za-z0-9_-]*\.yaml")
+#: What a set of missions may be called, and its version: an integer, or one of semver.org.
+_SET = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}")
+_VERSION = re.compile(r"(\d{1,18})(?:\.(\d{1,18})\.(\d{1,18})(?:-([0-9A-Za-z.-]{1,40}))?)?")
 _OWN = (MANIFEST, SIGNATURE)
 _KEYS = "openssl genpkey -algorithm ed25519 makes a key, openssl pkey -pubout its public one"
 _HOW = "a mission is signed with: lupin bundle MISSION --sign KEY"
@@ -43,7 +46,10 @@ _BROKEN = (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, ValueError, O
 
 @dataclass(frozen=True)
 class Bundle:
-    """What stands in a bundle; it fits its own digests. `mission` is the name of the mission's file."""
+    """What stands in a bundle; it fits its own digests. `mission` is the name of the mission's file.
+
+    `name` is that of the set of missions, and `version` its own; bundles of before have neither.
+    """
 
     path: Path
     mission: str
@@ -51,12 +57,21 @@ class Bundle:
     files: Mapping[str, bytes] = field(repr=False)
     manifest: bytes = field(repr=False)
     signature: bytes = field(repr=False, default=b"")
+    name: str = ""
+    version: str = ""
 
 
 # -- writing ------------------------------------------------------------------------------------------------
 
 
-def make_bundle(mission: str, chart_hash: str, files: Mapping[str, bytes], key: Path | None) -> bytes:
+def make_bundle(
+    mission: str,
+    chart_hash: str,
+    files: Mapping[str, bytes],
+    key: Path | None,
+    name: str = "",
+    version: str = "",
+) -> bytes:
     """Return a bundle of files by their names in a folder of missions; the same ones make the same bundle.
 
     Raises:
@@ -66,7 +81,9 @@ def make_bundle(mission: str, chart_hash: str, files: Mapping[str, bytes], key: 
     if wrong:
         raise UsageError(f"a bundle cannot have a file {wrong[0]!r}: names are letters, digits, '_' and '-'")
     digests = {name: hashlib.sha256(raw).hexdigest() for name, raw in sorted(files.items())}
-    told = {"bundle": FORMAT, "mission": mission, "hash": chart_hash, "files": digests}
+    named = {"name": name, "version": version} if version else {}
+    _check_named(named)
+    told = {"bundle": FORMAT, "mission": mission, "hash": chart_hash, "files": digests, **named}
     manifest = json.dumps(told, indent=1).encode()
     inside = {MANIFEST: manifest, **dict(sorted(files.items()))}
     if key is not None:
@@ -76,6 +93,31 @@ def make_bundle(mission: str, chart_hash: str, files: Mapping[str, bytes], key: 
         for name, raw in inside.items():
             archive.writestr(zipfile.ZipInfo(name), raw, zipfile.ZIP_DEFLATED)
     return content.getvalue()
+
+
+def _check_named(told: Mapping[str, Any]) -> None:
+    """Raise UsageError where a bundle has a name or a version that it cannot have."""
+    name, version = told.get("name", ""), told.get("version", "")
+    if not (isinstance(name, str) and isinstance(version, str)) or bool(name) != bool(version):
+        raise UsageError("a bundle has a name and a version, or neither")
+    if name and not _SET.fullmatch(name):
+        raise UsageError(f"name: {shortened(name)!r} is none; expected letters, digits, '_', '.' and '-'")
+    if version:
+        version_key(version)
+
+
+def version_key(version: str) -> tuple[Any, ...]:
+    """Return what versions are compared by: 7 is before 8, 1.2.0-rc.1 before 1.2.0.
+
+    Raises:
+        UsageError: it is no version.
+    """
+    found = _VERSION.fullmatch(version)
+    if found is None:
+        raise UsageError(f"version: {shortened(version)!r} is none; expected an integer, or one like 1.2.3")
+    before = found[4]
+    parts = [(not p.isdecimal(), int(p) if p.isdecimal() else 0, p) for p in (before or "").split(".")]
+    return *(int(number or 0) for number in found.groups()[:3]), before is None, parts
 
 
 # -- reading ------------------------------------------------------------------------------------------------
@@ -104,7 +146,12 @@ def read_bundle(path: Path) -> Bundle:
     altered = sorted(name for name in {*digests, *found} if digests.get(name) != found.get(name))
     if altered:
         raise UsageError(f"{path}: altered since it was made: {', '.join(altered)}")
-    return Bundle(path, str(mission), str(told.get("hash")), inside, manifest, signature)
+    try:
+        _check_named(told)
+    except UsageError as problem:
+        raise UsageError(f"{path}: {problem}") from None
+    named = told.get("name", ""), told.get("version", "")
+    return Bundle(path, str(mission), str(told.get("hash")), inside, manifest, signature, *named)
 
 
 def _content(path: Path) -> dict[str, bytes]:
@@ -187,6 +234,11 @@ def check_signed(bundle: Bundle, keys: Path) -> str:
     if not _fits(key, signature, bundle.manifest):
         raise UsageError(f"{bundle.path}: altered after it was signed with {file.name}; {_HOW}")
     return file.name
+
+
+def signer_of(bundle: Bundle) -> str:
+    """Return what tells the key of a bundle from others, whose signature is good."""
+    return str(json.loads(bundle.signature)["key"])
 
 
 def _sign(manifest: bytes, file: Path) -> bytes:

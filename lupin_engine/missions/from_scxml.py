@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from lupin_engine.errors import UsageError
 from lupin_engine.missions.scxml_content import TYPE, AfterEntry, Content
 from lupin_engine.missions.scxml_data import DataModel, measure
 from lupin_engine.missions.scxml_elements import OURS, Element, elements
@@ -22,6 +23,9 @@ from lupin_engine.missions.scxml_events import REGIONS, STATES, Events, Seen, sn
 from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay, Note, Notes
 from lupin_engine.missions.scxml_sends import DelayedSends
 from lupin_engine.missions.scxml_targets import Targets, first_way
+
+#: So many transitions are written, on each event that a descriptor covers one.
+MAX_WRITTEN = 20_000
 
 
 class Imported(NamedTuple):
@@ -57,6 +61,7 @@ class _Importer:
         self._own = own
         self._notes = Notes()
         self._names: dict[Element, str] = {}
+        self._written = 0
         self._name_states(root, set())
         self._targets = Targets(root, self._names)
         self._events = Events(root, own, binding)
@@ -274,6 +279,10 @@ class _Importer:
     ) -> None:
         """Add what a transition does on one of its events."""
         for key, name in self._places(state, event, after):
+            self._written += 1
+            if self._written > MAX_WRITTEN:
+                problem = f"more than {MAX_WRITTEN} transitions, one for each event that a descriptor covers"
+                raise UsageError(f"line {rule.line}: {problem}")
             seen = frozenset({name}) if event == "*" and name != "*" else self._events.seen_by(event)
             try:
                 said = self._transition(state, rule, seen)

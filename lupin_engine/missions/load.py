@@ -86,7 +86,7 @@ class LoadedMissions:
         serving = (
             name
             for name, plugin in self.chart.catalog.plugins.items()
-            if any(served.strip("/") in wanted for served in plugin.serves)
+            if any(served.strip("/") in wanted for served in plugin.offered)
         )
         return tuple(dict.fromkeys((*self.chart.plugins, *serving)))
 

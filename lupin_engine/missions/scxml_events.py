@@ -76,6 +76,8 @@ class Events:
         #: By event descriptor, the events that it matches, and the states with a transition on it.
         self._matched: defaultdict[str, list[str]] = defaultdict(list)
         self.listening: defaultdict[str, set[Element]] = defaultdict(set)
+        #: What `carried` has answered, as long as nothing that it hangs on changes.
+        self._carried: dict[Seen, set[str] | None] = {}
         #: What is always an error.
         self.failing: set[Element] = set()
         #: Events that nothing raises, because what would comes after an error.
@@ -149,6 +151,7 @@ class Events:
 
     def fails(self, element: Element, event: str) -> str:
         """Take note that something always raises an error; return the event that stands for it."""
+        self._carried.clear()
         self.failing.add(element)
         found = self.name(event)
         self._sources.setdefault(found, [])
@@ -157,6 +160,7 @@ class Events:
 
     def cut(self, action: Element) -> None:
         """Take note that an action is never carried out."""
+        self._carried.clear()
         for element in action.every("raise", "send"):
             for name in self.raised_by(element).values():
                 sources = self._sources.get(name, [])
@@ -249,9 +253,11 @@ class Events:
 
     def carried(self, seen: Seen) -> set[str] | None:
         """Return the fields that the event which is seen has, or may have; None where nobody knows."""
-        senders = self._senders(seen)
-        fields = [set() if sender in self.failing else params_of(sender) for sender in senders or ()]
-        return set().union(*fields) if fields else None
+        if seen not in self._carried:
+            senders = self._senders(seen)
+            fields = [set() if sender in self.failing else params_of(sender) for sender in senders or ()]
+            self._carried[seen] = set().union(*fields) if fields else None
+        return self._carried[seen]
 
     def property(self, name: str, seen: Seen) -> Operand | None:
         """Return what `_event.NAME` is, where it is the same for all events that may be seen."""

@@ -89,7 +89,7 @@ ENGINE_CODES: Mapping[str, Code] = {
         Code(
             UNRECORDED_CODE,
             "the journal cannot be written",
-            advice="Look at the disk: after a restart now, the mission could not go on.",
+            advice="Make room on its disk, or make its folder writable, then resume; it can be ended now.",
         ),
         Code(RECORDED_CODE, "the journal is written again", Severity.INFO, "Nothing to do."),
         Code(
@@ -264,8 +264,10 @@ class Plugin:
     `guards` maps a node that looks after something, real or simulated, to its actions and services.
     `companions` names nodes that only listen, and run beside every mission, whether it uses the plugin or
     not. `simulated_defaults` are values, in base units, that parameters of missions take by default where
-    the plugin's simulations are started. `serves` are the services, actions and topics that its nodes
-    have for whoever names them, as a binding does; `access` is what people's pages may use of all that its
+    the plugin's simulations are started. What its nodes have for whoever names it, as a binding does, are
+    separate rights: `serves` are services and actions that may be called, `publishes` topics that may be
+    subscribed to and that nobody else may publish, `accepts` topics that may be published. `access` is what
+    people's pages may use of all that its
     nodes and drivers name. `readers` are by the name of the type that they read. What is `internal` is for a
     chart of the plugin's own, and no author of missions is offered it. The nodes of one that is `hmi` serve
     people's pages, and are started where `--hmi` asks for them; `pages` is the `module:function` that serves
@@ -293,8 +295,15 @@ class Plugin:
     hmi: bool = False
     pages: str = ""
     serves: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
+    accepts: tuple[str, ...] = ()
     access: Access = field(default_factory=Access)
     profile: str = ""
+
+    @property
+    def offered(self) -> tuple[str, ...]:
+        """All names that its nodes have for others."""
+        return (*self.serves, *self.publishes, *self.accepts)
 
     @property
     def serving(self) -> dict[str, str]:

@@ -139,6 +139,8 @@ def chart_of(run: JournaledRun, catalog: Catalog) -> LoadedMissions:
         JournalError: they are not there, or what is installed does not understand them any more.
     """
     head = run.files[0].head
+    if not head.chart:
+        raise JournalError(f"the chart of {head.mission_id} is not known: {run.files[0].problem}")
     folder = run.files[0].path.parent / CHARTS / head.chart
     try:
         return load_missions([str(folder / name) for name in head.files], catalog)

@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import nearest, shortened
 from lupin_engine.machine.event import Event
@@ -66,6 +68,14 @@ class CommandAnswer:
 _BROKEN_OFF = CommandAnswer(False, "broken_off", "it was begun and broken off: look at the state")
 
 
+def _answer_of(fields: Mapping[str, Any]) -> CommandAnswer:
+    """Return a written answer; what is none counts as broken off."""
+    try:
+        return TypeAdapter(CommandAnswer).validate_python(fields)
+    except ValidationError:
+        return _BROKEN_OFF
+
+
 class CommandMemory:
     """The commands of the last minute, by id, each with its answer."""
 
@@ -76,7 +86,7 @@ class CommandMemory:
 
     def remember(self, command_id: str, when: float, what: str, answer: Mapping[str, Any]) -> None:
         """Know what a process that is gone was commanded; without an answer it was broken off there."""
-        self._known[command_id] = when, what, CommandAnswer(**answer) if answer else _BROKEN_OFF
+        self._known[command_id] = when, what, _answer_of(answer)
 
     def once(
         self,

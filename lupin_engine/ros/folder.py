@@ -30,6 +30,7 @@ from lupin_engine.missions.folders import (
     mission_files,
 )
 from lupin_engine.missions.load import LoadedMissions, load_files
+from lupin_engine.missions.seen import SeenBundles, seen_file
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.ros.bindings.definitions import interface_types
 
@@ -50,9 +51,10 @@ class MissionsFolder:
     """The missions that the parameters name, some or all of a folder, and those that are added later."""
 
     def __init__(self, given: Mapping[str, Any], catalog: Catalog) -> None:
-        """`given` are the node's parameters `missions`, `missions_path` and `require_signed`."""
+        """`given` are the node's parameters about missions: which, from where, and signed by whom."""
         self._path = Path(given.get("missions_path") or default_missions_folder())
         self._keys = str(given.get("require_signed") or "")
+        self._seen = SeenBundles(seen_file(), [str(name) for name in given.get("allow_bundles") or []])
         self._names = list(given.get("missions") or [])
         self._catalog = catalog
         #: What stood beside the named missions from the beginning; None before that was looked at.
@@ -63,6 +65,8 @@ class MissionsFolder:
         self._marks: _Marks = {}
         #: What is wrong with the files as they are now; empty when they can be used.
         self.problem = ""
+        #: What there is to say of a bundle that is used.
+        self.warning = ""
 
     def load(self) -> LoadedMissions:
         """Return the chart of the missions as they are now; of unchanged files the same one.
@@ -85,6 +89,8 @@ class MissionsFolder:
             loaded = self._understood(file.parent, [file])
             if loaded.hash != bundle.hash:
                 raise LupinError(f"{bundle.path}: its files are not what it was made of; make it anew")
+            if self._keys:
+                self._seen.remember(bundle)
             return loaded
         files = self._files()
         if not files:
@@ -114,6 +120,7 @@ class MissionsFolder:
         bundle = read_bundle(self._path)
         if self._keys:
             check_signed(bundle, Path(self._keys))
+            self.warning = self._seen.check(bundle)
         return bundle
 
     def _understood(self, folder: Path, files: Sequence[Path]) -> LoadedMissions:

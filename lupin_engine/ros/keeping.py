@@ -29,13 +29,22 @@ JOURNAL_PARAMETERS: Mapping[str, Parameter] = {
     "journal_path": Parameter(
         TEXT, "", "folder of the journal; empty: the user's state folder, by ROS domain"
     ),
-    "journal_required": Parameter(
-        BOOL, False, "whether the mission is held, and none begins, while the journal cannot be written"
+    "may_repeat_outcomes": Parameter(
+        BOOL,
+        False,
+        "whether missions run while the journal cannot be written; after a restart the mission may then be "
+        "forgotten, or a target published twice",
     ),
+    "journal_required": Parameter(BOOL, True, "the older name: false is may_repeat_outcomes"),
     "journal_missions": Parameter(COUNT, 200, "of how many missions the journal is kept", minimum=1),
     "journal_megabytes": Parameter(COUNT, 1000, "how large all that is kept is together, in MB", minimum=50),
     "journal_days": Parameter(NUMBER, 60.0, "for how many days the journal is kept", minimum=0.01),
 }
+#: What mends a journal that cannot be written.
+WHAT_TO_DO = (
+    "make room there or make it writable, or name another folder: XDG_STATE_HOME=FOLDER, or the parameter "
+    "journal_path of mission_orchestrator"
+)
 #: How often it is tried again to write, in seconds.
 RETRY_S = 5.0
 
@@ -52,7 +61,9 @@ class Keeping:
         self._work = work
         self._tell = tell
         given = ros.parameters()
-        self.required = bool(given["journal_required"])
+        self.required = bool(given["journal_required"] and not given["may_repeat_outcomes"])
+        if not given["journal_required"]:
+            ros.log.warning("journal_required", problem="false is written may_repeat_outcomes:=true now")
         self.folder = journal_folder(str(given["journal_path"] or ""))
         size = 1_000_000 * int(given["journal_megabytes"])
         keep = Keep(int(given["journal_missions"]), float(given["journal_days"]), size)
@@ -65,6 +76,10 @@ class Keeping:
         self._loaded: LoadedMissions | None = None
         self._retry_at = 0.0
         self._part = 1
+        #: Which targets the file knows of, and by what it is seen that there are others.
+        self._targets: set[str] = set()
+        self._walks: tuple[object, ...] = ()
+        self._is_returning = False
 
     def refusal(self, request: Event, foreseen: Possibility, profile: Profile) -> Refusal | None:
         """Say why a request is refused without a step; None where it is the machine's to answer.
@@ -72,15 +87,15 @@ class Keeping:
         While nothing can be written down none is taken, unless it stops something; and what is foreseen to be
         refused is only counted where that was written many times already.
         """
-        if not (self.required and self.journal.problem):
+        if not (self.required and self.journal.failing):
             found, now = foreseen.refusal, self._ros.elapsed()
             return found if found and self._refusals.is_one_more(request, found.code, now) else None
         name = request.name.rpartition(".")[2]
         known = profile.requests.get(name) if request.name.startswith("operator.") else None
         if known is not None and known.however_late:
             return None
-        why = f"the journal cannot be written: {self.journal.problem}"
-        return Refusal(UNRECORDED_CODE, f"{name} refused: {why}")
+        why = f"the journal cannot be written: {self.journal.failing}: {self.folder}"
+        return Refusal(UNRECORDED_CODE, f"{name} refused: {why}; {WHAT_TO_DO}")
 
     def close(self) -> None:
         """Have all that was noted on the disk, and end."""
@@ -101,7 +116,7 @@ class Keeping:
         """Begin a file with the memory of a machine as it is, for a mission or for the time between them."""
         self._refusals.tell_all()
         self._writes.finish()  # the outcomes of a file's steps are in that file
-        if loaded is not self._loaded:
+        if loaded is not self._loaded or self.journal.problem:  # the folder may have been removed
             names = loaded.short_names
             self.journal.keep_files(loaded.hash, {names[name]: raw for name, raw in loaded.sources.items()})
         self._loaded = loaded
@@ -128,6 +143,8 @@ class Keeping:
                 snapshot=machine.snapshot() if machine.memory.sequence else "",
             )
         )
+        self._targets, self._walks = set(), ()
+        self._note_targets(machine)
         unkept, self._unkept = self._unkept, []
         for write_again in unkept:
             write_again()
@@ -139,7 +156,9 @@ class Keeping:
             self.begin(self._loaded, machine, str(data["mission_type"]), str(data.get("mission_id", "")))
 
     def after(self, step: Step, view: View, machine: Machine) -> None:
-        """Close a mission's file where a step has ended it, when all that it published is out."""
+        """Note new targets; close a mission's file where a step ended it, when all it published is out."""
+        self._is_returning = view.lifecycle in machine.chart.profile.stages.returning
+        self._note_targets(machine)
         head = self.journal.head
         profile = machine.chart.profile
         if head is None or not head.mission_id or not step.changed:
@@ -149,6 +168,22 @@ class Keeping:
         counts = {outcome.counter: view.counts.get(outcome.name, 0) for outcome in profile.outcomes}
         self.journal.ended({"state": view.lifecycle, "code": view.code, "total": view.total, **counts})
         self.when_kept(lambda: self._writes.add(lambda: self._rest(head.mission_id, machine)))
+
+    def _note_targets(self, machine: Machine) -> None:
+        """Write the targets that are new in a mission's file."""
+        head, memory = self.journal.head, machine.memory
+        if head is None or not head.mission_id or memory.mission_id != head.mission_id:
+            return
+        walks = memory.itineraries.items()
+        found = tuple((name, w.begun, w.before, w.sweep, len(w.items)) for name, w in walks)
+        if found == self._walks:
+            return
+        self._walks = found
+        visits = [visit for visit in memory.outcomes if not visit.closed]
+        new = [target for target in dict.fromkeys(v.target for v in visits) if target not in self._targets]
+        self._targets.update(new)
+        if new:
+            self.journal.targets(memory.mission, head.mission_id, new)
 
     def _rest(self, mission_id: str, machine: Machine) -> None:
         """Write into a file about no mission, unless the next one has begun meanwhile."""
@@ -193,8 +228,15 @@ class Keeping:
         self, found: LookBack, new: Iterable[tuple[Publish, Fields]], send: Callable[[Fields], None]
     ) -> None:
         """Publish what was told, and what is new; a repeat has the same fields."""
+
+        def send_again(fields: Fields) -> None:
+            try:
+                send(fields)
+            except Exception as problem:  # the journal has fields that are none of the message
+                self._ros.log.warning("an outcome cannot be published again", problem=str(problem))
+
         for number, fields in found.left.told.items():
-            self._send_when_kept(number, fields, send)
+            self._send_when_kept(number, fields, send_again)
         for told, fields in new:
             self.publish([told], partial(_given, fields), send)
 
@@ -234,9 +276,10 @@ class Keeping:
         send: Callable[[Fields], None],
         again: Callable[[], None] | None = None,
     ) -> None:
-        """Publish an outcome; where the journal is required, and this one is not kept, write it `again`.
+        """Publish an outcome when it is flushed; one that is not is written `again`, later.
 
-        Else who replays the journal would not know of it, and tell the target once more.
+        With `may_repeat_outcomes` it is published all the same: who replays the journal does not know of it,
+        and publishes the target once more.
         """
 
         def publish() -> None:
@@ -261,7 +304,7 @@ class Keeping:
         self._ros.post(run)
 
     def _changed(self, problem: str) -> None:
-        """Tell that the journal cannot be written, or can again."""
+        """Report that the journal cannot be written, or can again; hold the mission, but not its way home."""
         where = f"{problem}: {self.folder}"
         self._ros.trouble("journal", problem and f"the journal cannot be written: {where}")
         if not problem:
@@ -271,7 +314,7 @@ class Keeping:
         self._ros.log.error("the journal cannot be written", problem=problem, folder=str(self.folder))
         self._retry_at = self._ros.elapsed() + RETRY_S
         head = self.journal.head
-        if self.required and head is not None and head.mission_id:
+        if self.required and head is not None and head.mission_id and not self._is_returning:
             self._tell(Event(HELD_BACK, {"hold": UNRECORDED, "detail": where}))
         else:
             self._tell(Event(TOLD, {"code": UNRECORDED_CODE, "detail": where}))

@@ -74,6 +74,12 @@ OWN_PARAMETERS: Mapping[str, Parameter] = {
     "require_signed": Parameter(
         TEXT, "", "public key, or folder of some: only a bundle that one of them has signed is taken"
     ),
+    "allow_bundles": Parameter(
+        list_of(TEXT),
+        [],
+        "signed bundles that are taken although a newer one, or only others, of their key were run here: "
+        "NAME, NAME@VERSION, or unnamed",
+    ),
     "state_publish_rate_hz": Parameter(NUMBER, 5.0, "how often the state is repeated, in Hz", minimum=0.1),
     "mission_id_prefix": Parameter(TEXT, "lupin", "what mission ids begin with"),
     **JOURNAL_PARAMETERS,
@@ -517,6 +523,8 @@ class Orchestrator:
 
     def _offer(self) -> None:
         """Tell which missions there are and what they ask for, and what is wrong with the files."""
+        if self._folder.warning:
+            self._ros.log.warning("missions", problem=self._folder.warning)
         self._telling.missions(self._machine, self._folder.problem.splitlines())
 
     # -- the loop ---------------------------------------------------------------------------------------

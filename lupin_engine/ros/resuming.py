@@ -15,7 +15,7 @@ from lupin_engine.plugin.contract import CLOSED_CODE, Parameter
 from lupin_engine.plugin.profile import Publish, Rating
 from lupin_engine.plugin.types import TEXT
 from lupin_engine.ros.adapter.node import RosNode
-from lupin_engine.runtime.journal.journal import CHARTS, journal_files, mission_in_name
+from lupin_engine.runtime.journal.journal import CHARTS
 from lupin_engine.runtime.journal.recovery import (
     Leftover,
     Recovered,
@@ -70,27 +70,30 @@ def look_back(
     policy = str(given[POLICY])
     if policy not in POLICIES:
         raise UsageError(f"resume_policy: expected {', '.join(POLICIES)}, got {policy!r}")
-    left, problems = leftover(folder)
+    left, problems, lost = leftover(folder)
     for problem in problems:
         ros.log.warning("journal", problem=problem)
-    newest = next(reversed(journal_files(folder)), None)
-    lost = mission_in_name(newest) if newest is not None else ""
-    if lost and (left is None or left.file.path != newest):
-        return None, f"{lost}: {problems[0]}"
-    return None if left is None else _judged(left, folder, loaded, policy), ""
+    if left is None or lost:
+        return None, lost
+    return _judged(left, folder, loaded, policy), ""
 
 
 def _judged(left: Leftover, folder: Path, loaded: LoadedMissions, policy: str) -> LookBack:
     """Decide whether a mission that is under way goes on."""
     head = left.file.head
     same = head.chart == loaded.hash
+    recovered: Recovered | None = None
     try:
         recovered = _recovered(left, folder, loaded if same else None, loaded)
+        wrong = recovered.problem
     except LupinError as problem:
+        wrong = str(problem)
+    if recovered is None or wrong:
         if not head.mission_id or left.file.is_ended:
             return LookBack(left)
-        told = tuple(_left_out(loaded, head.mission, head.mission_id, open_targets(left.file), str(problem)))
-        return LookBack(left, closing=str(problem), left_out=told)
+        targets = open_targets(left.file, recovered)
+        told = tuple(_left_out(loaded, head.mission, head.mission_id, targets, wrong))
+        return LookBack(left, recovered, closing=wrong, left_out=told)
     machine = recovered.machine
     view, stages = machine.view, machine.chart.profile.stages
     found = LookBack(left, recovered)

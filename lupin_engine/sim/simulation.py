@@ -504,7 +504,9 @@ class Simulation:
         """Let another orchestrator go on as a real one does: from what the journal says, and held."""
         assert self._journal is not None, "who was away had a journal"
         left = self._journal.left()
-        machine = recover(left.file, self._world).machine
+        recovered = recover(left.file, self._world)
+        assert not recovered.problem, recovered.problem
+        machine = recovered.machine
         now, wall = self._clock.now(), self._clock.wall()
         self._is_away = False
         if goes_on(machine):

@@ -23,7 +23,8 @@ PLUGIN = Plugin(
     },
     client="lupin_arm.client:ArmClient",
     nodes={"lupin_arm": "lupin_arm.node:main", "lupin_arm_sim": "lupin_arm.node.sim:main"},
-    serves=("/lupin/arm/preset", "/lupin/arm/library/state", "/joint_states"),
+    serves=("/lupin/arm/preset",),
+    publishes=("/lupin/arm/library/state", "/joint_states"),
     access=Access(
         viewer=("/lupin/arm/library/state", "/lupin/arm/library/list", "/joint_states"),
         operator=(

@@ -9,5 +9,6 @@ PLUGIN = Plugin(
     doc="The gateway: pages in a browser speak the rosbridge protocol with the robot.",
     nodes={"lupin_gateway": "lupin_gateway.node:main"},
     hmi=True,
+    publishes=("/lupin/hmi/estop", "/lupin/gateway/stop"),
     pages="lupin_gateway.virtual:serve_pages",
 )

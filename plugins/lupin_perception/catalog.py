@@ -76,7 +76,8 @@ PLUGIN = Plugin(
         ),
     },
     client="lupin_perception.client:PerceptionClient",
-    serves=("/perception/confirm_tag", "/perception/discovered_tags"),
+    serves=("/perception/confirm_tag",),
+    publishes=("/perception/discovered_tags", "/perception/box_geometry_json"),
     access=Access(
         viewer=(
             "/perception/discovered_tags",

@@ -30,7 +30,6 @@ DISK = 24_000_000
 #: What the orchestrator is told: one sweep over what was found, and the arm is folded to drive.
 SETTINGS = {
     "estop_timeout_s": 10.0,
-    "journal_required": True,
     "nav_timeout_s": 30.0,
     "exploration_timeout_s": 40.0,
     "monitoring_sweeps": 1,

@@ -33,6 +33,8 @@ from lupin_engine.chart.semantics import FAULT, matches
 from lupin_engine.errors import Diagnostic
 from lupin_engine.plugin.profile import ANSWER
 
+#: So many transitions may listen to one event in one state.
+MAX_CHOICES = 200
 _NEVER = "this can never be taken"
 
 # -- never-wins -------------------------------------------------------------------------------------------
@@ -64,6 +66,11 @@ def _never_true(transition: Transition) -> bool:
 
 def _hidden_by_earlier(index: Index, group: Sequence[Transition]) -> Iterator[Diagnostic]:
     """Find those of a group that the ones before them leave nothing to do."""
+    if len(group) > MAX_CHOICES:  # each is held against all before it
+        problem = f"more than {MAX_CHOICES} transitions listen to the same event in one state"
+        more = group[MAX_CHOICES]
+        yield Diagnostic(more.place, "too-large", more.id, problem, "choose by fewer guards, or by states")
+        return
     # Asked once for all of them; which ones it is before each is asked only when there is something to tell.
     leaves_none = len(group) > 2 and total(_sure_conditions(index, group[:-1]))
     for at, later in enumerate(group):

@@ -31,12 +31,13 @@ def scxml(file: Path, name: str | None) -> int:
     from lupin_engine.cli.verbs.check import check_paths
     from lupin_engine.cli.verbs.new import write_mission
     from lupin_engine.missions.from_scxml import from_scxml
+    from lupin_engine.missions.scxml_elements import read_document
     from lupin_engine.missions.selection import LOCAL
     from lupin_engine.replay.yaml_text import yaml_text
 
     name = name or "".join(c if c.isalnum() else "_" for c in file.stem).lower()
     try:
-        found = from_scxml(file.read_bytes(), title_of(name), name)
+        found = from_scxml(read_document(file), title_of(name), name)
     except UsageError as problem:
         raise UsageError(f"{file}: {problem}") from None
     head = f"# Made from {file.name} by 'lupin import scxml'.\n"

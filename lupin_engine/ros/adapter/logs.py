@@ -115,7 +115,8 @@ class NodeLog:
         for key in list(self._counted):
             self._tell_more(key)
         if self._file is not None:
-            self._file.close()
+            with contextlib.suppress(OSError):  # what a full disk did not take is lost
+                self._file.close()
 
     def _tell_more(self, key: tuple[str, str]) -> None:
         counted = self._counted.pop(key)

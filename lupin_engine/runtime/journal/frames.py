@@ -2,7 +2,7 @@
 
 A frame is the length of its content and the CRC-32 of that, both 4 bytes, little-endian, and the content. A
 file begins with `MAGIC`. What follows the last whole frame is a torn tail: a write that a crash broke off. A
-broken frame that others follow is damage: what comes after it is not read as good either.
+broken frame that others follow is damage: what comes after it is out of sequence, and read apart.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ import struct
 import zlib
 from dataclasses import dataclass
 
-#: What every file begins with; the number is raised when the form changes.
+#: What every file begins with; the number is raised when the form changes, to one that differs in more than
+#: one bit (not 0, 3 or 6): a single flipped bit is damage, and no other version.
 MAGIC = b"lupin journal 2\n"
 #: What it begins with whatever the number is.
 FAMILY = b"lupin journal "
@@ -27,7 +28,7 @@ class FrameScan:
     """What was read: the contents of the good frames, each with where it ends, and what is behind them.
 
     `good` is how many bytes can be used, `torn` how many follow these. `damaged`: others than a broken-off
-    write, so something that was kept is lost.
+    write, so something that was kept is lost; `behind` are the whole contents that follow the damage.
     """
 
     contents: list[bytes]
@@ -35,6 +36,7 @@ class FrameScan:
     good: int
     torn: int
     damaged: bool = False
+    behind: tuple[bytes, ...] = ()
 
 
 def frame(content: bytes) -> bytes:
@@ -43,18 +45,24 @@ def frame(content: bytes) -> bytes:
 
 
 def read_frames(data: bytes) -> FrameScan:
-    """Return the frames of a file; of one that is none, or is broken at once, there are none."""
+    """Return the frames of a file; of one that is none, or is broken at once, there are no good ones."""
     contents: list[bytes] = []
     ends: list[int] = []
     if not data.startswith(MAGIC):
+        behind = _behind(data, len(MAGIC) - 1) if _is_one_bit_off(data[: len(MAGIC)]) else ()
         is_begun = MAGIC.startswith(data)  # the first write was broken off
-        return FrameScan(contents, ends, 0, len(data), damaged=not is_begun)
+        return FrameScan(contents, ends, 0, len(data), damaged=not is_begun, behind=behind)
     at = len(MAGIC)
     while (found := _content(data, at)) is not None:
         at += _HEADER.size + len(found)
         contents.append(found)
         ends.append(at)
-    return FrameScan(contents, ends, at, len(data) - at, damaged=_is_followed(data, at))
+    behind = _behind(data, at)
+    return FrameScan(contents, ends, at, len(data) - at, damaged=bool(behind), behind=behind)
+
+
+def _is_one_bit_off(begin: bytes) -> bool:
+    return (int.from_bytes(begin) ^ int.from_bytes(MAGIC)).bit_count() == 1
 
 
 def _content(data: bytes, at: int) -> bytes | None:
@@ -69,11 +77,14 @@ def _content(data: bytes, at: int) -> bytes | None:
     return content if zlib.crc32(content) == checksum else None
 
 
-def _is_followed(data: bytes, at: int) -> bool:
-    """Say whether a whole frame comes somewhere after the broken one at a place; contents are JSON lists."""
+def _behind(data: bytes, at: int) -> tuple[bytes, ...]:
+    """Return the contents of the whole frames after the broken one at a place; contents are JSON lists."""
+    found: list[bytes] = []
     begin = data.find(_BEGIN, at + 1)
     while begin >= 0:
-        if begin - _HEADER.size > at and _content(data, begin - _HEADER.size) is not None:
-            return True
-        begin = data.find(_BEGIN, begin + 1)
-    return False
+        content = _content(data, begin - _HEADER.size) if begin - _HEADER.size > at else None
+        if content is not None:
+            found.append(content)
+            at = begin + len(content) - 1
+        begin = data.find(_BEGIN, max(at, begin) + 1)
+    return tuple(found)

@@ -33,6 +33,7 @@ from lupin_engine.runtime.journal.records import (
     RESUMED,
     SNAPSHOT,
     START,
+    TARGETS,
     TIMER,
     WALL,
     JournalFile,
@@ -225,6 +226,10 @@ class Journal:
         self._put(encoded(OUTCOME, self._outcomes, asdict(told), fields), urgent=True)
         return self._outcomes
 
+    def targets(self, mission: str, mission_id: str, targets: list[str]) -> None:
+        """Write which targets a mission has taken on: each will have an outcome, also when it is closed."""
+        self._put(encoded(TARGETS, mission, mission_id, targets), urgent=False)
+
     def published(self, number: int) -> None:
         """Write that it was."""
         self._put(encoded(PUBLISHED, number), urgent=True)
@@ -263,6 +268,11 @@ class Journal:
         """Write no more into this file: what is read of it would not lead to where the machine is."""
         self.problem = reason
         self._post(partial(self._on_failure, reason, []))  # not in the midst of a step
+
+    @property
+    def failing(self) -> str:
+        """What kept records from the disk, until some are on it again: while it is tried anew, too."""
+        return self.problem or self._told
 
     def _on_failure(self, reason: str, waiting: list[Callable[[], None]]) -> None:
         self.problem = reason

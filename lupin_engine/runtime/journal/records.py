@@ -4,17 +4,21 @@ What entered the machine, each with the machine's time: `start`, `event`, `value
 says how these and progress are written), `timer`, `loaded` (a machine of another chart goes on), `resumed`
 (another process goes on). What was told the world: `outcome` before it is published, `published` after,
 `answered` what came of a command with an id. And for whoever reads: `head` first, `wall` when the clock on
-the wall was set, `refused` how many more requests were refused like those before, `snapshot`, `end`.
+the wall was set, `refused` how many more requests were refused like those before, `snapshot`, `end`, and
+`targets` that the mission has taken on: they are known from there also where the file is damaged.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
+from types import NoneType
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Event
@@ -24,13 +28,43 @@ from lupin_engine.runtime.journal.shorthand import SHORT_PROGRESS, SHORT_VALUE, 
 HEAD, START, EVENT, VALUE, TIMER = "head", "start", "event", "value", "timer"
 LOADED, RESUMED = "loaded", "resumed"
 OUTCOME, PUBLISHED, ANSWERED = "outcome", "published", "answered"
-WALL, SNAPSHOT, END, REFUSED = "wall", "snapshot", "end", "refused"
+WALL, SNAPSHOT, END, REFUSED, TARGETS = "wall", "snapshot", "end", "refused", "targets"
 #: Those that are inputs of the machine, or make another one.
 INPUTS = frozenset({START, EVENT, VALUE, TIMER, LOADED, RESUMED})
+
+_ANY = (NoneType, bool, int, float, str, list, dict)
+_NUMBER = (int, float)
+#: Kind -> the types of what follows it, and of what may follow these.
+_SHAPES: Mapping[str, tuple[tuple[tuple[type, ...], ...], tuple[tuple[type, ...], ...]]] = {
+    HEAD: (((dict,),), ()),
+    START: ((_NUMBER, (*_NUMBER, NoneType)), ()),
+    EVENT: ((_NUMBER, (str,), (dict,)), ((dict,),)),
+    SHORT_VALUE: ((_NUMBER, (int, str), (int, NoneType)), (_ANY, _NUMBER)),
+    SHORT_PROGRESS: ((_NUMBER, (str,), (str,)), ()),
+    TIMER: ((_NUMBER,), ()),
+    LOADED: ((_NUMBER,), ()),
+    RESUMED: ((_NUMBER, (dict,)), ()),
+    OUTCOME: (((int,), (dict,), (dict,)), ()),
+    PUBLISHED: (((int,),), ()),
+    ANSWERED: (((str,), (str,), (dict,)), ()),
+    WALL: (((int,),), ()),
+    SNAPSHOT: (((str,),), ()),
+    END: (((dict,),), ()),
+    REFUSED: (((str,), (str,), (int,)), ()),
+    TARGETS: (((str,), (str,), (list,)), ()),
+}
+#: No clock shows more seconds.
+_END_OF_TIME = 1e11
+#: What a record makes its reader raise that has another shape.
+_WRONG = (ValueError, TypeError, LookupError, OverflowError, RecursionError)
 
 
 class JournalError(LupinError):
     """A journal cannot be used; the text names the file and the reason."""
+
+
+class NothingWritten(JournalError):
+    """The first write of a file was broken off: what came of it had not begun, and the file before counts."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +126,10 @@ class JournalRecord:
 
 @dataclass(frozen=True)
 class JournalFile:
-    """A file that was read: its head, its records, how many bytes can be used, and what the rest is."""
+    """A file that was read: its head, its records, how many bytes can be used, and what the rest is.
+
+    `behind` are records after the damage: each is whole, but what the machine made of it is not known.
+    """
 
     path: Path
     head: JournalHead
@@ -100,6 +137,7 @@ class JournalFile:
     good: int
     torn: int
     damaged: bool
+    behind: list[JournalRecord] = field(default_factory=list, repr=False)
 
     @property
     def problem(self) -> str:
@@ -113,7 +151,12 @@ class JournalFile:
     @cached_property
     def is_ended(self) -> bool:
         """Whether its mission has ended."""
-        return any(record.kind == END for record in self.records)
+        return any(record.kind == END for record in self.all)
+
+    @property
+    def all(self) -> list[JournalRecord]:
+        """Every record that could be read."""
+        return [*self.records, *self.behind]
 
 
 def encoded(kind: str, *data: Any) -> bytes:
@@ -145,18 +188,36 @@ def read_journal(path: Path) -> JournalFile:
 
 
 def journal_of(path: Path, data: bytes) -> JournalFile:
-    """Return what is in the bytes of a file; errors as for `read_journal`."""
+    """Return what is in the bytes of a file; errors as for `read_journal`.
+
+    A record of another shape is damage, like one whose checksum is wrong. Where the head is lost, the one of
+    a mission is made of its targets: the chart is not known then.
+    """
     found = read_frames(data)
-    if data.startswith(FAMILY) and not data.startswith(MAGIC):
+    if data.startswith(FAMILY) and not (data.startswith(MAGIC) or found.behind):
         raise JournalError(f"{path} was written by another version of the engine; this one does not read it")
-    if not found.contents:
-        raise JournalError(f"{path} is no journal, or was broken off at its first record")
+    if not (found.contents or found.behind or found.damaged):
+        raise NothingWritten(f"{path} was broken off at its first record")
+    reason = "is no journal"
+    head: JournalHead | None = None
+    records: list[JournalRecord] = []
     try:
-        head = _head(json.loads(found.contents[0]))
-        records = _records(found.contents, found.ends, head)
-    except (ValueError, TypeError, IndexError, KeyError) as problem:
-        raise JournalError(f"{path} is no journal of this version: {problem}") from None
-    return JournalFile(path, head, records, found.good, found.torn, found.damaged)
+        if found.contents:
+            head = _head(found.contents[0])
+            sequence = _Records(head)
+            for content, end in zip(found.contents, found.ends, strict=True):
+                records.append(sequence.read(content, end))
+    except _WRONG as problem:
+        reason = f"is no journal of this version: {problem}"
+    rest = [*found.contents[len(records) :], *found.behind]
+    if head is None:
+        head = _head_behind(rest)
+        if head is None:
+            raise JournalError(f"{path} {reason}")
+        records = [_Records(head).read(encoded_head(head), 0)]
+    good = records[-1].end
+    damaged = found.damaged or good < found.good
+    return JournalFile(path, head, records, good, len(data) - good, damaged, _out_of_sequence(rest, head))
 
 
 def read_head(path: Path) -> JournalHead | None:
@@ -167,22 +228,59 @@ def read_head(path: Path) -> JournalHead | None:
             if not found.contents:  # one with a long snapshot
                 file.seek(0)
                 found = read_frames(file.read())
-        return _head(json.loads(found.contents[0])) if found.contents else None
-    except (OSError, ValueError, TypeError, IndexError):
+        return _head(found.contents[0]) if found.contents else None
+    except (OSError, *_WRONG):
         return None
 
 
-def _head(record: Any) -> JournalHead:
-    if not isinstance(record, list) or record[0] != HEAD:
+@cache
+def _head_type() -> TypeAdapter[JournalHead]:
+    return TypeAdapter(JournalHead)
+
+
+def _head(content: bytes) -> JournalHead:
+    kind, *data = json.loads(content)
+    if kind != HEAD:
         raise ValueError("the first record is no head")
-    return JournalHead(**{**record[1], "files": tuple(record[1]["files"])})
+    return _head_type().validate_python(*data)
 
 
-def _records(contents: list[bytes], ends: list[int], head: JournalHead) -> list[JournalRecord]:
-    ahead, time = head.ahead_ns * 1e-9, head.time
-    records, short = [], Shorthand()
-    for number, (content, end) in enumerate(zip(contents, ends, strict=True)):
+def _head_behind(contents: Iterable[bytes]) -> JournalHead | None:
+    """Return the head among records, or one that knows the mission alone; None where nothing names one."""
+    named: JournalHead | None = None
+    for content in contents:
+        try:
+            kind, *data = json.loads(content)
+            if kind == HEAD:
+                return _head(content)
+            if kind == TARGETS:
+                _check(kind, data)
+                about = {"mission": data[0], "mission_id": data[1]}
+                named = named or JournalHead("", "", "", "", "", {}, 0.0, 0, **about)
+        except _WRONG:
+            continue
+    return named
+
+
+class _Records:
+    """Reads the records of a file one after the other; what each adds to those before is known."""
+
+    def __init__(self, head: JournalHead) -> None:
+        self._ahead, self._time = head.ahead_ns * 1e-9, head.time
+        self._short = Shorthand()
+        self._number = 0
+
+    def read(self, content: bytes, end: int, *, alone: bool = False) -> JournalRecord:
+        """Return the next record; one that is read `alone` may not refer to those before.
+
+        Raises:
+            ValueError, TypeError, LookupError, OverflowError, RecursionError: it has another shape.
+        """
         kind, *data = json.loads(content)
+        _check(kind, data)
+        short, time, ahead = self._short, self._time, self._ahead
+        if alone and kind in (SHORT_VALUE, SHORT_PROGRESS):
+            raise ValueError("it refers to the records before")
         if kind == WALL:
             ahead = data[0] * 1e-9
         elif kind == RESUMED:
@@ -196,9 +294,45 @@ def _records(contents: list[bytes], ends: list[int], head: JournalHead) -> list[
             kind, data = EVENT, progress_of(data[1:])
         elif kind in INPUTS:
             time, *data = data
+        if not max(abs(time), abs(ahead)) <= _END_OF_TIME:
+            raise ValueError(f"no clock shows {time!r} s")
+        self._short, self._time, self._ahead = short, time, ahead
         short.time = time
-        records.append(JournalRecord(number, kind, time, time + ahead, tuple(data), end))
+        self._number += 1
+        return JournalRecord(self._number - 1, kind, time, time + ahead, tuple(data), end)
+
+
+def _out_of_sequence(contents: Iterable[bytes], head: JournalHead) -> list[JournalRecord]:
+    """Return the records that say something by themselves."""
+    sequence, records = _Records(head), []
+    for content in contents:
+        try:
+            records.append(sequence.read(content, 0, alone=True))
+        except _WRONG:
+            continue
     return records
+
+
+def _check(kind: str, data: list[Any]) -> None:
+    """Raise ValueError, TypeError or LookupError where a record has another shape."""
+    needed, more = _SHAPES[kind]
+    shape = (*needed, *more)
+    fits = len(needed) <= len(data) <= len(shape)
+    if not (fits and all(type(one) in kinds for one, kinds in zip(data, shape, strict=False))):
+        raise ValueError(f"a record {kind!r} of another shape")
+    texts: list[Any] = []
+    if kind == OUTCOME:
+        texts = [data[1]["mission_id"], data[1]["target"]]
+    elif kind == TARGETS:
+        texts = data[2]
+    elif kind == EVENT:
+        texts = [text for origin in data[3:] for text in origin.values()]
+    elif kind == RESUMED:
+        texts = [data[1]["boot"]]
+        if not abs(data[1]["shift"]) <= _END_OF_TIME or type(data[1]["ahead_ns"]) is not int:
+            raise ValueError("a record 'resumed' of another shape")
+    if not all(isinstance(text, str) for text in texts):
+        raise ValueError(f"a record {kind!r} without a text")
 
 
 def _plain(value: Any) -> Any:

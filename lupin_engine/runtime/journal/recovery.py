@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,18 +14,21 @@ from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.profile import Publish
-from lupin_engine.runtime.journal.journal import journal_files
+from lupin_engine.runtime.journal.journal import journal_files, mission_in_name
 from lupin_engine.runtime.journal.records import (
     ANSWERED,
     INPUTS,
     OUTCOME,
+    PUBLISHED,
     SNAPSHOT,
+    TARGETS,
     JournalError,
     JournalFile,
     JournalRecord,
+    NothingWritten,
     read_journal,
 )
-from lupin_engine.runtime.journal.replay import replay, tail
+from lupin_engine.runtime.journal.replay import ReplayError, replay, tail
 
 #: How many files are looked at for what was told: a mission's, and the one that follows.
 LOOKED_AT = 2
@@ -72,33 +75,46 @@ class Leftover:
 
 @dataclass(frozen=True)
 class Recovered:
-    """A machine as it was, and what it wanted to have published in its last step and had not written down."""
+    """A machine as it was, and what it wanted to have published in its last step and had not written down.
+
+    `problem` says why nobody can go on with it; '' where one can.
+    """
 
     machine: Machine
     untold: tuple[tuple[JournalRecord, Publish], ...]
+    problem: str = ""
 
 
-def leftover(folder: Path) -> tuple[Leftover | None, list[str]]:
-    """Return what is in the newest files of a folder, and what is wrong with them, in words."""
+def leftover(folder: Path) -> tuple[Leftover | None, list[str], str]:
+    """Return what is in the newest files of a folder, what is wrong with them, and which mission is lost.
+
+    That is the one of the newest file, with the reason, where it cannot be read; '' where it can.
+    """
     found: list[JournalFile] = []
     problems: list[str] = []
+    lost, is_newest = "", True
     for path in reversed(journal_files(folder)):
         try:
             found.append(read_journal(path))
-        except JournalError as problem:
+        except NothingWritten as problem:
             problems.append(str(problem))
             continue
-        if found[-1].problem:
-            problems.append(found[-1].problem)
+        except JournalError as problem:
+            problems.append(str(problem))
+            if is_newest and mission_in_name(path):
+                lost = f"{mission_in_name(path)}: {problem}"
+        else:
+            problems += [found[-1].problem] if found[-1].problem else []
+        is_newest = False
         if len(found) == LOOKED_AT:
             break
     if not found:
-        return None, problems
-    records = [record for file in reversed(found) for record in file.records]
+        return None, problems, lost
+    records = [record for file in reversed(found) for record in file.all]
     told = {record.data[0]: record.data[2] for record in records if record.kind == OUTCOME}
     newest = dict(list(told.items())[-BACKLOG:])
-    outcomes = max([found[0].head.outcomes, *told])
-    return Leftover(found[0], newest, outcomes, _commands(records)), problems
+    outcomes = max([*(file.head.outcomes for file in found), *told])
+    return Leftover(found[0], newest, outcomes, _commands(records)), problems, lost
 
 
 def _commands(records: list[JournalRecord]) -> dict[str, KeptCommand]:
@@ -114,13 +130,20 @@ def _commands(records: list[JournalRecord]) -> dict[str, KeptCommand]:
 
 
 def recover(found: JournalFile, world: World) -> Recovered:
-    """Return the machine of a file as it was in the end.
+    """Return the machine of a file as it was in the end, or before what is wrong in it.
 
     Raises:
-        JournalError: the machine of now comes to another memory, or what was kept is lost.
+        JournalError: no machine can be made of it.
     """
-    if found.damaged:
-        raise JournalError(found.problem)
+    problem = found.problem if found.damaged else ""
+    try:
+        return _replayed(found, world, problem)
+    except ReplayError as wrong:
+        before = replace(found, records=found.records[: wrong.record.number])
+        return _replayed(before, world, str(wrong))
+
+
+def _replayed(found: JournalFile, world: World, problem: str) -> Recovered:
     machine: Machine | None = None
     waiting: list[tuple[JournalRecord, Publish]] = []
     for each in replay(tail(found), world):
@@ -130,7 +153,16 @@ def recover(found: JournalFile, world: World) -> Recovered:
         elif each.record.kind == OUTCOME and waiting:
             waiting.pop(0)
     assert machine is not None, "a file that was read has a head"
-    return Recovered(machine, tuple(waiting))
+    behind = {record.data[1]["target"] for record in found.behind if record.kind == OUTCOME}
+    untold = [one for one in waiting if one[1].target not in behind]
+    return Recovered(machine, tuple(untold[_published_without_record(found) :]), problem)
+
+
+def _published_without_record(found: JournalFile) -> int:
+    """Return how many outcomes were published whose own records are damaged; they are the oldest."""
+    written = {record.data[0] for record in found.all if record.kind == OUTCOME}
+    marked = {record.data[0] for record in found.behind if record.kind == PUBLISHED}
+    return sum(number > found.head.outcomes for number in marked - written)
 
 
 def outcomes_of(step: Step) -> list[Publish]:
@@ -138,21 +170,34 @@ def outcomes_of(step: Step) -> list[Publish]:
     return [command for command in step.commands if isinstance(command, Publish)]
 
 
-def open_targets(found: JournalFile) -> list[str]:
-    """Return the targets without an outcome, as far as the last snapshot and what was published say.
+def open_targets(found: JournalFile, recovered: Recovered | None) -> list[str]:
+    """Return the targets of a mission without an outcome, for a file whose inputs cannot all be run any more.
 
-    For a file whose inputs cannot be run any more.
+    Each is known from its own record, and from the steps or the snapshots: no single damage hides it.
     """
-    shots = [record.data[0] for record in found.records if record.kind == SNAPSHOT]
-    shot = shots[-1] if shots else found.head.snapshot
-    try:
-        walks = json.loads(shot)["memory"]["itineraries"].values() if shot else ()
-        visits = [visit for walk in walks for visit in walk["visits"]]
-        left = [visit["target"] for visit in visits if not visit["status"]]
-    except (ValueError, KeyError, TypeError, AttributeError):
-        left = []
-    told = {record.data[1]["target"] for record in found.records if record.kind == OUTCOME}
+    mission_id = found.head.mission_id
+    noted = [record.data[1:] for record in found.all if record.kind == TARGETS]
+    shots = [record.data[0] for record in found.all if record.kind == SNAPSHOT]
+    left = [target for of, targets in noted if of == mission_id for target in targets]
+    left += _open_in(shots[-1] if shots else found.head.snapshot, mission_id)
+    told = {record.data[1]["target"] for record in found.all if record.kind == OUTCOME}
+    if recovered is not None:
+        told |= {told.target for _, told in recovered.untold}
+        memory = recovered.machine.memory
+        visits = memory.outcomes if memory.mission_id == mission_id else ()
+        told |= {visit.target for visit in visits if visit.closed}
+        left += [visit.target for visit in visits]
     return [target for target in dict.fromkeys(left) if target not in told]
+
+
+def _open_in(shot: str, mission_id: str) -> list[str]:
+    try:
+        memory = json.loads(shot)["memory"]
+        walks = memory["itineraries"].values() if memory["mission_id"] == mission_id else ()
+        visits = [visit for walk in walks for visit in walk["visits"]]
+        return [str(visit["target"]) for visit in visits if not visit["status"]]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return []
 
 
 def goes_on(machine: Machine) -> bool:

@@ -26,6 +26,15 @@ from lupin_engine.runtime.journal.records import (
 )
 
 
+class ReplayError(JournalError):
+    """The machine of now does not come to what was recorded: `record` is the first that does not fit."""
+
+    def __init__(self, path: Path, record: JournalRecord, how: str) -> None:
+        where = f"{path}, record {record.number} ({record.kind} at {record.time:g} s)"
+        super().__init__(f"{where}: the machine of now does not come to what was recorded: {how}")
+        self.record = record
+
+
 @dataclass(frozen=True)
 class Replayed:
     """A record, the step that its input led to (None: it is no input), and the machine after it."""
@@ -42,28 +51,44 @@ def replay(found: JournalFile, world: World) -> Iterator[Replayed]:
         world: of the chart and the parameters that the head names; the head's seed counts.
 
     Raises:
-        JournalError: the machine comes to another memory than the one that was recorded.
+        ReplayError: the machine comes to something else than was recorded, or takes no such input.
+        JournalError: no machine can be made of the head.
     """
     head = found.head
     world = replace(world, seed=head.seed)
     machine = _begun(found.path, head, world)
     for record in found.records:
-        step: Step | None = None
-        if record.kind in (EVENT, VALUE):
-            step = machine.handle(record.event, record.time)
-        elif record.kind == TIMER:
-            step = machine.advance(record.time)
-            if step is None:
-                raise _differs(found.path, record, "no deadline is due there")
-        elif record.kind == START:
-            step = machine.start(record.time, record.data[0])
-        elif record.kind == LOADED:
-            step = machine.go_on(record.time)
-        elif record.kind == RESUMED:
-            machine = resumed(machine, record.data[0]["shift"])
-        elif record.kind == SNAPSHOT and machine.snapshot() != record.data[0]:
-            raise _differs(found.path, record, "its memory is another one")
+        try:
+            step, machine = _run(machine, record)
+        except Exception as problem:  # whatever a record makes it raise that no orchestrator of now writes
+            raise ReplayError(found.path, record, str(problem) or type(problem).__name__) from None
         yield Replayed(record, step, machine)
+
+
+def _run(machine: Machine, record: JournalRecord) -> tuple[Step | None, Machine]:
+    """Return the step of a record, if it is an input, and the machine after it.
+
+    Raises:
+        ValueError: the machine comes to something else.
+    """
+    step: Step | None = None
+    if record.kind in (EVENT, VALUE):
+        step = machine.handle(record.event, record.time)
+    elif record.kind == TIMER:
+        step = machine.advance(record.time)
+        if step is None:
+            raise ValueError("no deadline is due there")
+    elif record.kind == START:
+        if machine.memory.sequence:
+            raise ValueError("it is started already")
+        step = machine.start(record.time, record.data[0])
+    elif record.kind == LOADED:
+        step = machine.go_on(record.time)
+    elif record.kind == RESUMED:
+        machine = resumed(machine, record.data[0]["shift"])
+    elif record.kind == SNAPSHOT and machine.snapshot() != record.data[0]:
+        raise ValueError("its memory is another one")
+    return step, machine
 
 
 def tail(found: JournalFile) -> JournalFile:
@@ -90,8 +115,3 @@ def _begun(path: Path, head: JournalHead, world: World) -> Machine:
         return Machine(world, restore(world.chart, head.snapshot))
     except LupinError as problem:
         raise JournalError(f"{path}: {problem}") from None
-
-
-def _differs(path: Path, record: JournalRecord, how: str) -> JournalError:
-    where = f"{path}, record {record.number} ({record.kind} at {record.time:g} s)"
-    return JournalError(f"{where}: the machine of now does not come to what was recorded: {how}")

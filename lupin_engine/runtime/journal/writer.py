@@ -6,6 +6,8 @@ are written when some have come together; a process that is killed loses those o
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import fcntl
 import os
 import threading
@@ -19,6 +21,8 @@ from lupin_engine.runtime.journal.frames import MAGIC
 
 #: How long a record that nobody waits for may stay in memory, in seconds.
 LAZY_S = 0.5
+#: How often it is looked whether the file is still there, at least, in seconds.
+CHECK_S = 0.5
 
 #: Called with what went wrong, and the calls that waited.
 Failed = Callable[[str, list[Callable[[], None]]], None]
@@ -99,6 +103,9 @@ class JournalWriter:
         self._waiting: list[Callable[[], None]] = []
         self._urgent = self._ended = False
         self._file: int | None = None
+        self._path = Path()
+        #: Whether nothing of a new file has been written as a whole yet.
+        self._is_fresh = False
         self._lock: int | None = None
         self._since: float | None = None
         #: How many bytes were written, and how often a disk was waited for.
@@ -159,9 +166,8 @@ class JournalWriter:
     def _run(self) -> None:
         while True:
             with self._ready:
-                while not (self._queue or self._waiting or self._ended):
-                    self._ready.wait()
-                if not (self._urgent or self._ended):
+                is_woken = self._queue or self._waiting or self._ended or self._ready.wait(CHECK_S)
+                if is_woken and not (self._urgent or self._ended):
                     self._ready.wait_for(lambda: self._urgent or self._ended, LAZY_S)
                 queue, self._queue = self._queue, []
                 waiting, self._waiting = self._waiting, []
@@ -187,11 +193,17 @@ class JournalWriter:
 
     def _fail(self, reason: str, waiting: list[Callable[[], None]]) -> None:
         self._close_file()
+        if self._is_fresh:  # on a full disk one would be left at each try, and hide the last good one
+            self._is_fresh = False
+            with contextlib.suppress(OSError):
+                self._path.unlink()
         with self._ready:
             self._since = None
         self._post(lambda: self._failed(reason, waiting))
 
     def _write(self, queue: list[bytes | Callable[[], None]], wait: bool) -> None:
+        if self._file is not None and not self._path.exists():
+            raise OSError(errno.ENOENT, "its file was removed")
         data: list[bytes] = []
         for item in queue:
             if isinstance(item, bytes):
@@ -204,6 +216,7 @@ class JournalWriter:
         if wait and self._file is not None:
             self.syncs += 1
             self._sync(self._file)
+        self._is_fresh = False
 
     def _put(self, data: bytes) -> None:
         if self._file is None:
@@ -218,7 +231,9 @@ class JournalWriter:
         self._close_file()
         self._take(path.parent)
         made = os.O_CREAT | os.O_EXCL if cut is None else 0
+        self._path = path
         self._file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | made, 0o600)
+        self._is_fresh = cut is None
         if cut is None:
             self._put(MAGIC)
             _sync_folder(path.parent)
@@ -228,7 +243,10 @@ class JournalWriter:
     def _take(self, folder: Path) -> None:
         """Have a folder, which nobody else may have meanwhile."""
         if self._lock is not None:
-            return
+            if _is_file(self._lock, folder / LOCK):
+                return
+            os.close(self._lock)  # the folder was removed
+            self._lock = None
         folder.mkdir(parents=True, exist_ok=True)
         lock = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
@@ -247,6 +265,14 @@ class JournalWriter:
 def _call(waiting: list[Callable[[], None]]) -> None:
     for then in waiting:
         then()
+
+
+def _is_file(descriptor: int, path: Path) -> bool:
+    """Say whether what is open is what stands at a path."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def _sync_folder(folder: Path) -> None:

@@ -14,11 +14,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 from lupin_engine.missions.folders import lifecycle_in
 from lupin_engine.missions.load import load_chart
 from lupin_engine.ros.adapter.node import Qos
+from lupin_engine.ros.keeping import WHAT_TO_DO
 from lupin_engine.runtime.journal.journal import CHARTS, journal_files
 from lupin_engine.runtime.journal.records import JournalFile, read_journal
 from lupin_engine.runtime.journal.replay import replay
 from lupin_engine.runtime.setup import make_world
 from tests import shipped
+from tests.ros.orchestrator.test_resume import kill, outcomes, start_again
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)
@@ -88,11 +90,14 @@ def test_a_flood_of_starts_does_not_fill_the_disk(world: World, operator: Operat
     assert sum(file.stat().st_size for file in logs.iterdir()) < 300_000
 
 
-def test_a_full_disk_is_told_and_the_mission_goes_on(world: World, operator: Operator) -> None:
+@pytest.mark.parametrize("parameter", ["may_repeat_outcomes:=true", "journal_required:=false"])
+def test_a_full_disk_is_reported_and_the_mission_goes_on_where_outcomes_may_be_repeated(
+    world: World, operator: Operator, parameter: str
+) -> None:
     """Files may not grow beyond a limit; that a code says, and the robot finds its way all the same."""
     world.start("greenhouse_bridge")
     world.start("lupin_sim", speed=10.0)
-    limited(world)
+    limited(world, "-p", parameter)
     health: list[str] = []
     operator.ros.subscribe(
         DiagnosticArray,
@@ -108,24 +113,47 @@ def test_a_full_disk_is_told_and_the_mission_goes_on(world: World, operator: Ope
     said = "the journal cannot be written: File too large: "
     operator.until(lambda: any(said in message for message in health), "that it is told on /diagnostics")
     assert "the journal cannot be written (problem='File too large'" in log_of(world)
+    old = "journal_required (problem='false is written may_repeat_outcomes:=true now')"
+    assert (old in log_of(world)) == parameter.startswith("journal_required")
 
 
-def test_a_journal_that_is_required_holds_the_mission(world: World, operator: Operator) -> None:
-    """Nothing moves and none begins; what ends the mission is taken."""
+@pytest.mark.parametrize(("way", "end"), [("abort", "DONE"), ("dock", "RETURNING")])
+def test_a_full_disk_holds_the_mission_and_the_way_home_is_open(
+    world: World, operator: Operator, own_state: Path, way: str, end: str
+) -> None:
+    """Nothing moves; what stops or ends the mission is taken, and the robot comes home."""
     world.start("greenhouse_bridge")
     world.start("lupin_sim", speed=10.0)
-    limited(world, "-p", "journal_required:=true")
+    limited(world)
     operator.in_state("READY")
     operator.until(lambda: operator.start("1", "5", "12", "21").accepted, "the journal works for a moment")
     operator.until(lambda: operator.state.paused, "the mission is held")
-    assert operator.state.last_error.startswith("journal_failed: File too large: ")
+    assert operator.state.last_error == f"journal_failed: File too large: {own_state}"
     answer = operator.ask("resume")
-    assert (answer.success, answer.message) == (
-        False,
-        "resume refused: the journal cannot be written: File too large",
-    )
-    assert operator.ask("abort").success
+    why = f"the journal cannot be written: File too large: {own_state}; {WHAT_TO_DO}"
+    assert (answer.success, answer.message) == (False, f"resume refused: {why}")
+    assert operator.ask("pause").success
+    assert operator.ask(way).success
     operator.in_state("RETURNING")
+    operator.in_state(end)
+    operator.until(lambda: operator.state.paused == (way == "dock"), "it waits in the dock, or is done")
+
+
+def test_a_full_disk_and_a_kill_repeat_no_outcome(world: World, operator: Operator) -> None:
+    """What was not flushed was not published: the next orchestrator publishes each target once."""
+    world.start("greenhouse_bridge")
+    world.start("lupin_sim", speed=10.0)
+    limited(world)
+    operator.in_state("READY")
+    assert operator.start("1", "5", "12").accepted
+    operator.until(lambda: "journal_failed" in operator.state.last_error, "the disk is full")
+    until = operator.ros.now() + 5.0
+    operator.until(lambda: operator.ros.now() > until, "what it does on a full disk")
+    kill(world)
+    start_again(world, operator)
+    operator.resume()
+    operator.until_done(published=3)
+    assert outcomes(operator) == {(tag, 0): 1 for tag in ("1", "5", "12")}
 
 
 def end(world: World) -> None:
@@ -136,10 +164,10 @@ def end(world: World) -> None:
 
 
 def limited(world: World, *parameters: str) -> None:
-    """Start an orchestrator whose files may have 5 kB."""
+    """Start an orchestrator whose files may have 8 kB."""
     lupin = shlex.quote(str(Path(sys.executable).with_name("lupin")))
     given = " ".join(["--ros-args", "-p", "estop_timeout_s:=10.0", *parameters])
-    command = f"ulimit -f 5; exec {lupin} node mission_orchestrator {given} > /dev/null 2> >(cat >&2)"
+    command = f"ulimit -f 8; exec {lupin} node mission_orchestrator {given} > /dev/null 2> >(cat >&2)"
     world.run("mission_orchestrator", ["bash", "-c", command])
 
 

@@ -13,9 +13,10 @@ from typing import Any
 
 import pytest
 
+from lupin_engine.machine.event import Event
 from lupin_engine.missions.selection import load_missions
-from lupin_engine.plugin.profile import Publish
-from lupin_engine.ros.keeping import JOURNAL_PARAMETERS, Keeping
+from lupin_engine.plugin.profile import START, Publish
+from lupin_engine.ros.keeping import JOURNAL_PARAMETERS, WHAT_TO_DO, Keeping
 from lupin_engine.runtime.journal.journal import journal_files
 from lupin_engine.runtime.journal.records import OUTCOME, PUBLISHED, read_journal
 from lupin_engine.runtime.setup import make_machine
@@ -55,10 +56,15 @@ class Node:
             self.posted.get(timeout=max(0.01, end - time.monotonic()))()
 
 
-@pytest.mark.parametrize("required", [True, False])
-def test_what_the_disk_does_not_take_is_published_when_it_does(tmp_path: Path, required: bool) -> None:
-    """Or at once, where nobody requires a journal: a machine made of it would tell that target once more."""
-    node = Node(journal_path=str(tmp_path), journal_required=required)
+@pytest.mark.parametrize(
+    ("given", "required"),
+    [({}, True), ({"may_repeat_outcomes": True}, False), ({"journal_required": False}, False)],
+)
+def test_what_the_disk_does_not_take_is_published_when_it_does(
+    tmp_path: Path, given: dict[str, bool], required: bool
+) -> None:
+    """Or at once, where outcomes may be repeated: a machine made of it publishes that target once more."""
+    node = Node(journal_path=str(tmp_path), **given)
     loaded = load_missions(["inspection"], shipped.catalog())
     machine = make_machine(loaded.chart, {})
     keeping = Keeping(node, "boot", lambda: None, lambda _: None)  # type: ignore[arg-type]
@@ -74,6 +80,12 @@ def test_what_the_disk_does_not_take_is_published_when_it_does(tmp_path: Path, r
     while not node.posted.empty():
         node.posted.get()()
     assert sent == ([] if required else [1])
+    start = Event(START, {"mission_type": "InspectionMission"})
+    refused = keeping.refusal(start, machine.foresee(start, 0.0), loaded.chart.profile)
+    why = f"the journal cannot be written: No space left on device: {tmp_path}; {WHAT_TO_DO}"
+    assert (refused and refused.text) == (f"start refused: {why}" if required else None)
+    pause = Event("operator.pause")
+    assert keeping.refusal(pause, machine.foresee(pause, 0.0), loaded.chart.profile) is None
 
     keeping.journal._writer._sync = os.fdatasync  # type: ignore[attr-defined]
     keeping.look(machine)

@@ -81,6 +81,7 @@ MORE = {
     "amcl_pose_must_live",  # a pose seeded once is one without a publisher
     "journal_path",  # what enters the machine is on disk before it counts
     "journal_required",
+    "may_repeat_outcomes",  # what a journal that cannot be written would otherwise forbid
     "journal_missions",
     "journal_days",
     "journal_megabytes",
@@ -88,6 +89,7 @@ MORE = {
     "log_bytes",
     "log_files",
     "resume_policy",
+    "allow_bundles",  # a signature does not grow old; a version does
     "require_signed",  # only missions that somebody has signed
     "max_targets",  # a request of 65,535 targets held the node up for 43 s
     "estop_timeout_s",  # a stop that was told steadily and falls silent is engaged

@@ -89,3 +89,41 @@ def test_a_folder_is_not_signed(world: World, keys: Path, tmp_path: Path) -> Non
         "lupin: missions: not signed, but require_signed asks for a signed bundle; make one with "
         "'lupin bundle MISSION --sign KEY', and name it as missions_path alone"
     )
+
+
+def test_no_older_bundle_and_no_other_takes_its_place(
+    world: World, desk: Desk, keys: Path, tmp_path: Path
+) -> None:
+    """Of the same key, while it runs, and after a new start; who means it says so."""
+    robot = bundle(tmp_path, "--sign", "our.key", "--version", "2")
+    world.start_all(missions_path=robot, require_signed=keys)
+    desk.offered("InspectionMission")
+    bundle(tmp_path, "--sign", "our.key", "--version", "3", InspectionMission="NewMission")
+    desk.offered("NewMission")
+    bundle(tmp_path, "--sign", "our.key", "--version", "2")
+    older = f"{robot}: it is inspection 2, but 3 was run here already; if that is meant, set allow_bundles:="
+    assert desk.problem() == f"{older}['inspection@2']"
+    bundle(tmp_path, "--sign", "our.key", "--version", "4", "--name", "other")
+    other = f"{robot}: it is 'other', but of its key only inspection was run here; if that is meant, set "
+    desk.until(lambda: desk.offers[-1]["problems"] == [f"{other}allow_bundles:=['other']"], "another name")
+    bundle(tmp_path, "--sign", "our.key")
+    nameless = (
+        f"{robot}: without a version, but of its key inspection 3 was run here; make it with "
+        "'lupin bundle MISSION --sign KEY --version N', or set allow_bundles:=['unnamed']"
+    )
+    desk.until(lambda: desk.offers[-1]["problems"] == [nameless], "no name")
+    assert [m["mission"] for m in desk.offers[-1]["missions"]] == ["NewMission"]
+
+    bundle(tmp_path, "--sign", "our.key", "--version", "2")
+    process = world.processes["mission_orchestrator"]
+    process.kill()
+    process.wait(10.0)
+    process = world.start("mission_orchestrator", missions_path=robot, require_signed=keys)
+    assert process.wait(60.0) == 1
+    log = world.log("mission_orchestrator").read_text(encoding="utf-8")
+    assert log.splitlines()[-1] == f"lupin: {older}['inspection@2']"
+    desk.offers.clear()
+    world.start(
+        "mission_orchestrator", missions_path=robot, require_signed=keys, allow_bundles="['inspection@2']"
+    )
+    desk.offered("InspectionMission")
