@@ -1,10 +1,11 @@
-"""The table of docs/safety.md has every source of motion and every stop; a cell in which something moves is none."""
+"""The table of docs/safety.md has every source of motion and every stop."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-from tests.ros.safety.matrix.table import ORDERS, RULES, SOURCES, STOPS, Rule, cell, cells
+from tests.ros.safety.matrix.table import ORDERS, RULES, SOURCES, STOPS, cell, cells
 from tests.ros.safety.matrix.written import (
     BEGIN,
     END,
@@ -20,7 +21,9 @@ from tests.ros.safety.matrix.written import (
 
 PAGE = Path(__file__).parents[2] / "docs" / "safety.md"
 LETTERS = {rule.letter for rule in RULES if rule.letter}
-OK = {each.name: {"cell": each.name, "verdict": "ok", "seconds": 1.0, "late": [0.0, 0.0]} for each in cells()}
+OK: dict[str, dict[str, Any]] = {
+    each.name: {"cell": each.name, "verdict": "ok", "seconds": 1.0, "late": [0.0, 0.0]} for each in cells()
+}
 
 
 def rows_of(text: str) -> list[list[str]]:
@@ -44,7 +47,7 @@ def test_the_page_has_all_rows_and_columns() -> None:
 def test_a_cell_that_was_wrong_or_did_not_run_is_shown_so() -> None:
     assert sign("mission", "stop_a", OK) == ZERO
     assert sign("mission", "stop_a", {}) == UNKNOWN
-    wrong = {**OK, "mission/stop_a/after": {"verdict": "wrong"}}
+    wrong: dict[str, Any] = {**OK, "mission/stop_a/after": {"verdict": "wrong"}}
     assert sign("mission", "stop_a", wrong) == WRONG
     assert sign("late_answer", "e_stop_state", OK) == NONE
     assert sign("mission", "battery", OK) == "h"
@@ -53,7 +56,7 @@ def test_a_cell_that_was_wrong_or_did_not_run_is_shown_so() -> None:
 def test_every_rule_is_of_some_cell_and_names_what_it_allows() -> None:
     used = {cell(s.name, t.name, order).rule for s in SOURCES for t in STOPS for order in ORDERS}
     assert used - {None} == set(RULES)
-    assert [rule.why for rule in RULES if bool(rule.letter) is not bool(rule.allowed)] == list[Rule]()
+    assert [rule.why for rule in RULES if bool(rule.letter) is not bool(rule.allowed)] == []
 
 
 def test_the_page_is_written_between_its_marks(tmp_path: Path) -> None:

@@ -112,7 +112,7 @@ class Arena:
         self.world = Machines(folder / "logs", computers)
         self.operator = Operator()
         self.strangers = Strangers(self.operator.ros)
-        self._settings = {ORCHESTRATOR: SETTINGS, GATEWAY: {"port": free_port()}}
+        self._settings: dict[str, dict[str, Any]] = {ORCHESTRATOR: SETTINGS, GATEWAY: {"port": free_port()}}
         self.places = {tag.id: (tag.x, tag.y) for tag in load_layout().tags}
         for node in NODES:
             self.start(node)
@@ -247,7 +247,7 @@ class Arena:
     def _flip_bit(self, share: float) -> None:
         """Flip a bit of the newest journal, at a share of its length."""
         files = sorted(
-            (self.folder / "state").rglob("journal/*/*.jsonl*"), key=lambda file: file.stat().st_mtime
+            (self.folder / "state").rglob("journal/*/*.journal"), key=lambda file: file.stat().st_mtime
         )
         if not files:
             return

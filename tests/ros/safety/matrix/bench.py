@@ -24,7 +24,7 @@ from geometry_msgs.msg import PoseStamped, Twist, Vector3
 from mirte_msgs.srv import GetServoOffset, SetServoAngle, SetServoOffset
 from nav2_msgs.action import NavigateToPose
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from lupin_engine.ros.adapter.node import CallFailure, Qos
@@ -40,26 +40,32 @@ from tests.ros.world import Operator, World
 SPEED, FAST = 1.0, 10.0
 #: Where drives lead, along the free side of the greenhouse: whichever is farther (m).
 ENDS = ((0.5, 7.5), (0.5, 0.7))
-#: The arm's joints, where a cell begins (rad), and where a sequence goes.
+#: The arm's joints, and where a cell begins (rad).
 JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_joint")
-START, ELSEWHERE = (0.0, -0.40, 0.90, -0.80), (0.5, 0.0, 0.0, 0.0)
+START = (0.0, -0.40, 0.90, -0.80)
 SERVOS = "/io/servo/hiwonder"
 #: Whatever must come within a cell does within so many seconds, on a busy machine.
 PATIENCE_S = 15.0
 #: A node has started within so many seconds.
 STARTED_S = 60.0
+#: Seconds that a servo turns in a calibration.
+TURN_S = 1.0
 #: What the nodes are started with.
 USUAL: Mapping[str, Mapping[str, Any]] = {
     "greenhouse_bridge": {},
     "lupin_sim": {"speed": SPEED, "detector": False},
     "nav_watchdog": {},
     "lupin_arm_sim": {},
-    "lupin_arm": {"hardware": "real", "preset_duration": 4.0, "calibration_settle_s": 3.0},
+    "lupin_arm": {"hardware": "real", "preset_duration": 4.0, "calibration_settle_s": 0.05},
     "mission_orchestrator": {"estop_timeout_s": 2.0},
     "lupin_gateway": {"engineer_names": ["/*"]},
 }
-LIBRARY = """{"version": 1, "poses": {}, "sequences": {"wave": {"mode": "teleop", "duration_s": 6.0, "waypoints": [
-{"t": 0.0, "arm": [0.0, -0.4, 0.9, -0.8]}, {"t": 3.0, "arm": [0.5, 0.0, 0.0, 0.0]},
+#: How many nodes listen to the shared stop at least: orchestrator, base, arm.
+HEAR_STOPS = 3
+LIBRARY = """{"version": 1, "poses": {}, "sequences": {"wave": {
+"mode": "teleop", "duration_s": 6.0, "waypoints": [
+{"t": 0.0, "arm": [0.0, -0.4, 0.9, -0.8]},
+{"t": 3.0, "arm": [0.5, 0.0, 0.0, 0.0]},
 {"t": 6.0, "arm": [0.0, -0.4, 0.9, -0.8]}]}}}"""
 
 
@@ -71,7 +77,7 @@ class Bench(Operator):
         self.folder = folder
         os.environ |= {"XDG_STATE_HOME": str(folder / "state"), "XDG_CONFIG_HOME": str(folder / "config")}
         self.world = World(folder)
-        self.seen = Bystander(self.ros)
+        self.watch = Bystander(self.ros)
         #: What was answered to what a cell asked for; '' for yes.
         self.answers: list[str] = []
         self._port = _free_port()
@@ -82,7 +88,8 @@ class Bench(Operator):
         self._joystick: float | None = None
         self._joystick_of_page = True
         self._twists = self.ros.publisher(Twist, "/cmd_vel", Qos.EVENT)
-        self._stranger = self.ros.publisher(Bool, STOP_TOPIC, Qos.EVENT)
+        #: Two other HMIs that write the shared stop: one stops, the other says steadily that it does not.
+        self._strangers: list[Any] = []
         self._stranger_stops = False
         self._controller = self.ros.publisher(
             JointTrajectory, "/mirte_master_arm_controller/joint_trajectory", Qos.EVENT
@@ -93,6 +100,11 @@ class Bench(Operator):
         (folder / "library.json").write_text(LIBRARY)
         for node in USUAL:
             self._start(node, {})
+
+    @property
+    def url(self) -> str:
+        """Where a browser finds the console."""
+        return f"http://127.0.0.1:{self._port}/"
 
     # -- processes --------------------------------------------------------------------------------------
 
@@ -126,17 +138,19 @@ class Bench(Operator):
         """Bring everything to rest: no stop, no mission, nothing that moves; nodes with these settings."""
         self.joystick_free()
         self.thaw_base()
-        self._stranger_stops = False
+        self._strangers_leave()
         for node in ("mission_orchestrator", "lupin_gateway"):
             wanted = settings.get(node, {})
             if not self._runs(node) or self._given[node] != wanted:
+                if node == "lupin_gateway":
+                    self.leave_page()
                 if self._runs(node):
                     self.world.processes[node].terminate()
                     self.world.processes[node].wait()
                 self._start(node, wanted)
         for name in list(self._pages):
             self.let_go_of(name)
-            if name != "a":
+            if name != "a" or self._pages[name].is_closed:
                 self._pages.pop(name).close()
         self.page_resets_stops()
         for name, value in (("estop", False), ("battery", 1.0), ("speed", FAST), ("fault", "none")):
@@ -144,38 +158,41 @@ class Bench(Operator):
         self.states.clear()
         self.wait_for(lambda: self.states and not self.state.estop_engaged, "no stop", STARTED_S)
         self.call(CalibrateArm, "/lupin/arm/calibrate", CalibrateArm.Request(action="cancel"))
+        self.servos_on()
         self.ask_arm_to_stop()
         self._end_mission()
         self.call(CancelGoal, "/navigate_to_pose/_action/cancel_goal", CancelGoal.Request())
         self._send_arm(START, 0.3)
         self.wait_for(self._at_rest, "everything at rest")
         self.set_parameter("lupin_sim", "speed", SPEED)
-        self.seen.forget()
+        self.watch.forget()
         self.answers.clear()
         self._asked.clear()
         self.page("a").statuses.clear()
 
     def _end_mission(self) -> None:
+        next_try = 0.0
+
         def ended() -> bool:
+            nonlocal next_try
             if self.state.lifecycle_state in ("READY", "DONE") and not self.state.paused:
                 return True
-            if time.monotonic() > self._next_try:
-                self._next_try = time.monotonic() + 0.5
+            if time.monotonic() > next_try:
+                next_try = time.monotonic() + 0.5
                 verb = "reset" if self.state.lifecycle_state == "FAULT" else "abort"
                 if self.state.paused and self.state.lifecycle_state in ("READY", "DONE"):
                     verb = "resume"
                 self._command(verb)
             return False
 
-        self._next_try = 0.0
         self.wait_for(ended, "the end of the mission", 30.0)
 
     def _at_rest(self) -> bool:
         now = time.time()
-        joints, base = self.seen.joints, self.seen.base
+        joints, base = self.watch.joints, self.watch.base
         if not joints or not base or max(now - joints[-1][0], now - base[-1][0]) > 0.5:
             return False
-        moved = self.seen.moved(now - 0.3, now)
+        moved = self.watch.moved(now - 0.3, now)
         at_start = max(abs(a - b) for a, b in zip(self._arm_pose(), START, strict=True)) < 0.02
         return at_start and not moved.exceeds(0.0, 1e-3)
 
@@ -195,7 +212,7 @@ class Bench(Operator):
         """Have a mission under way that drives."""
         begin = time.time()
         self.start_mission()
-        self.wait_for(lambda: self.seen.moved(begin, time.time()).metres > 0.15, "the mission drives")
+        self.wait_for(lambda: self.watch.moved(begin, time.time()).metres > 0.15, "the mission drives")
 
     def _tick(self) -> None:
         for name in self._stopping:
@@ -204,8 +221,10 @@ class Bench(Operator):
             self._drive(self._joystick)
 
     def _half_second(self) -> None:
+        if self._strangers:
+            self._strangers[1].publish(Bool(data=False))
         if self._stranger_stops:
-            self._stranger.publish(Bool(data=True))
+            self._strangers[0].publish(Bool(data=True))
 
     # -- pages ------------------------------------------------------------------------------------------
 
@@ -309,7 +328,7 @@ class Bench(Operator):
     # -- sources of motion ------------------------------------------------------------------------------
 
     def _place(self) -> tuple[float, float, float]:
-        _, x, y, yaw = self.seen.base[-1]
+        _, x, y, yaw = self.watch.base[-1]
         return x, y, yaw
 
     def _far(self) -> tuple[float, float]:
@@ -420,7 +439,7 @@ class Bench(Operator):
     # -- the arm ----------------------------------------------------------------------------------------
 
     def _arm_pose(self) -> tuple[float, ...]:
-        return self.seen.joints[-1][1:5]
+        return tuple(self.watch.joints[-1][1:5])
 
     def arm_preset(self) -> None:
         """Send the arm to a preset."""
@@ -438,6 +457,10 @@ class Bench(Operator):
         """Begin a calibration, which turns all joints to zero."""
         self._begin(CalibrateArm, "/lupin/arm/calibrate", CalibrateArm.Request(action="start"), _said)
 
+    def servos_on(self) -> None:
+        """Switch the servos on, which a calibration that was stopped has left off."""
+        self.call(SetBool, "/lupin/arm/set_torque", SetBool.Request(data=True))
+
     def ask_arm_to_stop(self) -> None:
         """Stop what the library plays."""
         self.call(Trigger, "/lupin/arm/library/stop", Trigger.Request())
@@ -452,31 +475,41 @@ class Bench(Operator):
         self._controller.publish(JointTrajectory(joint_names=list(JOINTS), points=[point]))
 
     def _serve_servos(self) -> None:
-        """Serve what only real servos have: offsets, and a turn to an angle."""
-        turned: dict[int, float] = {}
+        """Serve what only real servos have: offsets, and a turn to an angle, answered when it is there."""
 
-        def turn(index: int | None, request: Any, response: Any) -> Any:
-            if index is not None:
-                turned[index] = request.angle
-                pose = [turned.get(joint, angle) for joint, angle in enumerate(self._arm_pose())]
-                self._send_arm(tuple(pose), 2.5)
-                if len(turned) == 3:
-                    turned.clear()
+        def turn(joint: int | None, request: Any, response: Any, answer: Callable[[Any], None]) -> None:
+            if joint is not None:
+                pose = list(self._arm_pose())
+                pose[joint] = request.angle
+                self._send_arm(tuple(pose), TURN_S)
             response.status = True
-            return response
+            self.ros.call_later(TURN_S, lambda: answer(response))
 
-        for name, index in (("shoulder_lift", 1), ("elbow", 2), ("wrist", 3), ("gripper", None)):
+        self.ros.serve(SetBool, "/enable_arm_control", _done)
+        for name, joint in (("shoulder_lift", 1), ("elbow", 2), ("wrist", 3), ("gripper", None)):
             base = f"{SERVOS}/{name}"
             self.ros.serve(GetServoOffset, f"{base}/_offset", lambda _, response: response)
             self.ros.serve(SetServoOffset, f"{base}/_set_offset", lambda _, response: response)
-            self.ros.serve(SetServoAngle, f"{base}/set_angle", partial(turn, index))
+            self.ros.serve_later(SetServoAngle, f"{base}/set_angle", partial(turn, joint))
 
     # -- stops ------------------------------------------------------------------------------------------
 
+    def strangers_come(self) -> None:
+        """Two other HMIs are about to write the shared stop, and are known to the others."""
+        self._strangers = [self.ros.publisher(Bool, STOP_TOPIC, Qos.EVENT) for _ in range(2)]
+        known = lambda: all(each.get_subscription_count() >= HEAR_STOPS for each in self._strangers)  # noqa: E731
+        self.wait_for(known, "who hears a stop")
+
+    def _strangers_leave(self) -> None:
+        self._stranger_stops = False
+        for each in self._strangers:
+            self.ros.node.destroy_publisher(each)
+        self._strangers = []
+
     def stop_of_stranger(self) -> None:
-        """Another node tells the shared stop, twice a second."""
+        """One of them tells a stop, twice a second; the other goes on saying that it does not."""
         self._stranger_stops = True
-        self._stranger.publish(Bool(data=True))
+        self._strangers[0].publish(Bool(data=True))
 
     def stranger_is_silent(self) -> None:
         """It says nothing any more."""
@@ -542,6 +575,11 @@ class Bench(Operator):
         if not self._runs("lupin_gateway"):
             self._start("lupin_gateway", self._given["lupin_gateway"])
         self.page("a")
+
+
+def _done(_: Any, response: Any) -> Any:
+    response.success = True
+    return response
 
 
 def _refusal(told: Mapping[str, Any]) -> str:

@@ -20,7 +20,7 @@ WATCHED_S = {HELD: 0.7, LET_GO: 1.3, AGAIN: 0.4}
 ZERO_M, ZERO_RAD = 0.02, 0.03
 BEGUN_M, BEGUN_RAD = 0.15, 0.10
 #: A stop that was let go is not told any more within so many seconds, and a person's request moves something.
-RELEASED_S, AGAIN_WITHIN_S = 6.0, 10.0
+RELEASED_S, AGAIN_WITHIN_S = 20.0, 20.0
 
 
 @dataclass
@@ -58,13 +58,14 @@ def carry_out(bench: Bench, cell: Cell) -> Result:
     """
     began, result = time.monotonic(), Result(cell.name)
     bench.reset(cell.settings)
+    _do(bench, cell.stop.prepare)
     if (cell.stop.of_mission and not cell.source.mission) or cell.source.name == "resume_policy":
         bench.mission_drives()
         bench.answers.clear()
     bound = _engaged_in_order(bench, cell)
     _watch(bench, cell, result, HELD, bound)
     result.answers = list(bench.answers)
-    result.goals = bench.seen.goals
+    result.goals = bench.watch.goals
     if cell.source.hands_off:
         _do(bench, cell.source.hands_off)
     _let_go(bench, cell, result)
@@ -106,7 +107,7 @@ def _engaged_in_order(bench: Bench, cell: Cell) -> float:
     begun = time.time()
     _do(bench, source.begin)
     if cell.order == DURING and source.follows:
-        moves = lambda: bench.seen.moved(begun, time.time()).exceeds(BEGUN_M, BEGUN_RAD)  # noqa: E731
+        moves = lambda: bench.watch.moved(begun, time.time()).exceeds(BEGUN_M, BEGUN_RAD)  # noqa: E731
         bench.wait_for(moves, "it moves")
     if cell.order == AFTER:
         _do(bench, source.finish)
@@ -124,13 +125,13 @@ def _watch(bench: Bench, cell: Cell, result: Result, part: str, bound: float) ->
     end = max(time.time(), counts) + WATCHED_S[part]
     bench.work(end)
     _note(bench, result, part, counts, end)
-    late = bench.seen.moved(bound, counts)
+    late = bench.watch.moved(bound, counts)
     result.late = max(result.late, (round(late.metres, 3), round(late.radians, 3)))
-    result.waited = max(result.waited, round(bench.seen.waited(bound, end), 3))
+    result.waited = max(result.waited, round(bench.watch.waited(bound, end), 3))
 
 
 def _note(bench: Bench, result: Result, part: str, begin: float, end: float) -> None:
-    moved = bench.seen.moved(begin, end)
+    moved = bench.watch.moved(begin, end)
     result.moved[part] = round(moved.metres, 3), round(moved.radians, 3)
     state = bench.state
     page = bench._pages.get("a")
@@ -166,9 +167,11 @@ def _move_again(bench: Bench, cell: Cell, result: Result) -> None:
     result.person = [cell.stop.person] if cell.stop.person else []
     begin = time.time()
     if not Moved(*result.moved[LET_GO]).exceeds(BEGUN_M, BEGUN_RAD):
+        _do(bench, cell.source.again)
+        result.person += [cell.source.again] if cell.source.again else []
         result.person.append("resume" if cell.source.mission else "ask again")
         _do(bench, "resume" if cell.source.mission else cell.source.begin)
-    moves = lambda: bench.seen.moved(begin, time.time()).exceeds(BEGUN_M, BEGUN_RAD)  # noqa: E731
+    moves = lambda: bench.watch.moved(begin, time.time()).exceeds(BEGUN_M, BEGUN_RAD)  # noqa: E731
     try:
         bench.wait_for(moves, "it moves again", AGAIN_WITHIN_S)
     except AssertionError:

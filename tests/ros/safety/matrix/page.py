@@ -6,6 +6,7 @@ import itertools
 import json
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 from websockets.exceptions import ConnectionClosed
@@ -24,6 +25,7 @@ class Page:
         self.told: dict[str, Any] = {}
         self.answers: dict[str, Mapping[str, Any]] = {}
         self.statuses: list[str] = []
+        self.is_closed = False
         threading.Thread(target=self._read, daemon=True).start()
         self.send(op="subscribe", topic=STOPS_TOPIC, type="std_msgs/String")
         self.send(op="subscribe", topic="/mission/state", type="lupin_msgs/MissionState")
@@ -32,7 +34,7 @@ class Page:
         self.send(op="advertise", topic="/cmd_vel", type="geometry_msgs/Twist")
 
     def _read(self) -> None:
-        try:
+        with suppress(ConnectionClosed, OSError):
             for frame in self._link:
                 told = json.loads(frame)
                 if told["op"] == "publish":
@@ -41,15 +43,12 @@ class Page:
                     self.answers[told["id"]] = told
                 elif told["op"] == "status":
                     self.statuses.append(told["msg"])
-        except (ConnectionClosed, OSError):
-            pass
+        self.is_closed = True
 
     def send(self, **frame: Any) -> None:
         """Send a frame; one to a gateway that is gone is lost."""
-        try:
+        with suppress(ConnectionClosed, OSError):
             self._link.send(json.dumps(frame))
-        except (ConnectionClosed, OSError):
-            pass
 
     def publish(self, topic: str, message: Mapping[str, Any]) -> None:
         """Publish."""

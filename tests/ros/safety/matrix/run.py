@@ -15,11 +15,12 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[4]
 #: The bench is made anew after so many cells.
 CELLS_PER_BENCH = 60
+#: The verdict of a cell in which what was waited for did not come; it is run again.
+NOT_CARRIED_OUT = "not carried out"
 
 
 def commit() -> str:
@@ -47,34 +50,31 @@ def results_of(file: Path) -> list[dict[str, Any]]:
 
 
 @contextmanager
-def bench_of(environment: Mapping[str, str] = {}) -> Iterator[Bench]:
-    """Yield a bench on a domain of its own, with this environment for its nodes."""
+def bench_of() -> Iterator[Bench]:
+    """Yield a bench on a domain of its own."""
     with ExitStack() as stack:
         from lupin_engine.harness.domains import claimed_domain
 
         os.environ["ROS_DOMAIN_ID"] = str(stack.enter_context(claimed_domain()))
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        os.environ |= environment
         folder = stack.enter_context(
             tempfile.TemporaryDirectory(prefix="matrix-", ignore_cleanup_errors=True)
         )
         from tests.ros.safety.matrix.bench import Bench
 
         bench = Bench(Path(folder))
-        try:
-            yield bench
-        except BaseException:
-            subprocess.run(["cp", "-r", folder, "/tmp/matrix-failed"], check=False)
-            raise
-        finally:
-            bench.close()
+        stack.callback(bench.close)
+        yield bench
 
 
-def carried_out(chosen: Iterable[Cell], environment: Mapping[str, str] = {}) -> Iterator[dict[str, Any]]:
-    """Yield the result of each cell; a bench on which one could not be carried out is made anew."""
+def carried_out(chosen: Iterable[Cell], keep: Path) -> Iterator[dict[str, Any]]:
+    """Yield the result of each cell; a bench on which one could not be carried out is made anew.
+
+    What its nodes have logged is kept in the folder `keep`.
+    """
     left = list(chosen)
     while left:
-        with bench_of(environment) as bench:
+        with bench_of() as bench:
             from tests.ros.safety.matrix.cell import Result, carry_out
 
             for each in left[:CELLS_PER_BENCH]:
@@ -82,26 +82,25 @@ def carried_out(chosen: Iterable[Cell], environment: Mapping[str, str] = {}) -> 
                 try:
                     yield carry_out(bench, each).fields()
                 except AssertionError as problem:
-                    yield Result(each.name, "not carried out", [str(problem)], answers=bench.answers).fields()
+                    logs = keep / each.name.replace("/", "-")
+                    shutil.copytree(bench.folder, logs, dirs_exist_ok=True)
+                    yield Result(each.name, NOT_CARRIED_OUT, [str(problem)], answers=bench.answers).fields()
                     break
 
 
 def run(chosen: list[Cell], file: Path) -> None:
     """Run cells that this commit has not run yet, and write each down."""
     now = commit()
-    done = {
-        row["cell"]
-        for row in results_of(file)
-        if row["commit"] == now and row["verdict"] != "not carried out"
-    }
-    for fields in carried_out([each for each in chosen if each.applies and each.name not in done]):
+    known = [row for row in results_of(file) if row["commit"] == now and row["verdict"] != NOT_CARRIED_OUT]
+    done = {row["cell"] for row in known}
+    left = [each for each in chosen if each.applies and each.name not in done]
+    for fields in carried_out(left, file.parent):
         with file.open("a") as lines:
-            row = {**fields, "commit": now, "date": time.strftime("%F %T")}
-            lines.write(json.dumps(row) + "\n")
-        print(
-            f"{fields['verdict']:>8} {fields['cell']} {fields['seconds']} s {'; '.join(fields['problems'])}",
-            flush=True,
+            lines.write(json.dumps({**fields, "commit": now, "date": time.strftime("%F %T")}) + "\n")
+        told = (
+            f"{fields['verdict']:>8} {fields['cell']} {fields['seconds']} s {'; '.join(fields['problems'])}"
         )
+        print(told, flush=True)
 
 
 def main() -> int:
@@ -129,17 +128,12 @@ def main() -> int:
 
         return hunt(given.folder, given.only)
     file = given.folder.absolute() / "cells.jsonl"
-    chosen = (
-        [cell(*names) for names in SMALL]
-        if given.small
-        else list(
-            cells(
-                tuple(given.source or EVERY_SOURCE),
-                tuple(given.stop or EVERY_STOP),
-                tuple(given.order or ORDERS),
-            )
-        )
+    wanted = (
+        tuple(given.source or EVERY_SOURCE),
+        tuple(given.stop or EVERY_STOP),
+        tuple(given.order or ORDERS),
     )
+    chosen = [cell(*names) for names in SMALL] if given.small else list(cells(*wanted))
     if not (given.table or given.page):
         run(chosen, file)
     newest = {row["cell"]: row for row in results_of(file)}

@@ -15,7 +15,7 @@ from typing import Any
 #: it is engaged once more.
 HELD, LET_GO, AGAIN = "held", "let go", "engaged again"
 PARTS = (HELD, LET_GO, AGAIN)
-#: When the stop comes: before the motion is asked for, while it is under way, in the moment after the request.
+#: When the stop comes: before the motion is asked for, while it is under way, right after the request.
 BEFORE, DURING, AFTER = ORDERS = ("before", "during", "after")
 
 
@@ -34,6 +34,8 @@ class Source:
     finish: str = ""
     #: What a person lets go of before the stop is let go, such as a joystick.
     hands_off: str = ""
+    #: What a person does before he asks again.
+    again: str = ""
     #: Whether the motion is that of the mission: then its state must say that it is held.
     mission: bool = False
     arm: bool = False
@@ -60,6 +62,8 @@ class Stop:
     person: str
     of_mission: bool = False
     is_stop: bool = False
+    #: What is so before the cell begins.
+    prepare: str = ""
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
@@ -75,7 +79,7 @@ SOURCES = (
     Source("plain_twist", "`/cmd_vel` by a program", "twists_of_stranger", hands_off="joystick_free"),
     Source("arm_preset", "arm preset", "arm_preset", arm=True, answers=True),
     Source("arm_sequence", "arm sequence", "arm_sequence", arm=True, answers=True),
-    Source("calibration", "calibration", "calibrate", arm=True, answers=True),
+    Source("calibration", "calibration", "calibrate", arm=True, answers=True, again="servos_on"),
     Source(
         "resume_policy",
         "`resume_policy: continue`",
@@ -110,6 +114,7 @@ STOPS = (
         0.05,
         "2 s without a true",
         is_stop=True,
+        prepare="strangers_come",
     ),
     Stop(
         "e_stop_state",
@@ -214,6 +219,12 @@ RULES = (
         ("restarted", "orchestrator_dead", "pause", "battery"),
         (BEFORE,),
     ),
+    Rule(
+        "a base that hangs for so long ends itself",
+        ("late_answer",),
+        ("restarted", "orchestrator_dead"),
+        (DURING,),
+    ),
     # -- motion that is allowed ------------------------------------------------------------------------
     Rule(
         "a mission or a program of which link and gateway are no part",
@@ -263,19 +274,18 @@ RULES = (
 
 #: Each source once and each stop once, for `make test`: the cells that say most.
 SMALL = (
-    ("mission", "stop_a", DURING),
     ("page_goal", "e_stop_state", BEFORE),
     ("goal_pose", "stop_foreign", DURING),
     ("cmd_vel", "stop_b", DURING),
     ("base_taken", "pause", BEFORE),
     ("plain_goal", "stop_roslib", BEFORE),
-    ("plain_twist", "stop_a", BEFORE),
-    ("arm_preset", "stop_foreign", BEFORE),
-    ("arm_sequence", "gateway_dead", DURING),
-    ("calibration", "stop_left", BEFORE),
-    ("late_answer", "link_gone", DURING),
+    ("arm_preset", "stop_a", BEFORE),
     ("mission", "battery", DURING),
-    ("mission", "link_lost", DURING),
+    ("mission", "restarted", DURING),
+    ("arm_sequence", "gateway_dead", DURING),
+    ("late_answer", "link_gone", DURING),
+    ("calibration", "stop_left", BEFORE),
+    ("plain_twist", "link_lost", DURING),
     ("resume_policy", "orchestrator_dead", AFTER),
 )
 
@@ -323,4 +333,4 @@ def cells(
 ) -> Iterator[Cell]:
     """Yield the cells of some rows and columns: those with the same settings follow each other."""
     found = [cell(source, stop, order) for source in sources for stop in stops for order in orders]
-    yield from sorted(found, key=lambda each: str(each.settings))
+    yield from sorted(found, key=lambda each: (len(each.settings), str(each.settings)))
