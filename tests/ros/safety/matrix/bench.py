@@ -97,6 +97,7 @@ class Bench(Operator):
         self._serve_servos()
         self.ros.steady_timer(0.1, self._tick)
         self.ros.steady_timer(0.5, self._half_second)
+        self.ros.steady_timer(0.33, self._third_of_a_second)
         (folder / "library.json").write_text(LIBRARY)
         for node in USUAL:
             self._start(node, {})
@@ -105,6 +106,11 @@ class Bench(Operator):
     def url(self) -> str:
         """Where a browser finds the console."""
         return f"http://127.0.0.1:{self._port}/"
+
+    @property
+    def tells_state(self) -> bool:
+        """Whether there is somebody to publish the mission's state."""
+        return self._runs("mission_orchestrator")
 
     # -- processes --------------------------------------------------------------------------------------
 
@@ -214,6 +220,10 @@ class Bench(Operator):
         self.start_mission()
         self.wait_for(lambda: self.watch.moved(begin, time.time()).metres > 0.15, "the mission drives")
 
+    def _third_of_a_second(self) -> None:
+        if self._strangers:
+            self._strangers[1].publish(Bool(data=False))
+
     def _tick(self) -> None:
         for name in self._stopping:
             self._pages[name].stop(True)
@@ -221,8 +231,6 @@ class Bench(Operator):
             self._drive(self._joystick)
 
     def _half_second(self) -> None:
-        if self._strangers:
-            self._strangers[1].publish(Bool(data=False))
         if self._stranger_stops:
             self._strangers[0].publish(Bool(data=True))
 

@@ -6,6 +6,7 @@ import time
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from lupin_msgs.msg import MissionState
 from tests.ros.safety.matrix.bench import Bench
 from tests.ros.safety.matrix.measure import Moved
 from tests.ros.safety.matrix.table import AFTER, AGAIN, BEFORE, DURING, HELD, LET_GO, Cell
@@ -122,6 +123,9 @@ def _engaged_in_order(bench: Bench, cell: Cell) -> float:
 
 def _watch(bench: Bench, cell: Cell, result: Result, part: str, bound: float) -> None:
     counts = bound + BUSY_S
+    bench.work(counts)
+    counts += bench.watch.waited(bound - 1.0, counts)  # others were kept waiting as well
+    bench.states.clear()
     end = max(time.time(), counts) + WATCHED_S[part]
     bench.work(end)
     _note(bench, result, part, counts, end)
@@ -133,13 +137,14 @@ def _watch(bench: Bench, cell: Cell, result: Result, part: str, bound: float) ->
 def _note(bench: Bench, result: Result, part: str, begin: float, end: float) -> None:
     moved = bench.watch.moved(begin, end)
     result.moved[part] = round(moved.metres, 3), round(moved.radians, 3)
-    state = bench.state
+    bench.wait_for(lambda: bench.states or not bench.tells_state, "what the state says")
+    state = bench.states[-1] if bench.states else MissionState()
     page = bench._pages.get("a")
     shown = page.told.get("/mission/state", {}) if page is not None else {}
     result.said[part] = {
         "lifecycle": state.lifecycle_state,
         "paused": state.paused,
-        "estop_engaged": state.estop_engaged,
+        "estop_engaged": all(each.estop_engaged for each in bench.states),
         "last_error": state.last_error,
         "page": None
         if page is None

@@ -6,7 +6,7 @@ import itertools
 import json
 import threading
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import Any
 
 from websockets.exceptions import ConnectionClosed
@@ -19,7 +19,9 @@ class Page:
     """One connection; a thread keeps what comes."""
 
     def __init__(self, port: int) -> None:
-        self._link = connect(f"ws://127.0.0.1:{port}/_ros", open_timeout=5.0, close_timeout=1.0)
+        self._open = ExitStack()
+        link = connect(f"ws://127.0.0.1:{port}/_ros", open_timeout=5.0, close_timeout=1.0)
+        self._link = self._open.enter_context(link)
         self._numbers = itertools.count(1)
         #: The last message of each topic, answers by id, and the texts of status frames.
         self.told: dict[str, Any] = {}
@@ -70,4 +72,4 @@ class Page:
 
     def close(self) -> None:
         """Leave, as a tab that is closed."""
-        self._link.close()
+        self._open.close()

@@ -43,10 +43,14 @@ def table(newest: Mapping[str, Mapping[str, Any]]) -> str:
     for rule in RULES:
         if rule.letter:
             letters.setdefault(rule.letter, rule.why)
-    legend = "; ".join(f"**{letter}**: {why}" for letter, why in letters.items())
-    return "\n".join(
-        [*lines, "", f"{ZERO}: nothing moves until a person says so; {NONE}: does not apply; {legend}."]
-    )
+    signs = {
+        ZERO: "nothing moves until a person says so",
+        NONE: "does not apply",
+        UNKNOWN: "has not run",
+        **{f"**{letter}**": why for letter, why in letters.items()},
+    }
+    legend = "; ".join(f"{each}: {meaning}" for each, meaning in signs.items())
+    return "\n".join([*lines, "", f"{legend}."])
 
 
 def write_page(page: Path, newest: Mapping[str, Mapping[str, Any]]) -> None:
