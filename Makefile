@@ -4,7 +4,7 @@
 #   ARGS="..."                   further arguments, for run, check, test and mutants
 
 .DEFAULT_GOAL := help
-.PHONY: help run check test audit mutants soak faults docs environment environment-dev clean
+.PHONY: help run check test audit mutants soak faults matrix docs environment environment-dev clean
 
 # Paths stay relative, so that a checkout may lie in a folder with blanks in its name.
 VENV_PYTHON := .venv/bin/python
@@ -19,6 +19,8 @@ help:
 	@echo "make mutants how many small changes to the code the tests notice (ARGS=\"machine sim\" for some rooms only)"
 	@echo "make soak    real nodes for HOURS=2, mission after mission: what they hold, into the folder soak"
 	@echo "make faults  real nodes, a run with faults for each of SEEDS=1-20: the table, and runs.csv in the folder faults"
+	@echo "make matrix  every source of motion with every stop, by real nodes: what moved, into the folder matrix"
+	@echo "             (ARGS=\"--source cmd_vel --stop stop_a\" for some, --defects plants some and looks for them)"
 	@echo "make docs    prove the shipped missions, and build the documentation as a site: open site/index.html"
 	@echo "make clean   remove .venv and all caches of this checkout"
 	@echo "The first run prepares .venv, the first test adds to it; that takes a few minutes, later ones start at once."
@@ -51,6 +53,9 @@ soak: environment-dev
 
 faults: environment-dev
 	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) -m tests.faults.campaign --seeds $(or $(SEEDS),1-20) $(ARGS)
+
+matrix: environment-dev
+	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) -m tests.ros.safety.matrix.run $(ARGS)
 
 # The pages for authors are brought up to date first: what they show is what the commands print.
 docs: environment-dev

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -39,8 +40,11 @@ class RosOutlet(EngineOutlet):
     def value(self, name: str, value: Any, stamp: float) -> None:
         """A live value changed; `stamp` is of the node's clock."""
         # What is told again keeps its moment: reading two clocks a second time would give another one.
-        known = self._last.get(name)
-        at = known[1] if known is not None and known[0] == stamp else self._clock.from_ros(stamp)
+        # What is later stays later, too: who waits between the two reads would have it dropped as older.
+        told, at_least, _ = self._last.get(name, (-math.inf, -math.inf, None))
+        at = at_least if stamp == told else self._clock.from_ros(stamp)
+        if stamp > told:
+            at = max(at, at_least)
         self._last[name] = stamp, at, value
         super().value(name, value, at)
 

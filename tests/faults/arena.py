@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -21,7 +22,18 @@ from lupin_twin.place import store_path
 from lupin_twin.records import Reading
 from lupin_twin.store import StoreError, read
 from tests.faults.cable import FaultyComputers, tell
-from tests.faults.plan import AGGREGATOR, ARM_SIM, NODES, ORCHESTRATOR, ROBOT, Fault, Plan
+from tests.faults.plan import (
+    AGGREGATOR,
+    ARM_SIM,
+    GATEWAY,
+    NODES,
+    ORCHESTRATOR,
+    ROBOT,
+    WATCHDOG,
+    Fault,
+    Plan,
+)
+from tests.faults.strangers import Strangers
 from tests.faults.verdict import name_of
 from tests.ros.world import Operator, World
 
@@ -36,7 +48,7 @@ SETTINGS = {
     "arm_patrol_enabled": True,
 }
 #: What is on the robot's computer.
-ON_THE_ROBOT = (ROBOT, AGGREGATOR, ARM_SIM, "witness", "flood")
+ON_THE_ROBOT = (ROBOT, AGGREGATOR, ARM_SIM, WATCHDOG, "witness", "flood")
 #: What Python does first in each node.
 SITE = """\
 import os, time
@@ -73,6 +85,12 @@ class Machines(World):
         return super().run(node, command)
 
 
+def free_port() -> int:
+    """Return a port that nobody has now."""
+    with socket.create_server(("127.0.0.1", 0)) as found:
+        return int(found.getsockname()[1])
+
+
 class Arena:
     """Nodes, an operator and a witness; faults are put upon them, and lifted."""
 
@@ -92,6 +110,8 @@ class Arena:
         self.track = folder / "track.txt"
         self.world = Machines(folder / "logs", computers)
         self.operator = Operator()
+        self.strangers = Strangers(self.operator.ros)
+        self._settings: dict[str, dict[str, Any]] = {ORCHESTRATOR: SETTINGS, GATEWAY: {"port": free_port()}}
         self.places = {tag.id: (tag.x, tag.y) for tag in load_layout().tags}
         for node in NODES:
             self.start(node)
@@ -100,7 +120,7 @@ class Arena:
 
     def start(self, node: str) -> None:
         """Start a node as it always is."""
-        self.world.start(node, **(SETTINGS if node == ORCHESTRATOR else {}))
+        self.world.start(node, **self._settings.get(node, {}))
 
     def close(self) -> list[str]:
         """End everything; return what did not end by itself."""
@@ -158,6 +178,20 @@ class Arena:
         match fault.kind:
             case "kill" | "terminate" | "power":
                 return self._end(fault)
+            case "bit flip":
+                ended = self._end(fault)
+                self._flip_bit(fault.amount)
+                return ended
+            case "foreign stop":
+                self.strangers.stops = True
+            case "second battery":
+                self.strangers.charge = fault.amount
+            case "long list":
+                self.strangers.entries = int(fault.amount)
+            case "stranger's goal":
+                self.strangers.send_goal()
+            case "refused cancel":
+                self._refuse_cancels(True)
             case "stop":
                 self.process(fault.node).send_signal(signal.SIGSTOP)
             case "disk full":
@@ -188,6 +222,14 @@ class Arena:
                 (self._control / ("sync" if fault.kind == "disk slow" else "clock")).unlink(missing_ok=True)
             case "cut" | "lossy" | "slow":
                 self._cable()
+            case "foreign stop":
+                self.strangers.end_stop(told=bool(fault.amount))
+            case "second battery":
+                self.strangers.end_battery()
+            case "long list":
+                self.strangers.entries = 0
+            case "refused cancel":
+                self._refuse_cancels(False)
 
     def _end(self, fault: Fault) -> list[str]:
         nodes = NODES if fault.kind == "power" else (fault.node,)
@@ -196,6 +238,24 @@ class Arena:
         for node in lives:
             self.process(node).send_signal(number)
         return lives
+
+    def _refuse_cancels(self, on: bool) -> None:
+        """Let navigation refuse to stop; a robot that is started anew does not."""
+        self.strangers.set_fault("refuse_cancel" if on else "none")
+
+    def _flip_bit(self, share: float) -> None:
+        """Flip a bit of the newest journal, at a share of its length."""
+        files = sorted(
+            (self.folder / "state").rglob("journal/*/*.journal"), key=lambda file: file.stat().st_mtime
+        )
+        if not files:
+            return
+        with files[-1].open("r+b") as file:
+            place = int(share * files[-1].stat().st_size)
+            file.seek(place)
+            found = file.read(1)
+            file.seek(place)
+            file.write(bytes([found[0] ^ 4]))
 
     def _fill(self) -> None:
         """Leave no room on the disk."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 ORCHESTRATOR, ROBOT, BRIDGE, TWIN = "mission_orchestrator", "lupin_sim", "greenhouse_bridge", "lupin_twin"
 AGGREGATOR, ARM, ARM_SIM = "perception_aggregator", "lupin_arm", "lupin_arm_sim"
-OTHERS = (ROBOT, BRIDGE, TWIN, AGGREGATOR, ARM, ARM_SIM)
+GATEWAY, WATCHDOG = "lupin_gateway", "nav_watchdog"
+OTHERS = (ROBOT, BRIDGE, TWIN, AGGREGATOR, ARM, ARM_SIM, GATEWAY, WATCHDOG)
 NODES = (ORCHESTRATOR, *OTHERS)
 TAGS = tuple(str(number) for number in range(1, 31) if number != 8)
 
@@ -24,9 +25,17 @@ KINDS = (
     "slow",
     "clock",
     "flood",
+    "foreign stop",
+    "second battery",
+    "refused cancel",
+    "long list",
+    "bit flip",
+    "stranger's goal",
 )
 #: Those of the cable between the orchestrator's computer and the robot's.
 OF_THE_LINK = ("cut", "lossy", "slow")
+#: A stop and a navigation that refuses to stop: the base moves when the stop is let go, and that is reported.
+OF_STOPS = ("foreign stop", "refused cancel")
 #: Those that are put on two computers, and on a disk that is nobody else's: only root has them.
 NEED_ROOT = (*OF_THE_LINK, "disk full")
 #: Metres a second; a run at the lowest speed has one target less. Who searches is fast.
@@ -42,7 +51,9 @@ class Fault:
     """Something that goes wrong `at` seconds after the start of a mission.
 
     `lasts` is in seconds, 0 for what is over at once. `amount` is the share of packets that are lost, the
-    seconds that a packet or the disk takes longer, or the seconds that the clock is set ahead.
+    seconds that a packet or the disk takes longer, the seconds that the clock is set ahead, whether a stop is
+    taken back (1) or falls silent (0), the charge of a battery, the entries of a list, or the place of the
+    bit in the journal, as a share of it.
     """
 
     kind: str
@@ -91,7 +102,9 @@ def plan(seed: int, *, root: bool = True) -> Plan:
     chosen = [kinds[seed % len(kinds)]]
     while len(chosen) < 3 and chance.random() < 0.3:
         # One at a time of the cable, and one of each other kind: what mends one would mend the other.
-        same = set(chosen) | (set(OF_THE_LINK) if set(chosen) & set(OF_THE_LINK) else set())
+        same = set(chosen)
+        for group in (OF_THE_LINK, OF_STOPS):
+            same |= set(group) if same & set(group) else set()
         chosen.append(chance.choice([kind for kind in kinds if kind not in same]))
     speed = chance.choice(SPEEDS)
     tags = tuple(chance.sample(TAGS, 1 if speed == SPEEDS[0] else chance.choice((2, 3))))
@@ -112,6 +125,11 @@ _MEASURES: dict[str, tuple[float, float, tuple[float, ...]]] = {
     "slow": (2.0, 8.0, (0.05, 0.3, 1.0)),
     "clock": (1.0, 5.0, (-3600.0, 3600.0)),
     "flood": (1.0, 4.0, (0.0,)),
+    "foreign stop": (0.5, 5.0, (0.0, 1.0)),
+    "second battery": (1.0, 6.0, (0.05, 0.15)),
+    "refused cancel": (1.0, 6.0, (0.0,)),
+    "long list": (1.0, 4.0, (3000.0, 10_000.0)),
+    "bit flip": (0.0, 0.0, (0.3, 0.6, 0.9)),
 }
 
 
@@ -122,6 +140,7 @@ def fault(kind: str, chance: random.Random) -> Fault:
     if kind == "cut":  # most are short
         lasts = min(most, least * chance.paretovariate(1.2))
     node = _node(chance) if kind in ("kill", "stop", "terminate") else ""
+    node = ORCHESTRATOR if kind == "bit flip" else node
     return Fault(kind, round(chance.uniform(0.0, BEGINS_S), 2), node, round(lasts, 1), chance.choice(amounts))
 
 

@@ -17,7 +17,7 @@ from lupin_engine.ros.adapter.process import StoodStill
 from lupin_msgs.msg import Observation
 from tests.faults.arena import Arena
 from tests.faults.plan import ORCHESTRATOR, Fault, Plan
-from tests.faults.verdict import OK, Lost, Outcome, Seen, name_of
+from tests.faults.verdict import BOUND_S, OK, STOP_S, Lost, Outcome, Seen, name_of
 
 #: A run takes at most so many seconds after its last fault.
 LIMIT_S = 90.0
@@ -76,6 +76,11 @@ class Run:
         self._gone |= (ended := set(self._arena.put(fault)))
         if ORCHESTRATOR in ended or fault.kind == "cut" or (fault.kind, fault.node) == ("stop", ORCHESTRATOR):
             self._seen.lost.append(Lost(str(fault), now))
+        if fault.kind == "foreign stop":
+            alone = len(self._plan.faults) == 1
+            self._seen.lost.append(Lost(str(fault), now, bound=STOP_S if alone else BOUND_S, by_stop=True))
+        if fault.kind == "stranger's goal":
+            self._seen.strange.append(now)
         self._at(now + fault.lasts, lambda: self._lift(fault))
 
     def _lift(self, fault: Fault) -> None:

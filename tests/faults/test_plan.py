@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from tests.faults.campaign import seeds_of, table
-from tests.faults.plan import KINDS, NEED_ROOT, NODES, OF_THE_LINK, Fault, Plan, plan
-from tests.faults.verdict import Lost, Outcome, Seen, driven, name_of, problems
+from tests.faults.plan import KINDS, NEED_ROOT, NODES, OF_STOPS, OF_THE_LINK, Fault, Plan, plan
+from tests.faults.verdict import STOP_S, Lost, Outcome, Seen, driven, name_of, problems
 
 PLAN = Plan(0, ("1", "5"), 2.0, (Fault("kill", 1.0, "mission_orchestrator"),), 0.5)
 PLACES = {"1": (1.0, 0.0), "5": (5.0, 0.0), "7": (7.0, 0.0)}
@@ -40,6 +40,7 @@ def test_no_two_faults_are_mended_by_the_same_means() -> None:
         kinds = [fault.kind for fault in plan(seed).faults]
         assert len(set(kinds)) == len(kinds), seed
         assert sum(kind in OF_THE_LINK for kind in kinds) <= 1, seed
+        assert sum(kind in OF_STOPS for kind in kinds) <= 1, seed
 
 
 def test_without_root_there_are_others() -> None:
@@ -136,6 +137,23 @@ def test_what_the_computer_kept_waiting_is_allowed_on_top() -> None:
     assert problems(PLAN, seen, PLACES) != []
     seen.pulses = [1.5, 2.0, 3.5, 4.0, 9.0]
     assert problems(PLAN, seen, PLACES) == []
+
+
+def test_under_a_stop_it_stands_sooner_and_what_a_stranger_sends_waits_for_nobody() -> None:
+    """Without a stop a goal of somebody else is carried out, also while no orchestrator is heard."""
+    seen = sound()
+    seen.track = [(0.1 * step, 0.1 * step, 0.0) for step in range(40)]
+    seen.lost = [Lost("kill", 2.0, 9.0)]
+    assert problems(PLAN, seen, {}) == []
+    seen.lost = [Lost("foreign stop", 2.0, 9.0, STOP_S, by_stop=True)]
+    assert problems(PLAN, seen, {}) == [
+        "1.90 m in 1.9 s after foreign stop; allowed are 1.2 s at 2 m/s",
+    ]
+    seen.track = [(0.1 * step, 0.1 * step, 0.0) for step in range(100)]
+    seen.strange = [3.0]
+    assert len(problems(PLAN, seen, {})) == 1
+    seen.lost = [Lost("kill", 2.0, 9.0)]
+    assert problems(PLAN, seen, {}) == []
 
 
 def test_a_process_that_ended_by_itself_is_told() -> None:

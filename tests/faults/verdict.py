@@ -14,6 +14,8 @@ OK = 0
 #: Seconds until the robot stands when its orchestrator is not heard, by `docs/safety.md`; and what processes
 #: that share two cores with others are kept waiting, beside what the witness saw of it.
 BOUND_S, BUSY_S = 2.25, 1.0
+#: The same when a stop is told.
+STOP_S = 0.05
 #: A robot that read a tag had been so near to it, in metres.
 NEAR_M = 1.6
 #: Where a simulated robot is that was started again, after as many seconds without a word at least: no drive.
@@ -31,11 +33,17 @@ def name_of(tag: str, source: str) -> str:
 
 @dataclass(frozen=True)
 class Lost:
-    """A time, of the monotonic clock, in which nobody may drive the robot; `end` is infinite meanwhile."""
+    """A time, of the monotonic clock, in which nobody may drive the robot; `end` is infinite meanwhile.
+
+    `bound` is after how many seconds it stands. A goal that a stranger sends meanwhile is carried out, unless
+    it is a stop that holds the robot.
+    """
 
     why: str
     begin: float
     end: float = math.inf
+    bound: float = BOUND_S
+    by_stop: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,6 +70,8 @@ class Seen:
     pulses: list[float] = field(default_factory=list)
     #: Processes that ended although nobody ended them.
     ended: list[str] = field(default_factory=list)
+    #: When somebody else has sent the robot a goal.
+    strange: list[float] = field(default_factory=list)
     resumes: int = 0
     #: How many targets the mission had, as it said when it was DONE.
     total: int | None = None
@@ -132,8 +142,10 @@ def waited(pulses: Sequence[float], begin: float, end: float) -> float:
 
 
 def _of_motion(plan: Plan, seen: Seen, lost: Lost) -> str:
+    if not lost.by_stop and any(lost.begin <= sent <= lost.end for sent in seen.strange):
+        return ""
     far, last = driven(seen.track, lost.begin, lost.end)
-    allowed = BOUND_S + BUSY_S + waited(seen.pulses, lost.begin, lost.end)
+    allowed = lost.bound + BUSY_S + waited(seen.pulses, lost.begin, lost.end)
     if far <= plan.speed * allowed + 0.1 and last <= allowed:
         return ""
     return f"{far:.2f} m in {last:.1f} s after {lost.why}; allowed are {allowed:.1f} s at {plan.speed:g} m/s"
