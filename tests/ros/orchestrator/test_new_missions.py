@@ -220,6 +220,28 @@ def test_a_binding_reaches_what_the_owner_of_the_robot_allows(
     desk.offered("PatrolMission")
 
 
+LAMP = """\
+actions:
+  lamp:
+    summary: Tell what somebody else tells.
+    topic: {name: /joint_states, type: std_msgs/msg/Bool}
+    with: {data: true}
+"""
+
+
+def test_a_binding_does_not_publish_what_a_plugin_publishes(world: World, desk: Desk, missions: Path) -> None:
+    """Who may subscribe to it may not publish it, whatever a pattern of the owner says."""
+    (missions.parent / "lupin.yaml").write_text("allow: {publish: /*}", encoding="utf-8")
+    start_all(world, missions)
+    desk.in_state("READY")
+    file = drop_patrol(missions, *ONE_ROUND, binding=(("operations:", f"{LAMP}operations:"),))
+    assert desk.problem().startswith(
+        f"{file}:10:19: error: actions.lamp.topic: it is not allowed to publish on the topic '/joint_states', "
+        "which belongs to plugin 'arm'; write /joint_states, without '*', under 'allow: publish' in "
+    )
+    assert [mission["mission"] for mission in desk.offers[-1]["missions"]] == ["InspectionMission"]
+
+
 def test_an_emergency_stop_outlives_new_missions(
     world: World, desk: Desk, missions: Path, make_node: Callable[..., RosNode]
 ) -> None:
