@@ -167,6 +167,8 @@ def test_who_runs_the_machine_releases_the_engines_holds_only() -> None:
     made.send(Event(RELEASED, {"hold": RESTARTED}))
     made.send(Event(RELEASED, {"hold": RESTARTED}))
     assert made.machine.memory.held == ["pause", UNRECORDED]
+    made.send("operator.resume")  # a person's, and the policy's in journals of before
+    assert made.machine.memory.held == []
 
 
 def test_the_release_of_the_last_hold_goes_on() -> None:
