@@ -57,7 +57,10 @@ NAV = Plugin(
         "home_pose": Function("Where the dock is.", POSE, lambda _: dict, {"pose": Argument(POSE, "pose")}),
     },
     values={"robot.pose": LiveValue("Where the robot is.", POSE, freshness=2.0)},
-    events={"blocked": EventKind("Something stands in the way.", {"where": POSE, "seconds": DURATION})},
+    events={
+        "blocked": EventKind("Something stands in the way.", {"where": POSE, "seconds": DURATION}),
+        "battery_silent": EventKind("Its charge is unknown.", {"source": TEXT}),
+    },
     parameters={"dock_pose": Parameter(POSE, {"x": 0.0, "y": 0.0, "yaw": 0.0}, "where the dock is")},
 )
 BRIDGE = Plugin(
@@ -80,6 +83,7 @@ BRIDGE = Plugin(
     values={
         "robot.estop": LiveValue("E-stop.", BOOL),
         "robot.battery": LiveValue("Charge.", NUMBER, initial=1.0),
+        "robot.battery_source": LiveValue("Who tells it.", TEXT, initial=""),
     },
     types={"tag": TAG},
     readers={"tag": Reader(Code("unknown_tag", "unknown tag"), lambda _: lambda value: value)},

@@ -334,6 +334,7 @@ SEEN_LIVE = {
     **dict.fromkeys(("configuration", "taken", "exited", "entered"), "the state in the view"),
     "commands": "the operations under way",
     "notes": "the node's log",
+    "broken": "the code that each reports",
     **dict.fromkeys(("accepted", "refusal"), "the answer of the service"),
 }
 

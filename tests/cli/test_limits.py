@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
@@ -75,15 +74,23 @@ MISSIONS = {
 }
 
 
+#: Runs a command from a small process: Linux counts the memory of who starts a program as the program's.
+MEASURED = """
+import os, subprocess, sys
+process = subprocess.Popen(sys.argv[2:], stdout=open("printed", "w"), stderr=subprocess.STDOUT)
+_, status, used = os.wait4(process.pid, 0)
+process.returncode = os.waitstatus_to_exitcode(status)
+print(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, process.returncode)
+"""
+
+
 def costs(folder: Path, *arguments: str) -> tuple[float, float, int, str]:
     """Run `lupin`, and return seconds of the processor, megabytes, its exit code and what it printed."""
-    lupin = Path(sys.executable).with_name("lupin")
-    with (folder / "printed").open("w+") as printed:
-        process = subprocess.Popen([lupin, *arguments], cwd=folder, stdout=printed, stderr=printed)
-        _, status, used = os.wait4(process.pid, 0)
-        process.returncode = code = os.waitstatus_to_exitcode(status)
-        printed.seek(0)
-        return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, code, printed.read()
+    lupin = str(Path(sys.executable).with_name("lupin"))
+    measured = [sys.executable, "-c", MEASURED, "", lupin, *arguments]
+    found = subprocess.run(measured, cwd=folder, capture_output=True, text=True, check=True)
+    seconds, megabytes, code = found.stdout.split()
+    return float(seconds), float(megabytes), int(code), (folder / "printed").read_text(encoding="utf-8")
 
 
 @pytest.fixture

@@ -73,7 +73,7 @@ CASES = {
     ),
     "events": (
         INSPECTION, "        on_error: FAULT", "        on:\n          op|",
-        [*REQUESTS, "input.estop", "input.battery.low"], 9,
+        [*REQUESTS, "input.estop", "input.battery.low"], 10,
     ),
     "requests that release": (LIFECYCLE, "release: operator.resume", "release: |", REQUESTS, 7),
     "what engages": (LIFECYCLE, "engage: input.estop", "engage: |", [*REQUESTS, "input.estop"], 9),
@@ -117,7 +117,7 @@ CASES = {
     "types of elements": (INSPECTION, "type: list of tag", "type: list of |", ["bool", "text"], 0),
     "live values": (
         LIFECYCLE, "value: robot.estop", "value: |",
-        ["plugins.missing", "robot.pose", "robot.battery", "robot.estop"], 0,
+        ["plugins.missing", "robot.pose", "robot.battery", "robot.battery_source"], 0,
     ),
     "parameters, the nearest first": (
         INSPECTION, "${ param.localization_timeout_s }", "${ param.|",

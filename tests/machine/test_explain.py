@@ -209,6 +209,7 @@ def test_in_ready() -> None:
         "operator.resume": "resume is not possible in READY because nothing is paused",
         "operator.skip_current": "skip_current is not possible in READY; it is possible in INSPECTING",
         "input.battery.low": "nobody listens to it here",
+        "nav.battery_silent": "on.nav.battery_silent.0",
     }
 
 
@@ -223,6 +224,7 @@ def test_in_a_drive() -> None:
         "operator.resume": "resume is not possible in INSPECTING NAVIGATING because nothing is paused",
         "operator.skip_current": f"{NAVIGATING}.on.operator.skip_current.0",
         "input.battery.low": "it is not true now",
+        "nav.battery_silent": "on.nav.battery_silent.0",
     }
 
 
