@@ -51,7 +51,7 @@ def test_a_false_of_somebody_else_never_releases_the_stop_of_pages(
 ) -> None:
     """Its gateway has died, and another one that knows nothing of the stop says false."""
     stops, now = fold(), 0.0
-    stops.heard(PAGES, True, frozenset("dead"), now)
+    stops.heard(PAGES, True, frozenset({"dead"}), now)
     for writers, later in told:
         now += later
         stops.heard(PAGES, False, writers, now)
@@ -130,3 +130,15 @@ def test_time_is_looked_at_only_while_it_may_change_something() -> None:
     assert stops.waits
     stops.look(2.0)
     assert not stops.waits
+
+
+def test_a_gateway_that_was_started_again_releases_its_stop_also_at_once() -> None:
+    """Its predecessor is known for 20 s more: who said true cannot be told, so the release counts later."""
+    stops = fold()
+    stops.heard(PAGES, True, frozenset({"dead"}), 0.0)
+    stops.heard(PAGES, True, frozenset({"dead", "new"}), 1.0)
+    stops.heard(PAGES, False, frozenset({"dead", "new"}), 2.0)
+    stops.heard(PAGES, False, frozenset({"new"}), 1.0 + LIVING_S - 0.1)
+    assert stops.state.sources == (PAGES,)
+    stops.heard(PAGES, False, frozenset({"new"}), 1.0 + LIVING_S)
+    assert not stops.state.engaged

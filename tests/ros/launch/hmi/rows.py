@@ -15,7 +15,7 @@ ORCHESTRATOR, AGGREGATOR, TWIN, ARM = (
     "lupin_arm",
 )
 ROBOT, SERVOS = "lupin_sim", "lupin_arm_sim"
-WATCHDOG, GATEWAY = "nav_watchdog", "lupin_gateway"
+WATCHDOG = "nav_watchdog"
 
 # --- what the panel uses ----------------------------------------------------------------------------------
 
@@ -42,7 +42,7 @@ READ_BESIDE = {
 TOLD = {
     "/goal_pose": ("geometry_msgs/PoseStamped", {ROBOT}),
     "/cmd_vel": ("geometry_msgs/Twist", {ROBOT}),
-    STOP_TOPIC: ("std_msgs/Bool", {ROBOT, ARM, ORCHESTRATOR, WATCHDOG, GATEWAY}),
+    STOP_TOPIC: ("std_msgs/Bool", {ROBOT, ARM, ORCHESTRATOR, WATCHDOG}),
 }
 #: Services that it calls: type, and who of ours answers.
 CALLED = {
