@@ -12,7 +12,7 @@ process of its own, on the same domain, one after the other:
   123 x 108 cells, a path of 200 poses). Latency is from the publication to the page, over DDS and socket;
 * flood: the same pages, all twelve topics at 20 Hz;
 * stop: one more page says stop and go in turn, while its own call of a service hangs that never answers;
-  latency is from the page to the subscriber of `/lupin/hmi/estop`. Idle, and during the flood;
+  latency is from the page to the subscriber of `/lupin/gateway/stop`. Idle, and during the flood;
 * field: one page asks for a field of 200 x 100 cells, one call after the other.
 """
 
@@ -103,7 +103,7 @@ class World:
         self.sent: dict[str, list[int]] = defaultdict(list)
         self.heard: list[tuple[float, bool]] = []
         self.hung = _role("hang")
-        self.node.create_subscription(Bool, ESTOP, self._hear, 10)
+        self.node.create_subscription(Bool, "/lupin/gateway/stop", self._hear, 10)
         self.node.create_service(GetField, "/twin/get_field", self._field)
         self._topics = {
             name: (self.node.create_publisher(type(message), name, 10), message, hz)

@@ -7,7 +7,7 @@ The gateway is a process of its own, open, with TLS and tokens. A crowd, one mor
 connections that say nothing and so many that send the head of a request byte by byte, and opens each anew
 three seconds after it was ended; all on loopback. In turn there is nobody, a crowd of one address, one of the
 operator's own address, and one of 500 addresses. Meanwhile an operator who is in says stop and go in turn;
-latency is from the page to a subscriber of `/lupin/hmi/estop`. Another one comes in anew again and again,
+latency is from the page to a subscriber of `/lupin/gateway/stop`. Another one comes in anew again and again,
 from the first packet to the open connection. With `chrt` the crowd comes last: it is on other computers.
 """
 
@@ -160,7 +160,7 @@ class Operator:
         self._executor = SingleThreadedExecutor()
         node = rclpy.create_node("strangers")
         self._executor.add_node(node)
-        node.create_subscription(Bool, "/lupin/hmi/estop", lambda told: self._heard.append(told.data), 10)
+        node.create_subscription(Bool, "/lupin/gateway/stop", lambda told: self._heard.append(told.data), 10)
         self._page = self._until(self.come_in, "the gateway")
 
     def come_in(self) -> ClientConnection | None:
