@@ -231,7 +231,11 @@ def test_a_chart_without_the_hold_that_is_engaged_is_refused(load: Callable[...,
     """A stop that nothing could release, or that was forgotten, would be worse than old missions."""
     robot = Robot(load()).ready()
     robot.value("robot.estop", True)
-    renamed = (("  estop:      ", "  stop:       "), ("during: estop", "during: stop"), ("pause, estop]", "pause, stop]"))
+    renamed = (
+        ("  estop:      ", "  stop:       "),
+        ("during: estop", "during: stop"),
+        ("pause, estop]", "pause, stop]"),
+    )
     other = load(*renamed, patrol=True, inspection=False)
     with pytest.raises(SnapshotError, match="there is no hold 'estop'"):
         successor(robot.machine, make_world(other, {}))

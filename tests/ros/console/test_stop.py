@@ -29,7 +29,9 @@ class Robot:
     def __init__(self) -> None:
         self.ros = RosNode("hears_stops")
         self.heard: list[bool] = []
-        self.ros.subscribe(Bool, ESTOP, Qos.EVENT, lambda message: self.heard.append(message.data))
+        self.ros.subscribe(
+            Bool, "/lupin/gateway/stop", Qos.LATCHED, lambda message: self.heard.append(message.data)
+        )
 
     def is_told(self, stopped: bool, limit: float = AT_ONCE) -> None:
         """Wait until the stop is heard as it is said; what was heard before does not count."""
