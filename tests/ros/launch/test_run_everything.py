@@ -36,6 +36,7 @@ KINDS = {"topic": "msg", "service": "srv", "action": "action"}
 SHOWN = ("lupin_msgs/", "lupin_engine_msgs/")
 ORCHESTRATOR, BRIDGE, AGGREGATOR = "/mission_orchestrator", "/greenhouse_bridge", "/perception_aggregator"
 TWIN, ARM, ROBOT, HMI = "/lupin_twin", "/lupin_arm", "/lupin_sim", "HMI"
+WATCHDOG = "/nav_watchdog"
 #: It hears what pages want, and keeps the past of some topics: that is no part of the interface.
 GATEWAY = "/lupin_gateway"
 
@@ -60,9 +61,10 @@ SEED: dict[str, Ends] = {
     "/lupin/arm/library/delete": ({ARM}, set()),
 }
 #: Who reads or calls more than the document says: the simulated robot ends its faults with the mission, the
-#: arm is left to a mission that begins, and an idle aggregator reads the climate of the tags in sight.
+#: arm is left to a mission that begins, the watchdog listens whether an orchestrator is heard, and an idle
+#: aggregator reads the climate of the tags in sight.
 BEYOND: dict[str, set[str]] = {
-    "/mission/state": {ROBOT, ARM},
+    "/mission/state": {ROBOT, ARM, WATCHDOG},
     "/greenhouse_bridge/get_tag_reading": {AGGREGATOR},
 }
 

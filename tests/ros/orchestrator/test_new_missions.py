@@ -236,7 +236,8 @@ def test_a_binding_does_not_publish_what_a_plugin_publishes(world: World, desk: 
     desk.in_state("READY")
     file = drop_patrol(missions, *ONE_ROUND, binding=(("operations:", f"{LAMP}operations:"),))
     assert desk.problem().startswith(
-        f"{file}:10:19: error: actions.lamp.topic: it is not allowed to publish on the topic '/joint_states', "
+        f"{file}:10:19: error: actions.lamp.topic: it is not allowed to publish on the topic "
+        "'/joint_states', "
         "which belongs to plugin 'arm'; write /joint_states, without '*', under 'allow: publish' in "
     )
     assert [mission["mission"] for mission in desk.offers[-1]["missions"]] == ["InspectionMission"]

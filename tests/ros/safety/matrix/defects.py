@@ -190,7 +190,7 @@ DEFECTS = (
     Defect(
         "door_open_for_twists",
         "pages drive under a stop",
-        "lupin_gateway.motion",
+        "lupin_gateway.motion.names",
         "MotionNames.published = lambda self, *_: False",
         "cmd_vel",
         "e_stop_state",
