@@ -10,7 +10,8 @@
 * idle: processor time of all processes of the browser, each view open in READY, and during a mission;
 * five: processor time of the gateway and of the browser with five consoles open in a mission, and how long
   a stop takes to a reader of `/lupin/gateway/stop`: of a client that draws nothing, alone and beside them,
-  also with pages that draw when nobody else wants the processor, as on other computers, and of one of the pages;
+  also with pages that draw when nobody else wants the processor, as on other computers, and of one of the
+  pages;
 * memory: JavaScript's heap after collecting garbage, every half minute of missions that follow each other,
   while the page shows one view after the other; `--compare 5 10` tells which objects became more between two
   minutes.

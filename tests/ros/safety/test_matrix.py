@@ -1,4 +1,4 @@
-"""The table of the matrix is whole, and its planted defects take away what there is; `make matrix` walks it."""
+"""The table of the matrix is whole, and its planted defects change what there is; `make matrix` walks it."""
 
 from __future__ import annotations
 
