@@ -105,16 +105,16 @@ OF_ROS = {"use_sim_time", "start_type_description_service"}
 #: Lower and upper end of what is allowed; where nothing stands a number is free.
 RANGES: dict[str, tuple[float, float]] = {
     "state_publish_rate_hz": (0.1, float("inf")),
-    "nav_max_attempts": (1, 2**63 - 1),
-    "dock_retry_max": (0, 2**63 - 1),
-    "discovery_goal": (1, 2**63 - 1),
-    "monitoring_sweeps": (0, 2**63 - 1),
+    "nav_max_attempts": (1, 2**53 - 1),
+    "dock_retry_max": (0, 2**53 - 1),
+    "discovery_goal": (1, 2**53 - 1),
+    "monitoring_sweeps": (0, 2**53 - 1),
     "battery_low_threshold": (0.0, 1.0),
     "frontier_free_thresh": (0, 100),
     "frontier_occupied_thresh": (0, 100),
     "frontier_clearance_occupied_thresh": (0, 100),
-    "frontier_min_cluster_cells": (1, 2**63 - 1),
-    "frontier_robot_radius_cells": (-1, 2**63 - 1),
+    "frontier_min_cluster_cells": (1, 2**53 - 1),
+    "frontier_robot_radius_cells": (-1, 2**53 - 1),
 }
 #: Any number is a heading, and a standoff out of reach is clamped where it is used.
 WITHOUT_RANGE = {"approach_yaw", "approach_standoff_m"}
