@@ -46,6 +46,10 @@ class Node:
     def parameters(self) -> dict[str, Any]:
         return self._given
 
+    @staticmethod
+    def guarded(callback: Callable[..., None]) -> Callable[..., None]:
+        return callback
+
     def elapsed(self) -> float:
         return float(next(self._clock))
 
