@@ -143,7 +143,7 @@ def seen_in_a_run(
         world = World(folder)
         stack.callback(world.stop)
         port = free_port()
-        for node in ("perception_aggregator", "lupin_twin", "lupin_arm", "lupin_arm_sim"):
+        for node in ("perception_aggregator", "lupin_twin", "lupin_arm", "lupin_arm_sim", "nav_watchdog"):
             world.start(node)
         world.start_all()
         world.start("lupin_gateway", port=port)
@@ -165,13 +165,13 @@ def seen_in_a_run(
             }
 
         operator.in_state("READY")
-        look()
+        # Before the mission, which would have the base for itself.
+        _of_page(port)
+        operator.until(look, "the page's publishers and clients")
         request = StartMission.Request(mission_type="ExplorationMission", discovery_goal=1)
         assert operator.call(StartMission, "/mission/start", request).accepted
         explores = ("/mission_orchestrator", ("topic", "subscribe", "/map"))
         operator.until(lambda: look() or explores in ends, "the map, which it hears while it explores")
-        _of_page(port)
-        operator.until(look, "the page's publishers and clients")
     return ends
 
 
