@@ -164,10 +164,10 @@ def end(world: World) -> None:
 
 
 def limited(world: World, *parameters: str) -> None:
-    """Start an orchestrator whose files may have 8 kB."""
+    """Start an orchestrator whose files may have 10 kB."""
     lupin = shlex.quote(str(Path(sys.executable).with_name("lupin")))
     given = " ".join(["--ros-args", "-p", "estop_timeout_s:=10.0", *parameters])
-    command = f"ulimit -f 8; exec {lupin} node mission_orchestrator {given} > /dev/null 2> >(cat >&2)"
+    command = f"ulimit -f 10; exec {lupin} node mission_orchestrator {given} > /dev/null 2> >(cat >&2)"
     world.run("mission_orchestrator", ["bash", "-c", command])
 
 
