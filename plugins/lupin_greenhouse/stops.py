@@ -83,7 +83,7 @@ class _Source:
         if writers == self.writers and len(writers) == 1:
             return True
         # A gateway that was started again is one of two for a while, of which the dead one then goes.
-        return writers <= self.writers and quiet >= LIVING_S
+        return bool(writers) and writers <= self.writers and quiet >= LIVING_S
 
     def look(self, now: float) -> None:
         if now - self.last_true >= self.rule.forgotten_after:

@@ -45,7 +45,7 @@ def test_no_message_of_another_source_releases_a_stop(
         assert held in stops.state.sources
 
 
-@given(st.lists(st.tuples(st.sampled_from((A, B, BOTH)), st.floats(0, 100)), min_size=1))
+@given(st.lists(st.tuples(st.sampled_from((A, B, BOTH, frozenset[str]())), st.floats(0, 100)), min_size=1))
 def test_a_false_of_somebody_else_never_releases_the_stop_of_pages(
     told: list[tuple[frozenset[str], float]],
 ) -> None:
