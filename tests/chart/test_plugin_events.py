@@ -9,13 +9,14 @@ import pytest
 from lupin_engine.errors import PluginError
 from lupin_engine.plugin.contract import EventKind, Plugin
 from lupin_engine.plugin.registry import RESERVED_EVENTS, Catalog, build_catalog
-from lupin_engine.plugin.types import DURATION, POSE
+from lupin_engine.plugin.types import DURATION, POSE, TEXT
 
 
 def test_a_catalog_names_events_in_full(catalog: Catalog) -> None:
     """As operations and actions are."""
     assert {name: dict(kind.fields) for name, kind in catalog.events.items()} == {
-        "nav.blocked": {"where": POSE, "seconds": DURATION}
+        "nav.battery_silent": {"source": TEXT},
+        "nav.blocked": {"where": POSE, "seconds": DURATION},
     }
 
 

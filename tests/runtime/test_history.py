@@ -98,10 +98,10 @@ def test_what_is_under_way_is_open() -> None:
 
 
 def test_holds_and_broken_invariants_are_known_by_when_they_appear() -> None:
-    """The list after each step is compared with the one before."""
+    """Holds after each step are compared with those before; a step itself says which invariants broke."""
     history = History()
-    for second, (held, broken) in enumerate([((), ()), (("a",), ("i",)), (("a", "b"), ("i",)), (("b",), ())]):
-        history.take(read_step({"time": second, "event": "x", "sequence": second}), held, broken)
+    for second, (held, broken) in enumerate([((), []), (("a",), ["i"]), (("a", "b"), []), (("b",), [])]):
+        history.take(read_step({"time": second, "event": "x", "sequence": second, "broken": broken}), held)
     assert history.held == [(1.0, ("a",)), (2.0, ("a", "b")), (3.0, ("b",))]
     assert [(step.sequence, name) for step, name in history.holds] == [(1, "a"), (2, "b")]
     assert [(step.sequence, name) for step, name in history.broken] == [(1, "i")]

@@ -155,17 +155,17 @@ def test_a_velocity_is_obeyed_for_its_time_and_not_beyond_what_the_robot_can() -
     robot.obey(9.0, 0.0, 100.5)
     robot.advance(101.0)
     assert (robot.pose, robot.by_hand) == (FloorPose(0.25, 0.0, 0.0), False)
-    robot.obey(0.5, 0.5 * math.pi, 103.0)
-    for tick in range(11):  # a quarter turn in a second, however it is cut: the arc of a circle
+    robot.obey(0.5, 0.25 * math.pi, 104.0)
+    for tick in range(21):  # a quarter turn in two seconds, however it is cut: the arc of a circle
         robot.advance(101.0 + 0.1 * tick)
-    radius = 0.5 / (0.5 * math.pi)
+    radius = 0.5 / (0.25 * math.pi)
     assert (robot.pose.x, robot.pose.y) == pytest.approx((0.25 + radius, radius))
     assert robot.pose.yaw == pytest.approx(math.pi / 2)
     robot.braked = True
-    robot.advance(102.5)
+    robot.advance(103.2)
     robot.braked = False
     robot.halt()
-    robot.advance(103.0)
+    robot.advance(103.8)
     assert (robot.pose.x, robot.pose.y) == pytest.approx((0.25 + radius, radius))
 
 
