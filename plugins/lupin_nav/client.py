@@ -297,10 +297,11 @@ class NavClient:
             self._report("robot.battery", fraction)
 
     def _on_estop(self, state: StopState) -> None:
+        # The stop leaves first, whatever the rest does.
+        self._report("robot.estop", state.engaged)
         if state.engaged:
             self._ros.log.warning(self._estop.reason)
         self._ros.trouble("stop", self._estop.reason)
-        self._report("robot.estop", state.engaged)
 
     def _report(self, name: str, value: Any) -> None:
         if not self._closed:

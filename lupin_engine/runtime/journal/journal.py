@@ -55,8 +55,9 @@ SNAPSHOT_BYTES, SNAPSHOT_TIMES = 262_144, 8
 PART_BYTES, IDLE_BYTES = 16_777_216, 1_048_576
 #: How many files about no mission are kept.
 KEPT_IDLE = 3
-#: A disk that has not answered for so many seconds counts as failed.
-PATIENCE_S = 2.0
+#: A disk that has not answered for so many seconds counts as failed. Memory cards pause for seconds now and
+#: then; what must be on the disk first waits meanwhile, and stops never do.
+PATIENCE_S = 10.0
 #: The clock on the wall was set when it moved by so much against the machine's, in nanoseconds.
 _WALL_NS = 5_000_000
 #: How the name of a file begins: UTC and milliseconds.

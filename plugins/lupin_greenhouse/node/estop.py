@@ -50,6 +50,7 @@ class StopListener:
         self._period = min(timeout or QUIET_S, QUIET_S) / LOOKS
         self._looking = Repeater(ros.steady_timer, self._period, self._look)
         self.state = StopState()
+        self._reported: StopState | None = self.state
         for source, name in self._topics.items():
             qos = Qos.LATCHED if source == PAGES else Qos.EVENT
             ros.subscribe(Bool, name, qos, partial(self._on_message, source))
@@ -100,10 +101,12 @@ class StopListener:
         self._tell(False)
 
     def _tell(self, is_first: bool) -> None:
-        before, self.state = self.state, self._fold.state
+        self.state = self._fold.state
         if self._fold.waits:
             self._looking.start()
         else:
             self._looking.stop()
-        if is_first or self.state != before:
+        if is_first or self.state != self._reported:
+            self._reported = None  # if it raises it is called again, with the next message or look
             self._changed(self.state)
+            self._reported = self.state

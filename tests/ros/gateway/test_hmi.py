@@ -157,15 +157,14 @@ def test_topics(
 def test_publications(
     version: str, gateway: Callable[..., str], page: OpenPage, make_node: Callable[..., RosNode]
 ) -> None:
-    """The first message of each arrives."""
+    """The first message of each arrives; STOP comes last, for it keeps back every motion behind it."""
     ros = make_node("robot")
     heard: dict[str, list[Any]] = {name: [] for name, *_ in PUBLISHES}
     for name, kind, *_ in PUBLISHES:
         ros.subscribe(kind, name, Qos.EVENT, heard[name].append)
     one = page(gateway(engineer_names="[]"), ros, version=version)
-    for name, kind, message, _, _ in PUBLISHES:
+    for name, kind, message, read, expected in PUBLISHES:
         one.publish(name, short(kind), message)
-    for name, _, _, read, expected in PUBLISHES:
         one.until(lambda n=name, r=read, e=expected: e in map(r, heard[n]), name)
     assert one.status() == []
 

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.timeout(300)
 
 
 #: Seconds within which a journal that raised is written again.
-WRITES_AGAIN = 15.0
+WRITES_AGAIN = 30.0
 
 
 class Raising(Wire):
@@ -86,9 +86,12 @@ def test_whatever_raises_a_stop_stops(wire: Raising, stop: str) -> None:
         )
         end = time.monotonic() + WRITES_AGAIN
         while not (answer := wire.operator.ask("resume")).success:
-            # A journal that raised is begun anew; until then nothing moves.
-            assert "the journal cannot be written" in answer.message, f"{name}: {answer.message}"
-            assert time.monotonic() < end, name
+            # A journal that raised is begun anew; until then nothing moves. Its failure alone may have
+            # stopped the robot, with the levels of the e-stop still on their way; a silent one is a stop.
+            waits = ("the journal cannot be written", "e-stop engaged")
+            assert any(word in answer.message for word in waits), f"{name}: {answer.message}"
+            assert time.monotonic() < end, f"{name}: {answer.message}"
+            wire.estop(False)
             wire.ros.spin_once(0.2)
         wire.until_driving(drives + 1)
     assert failed == []
