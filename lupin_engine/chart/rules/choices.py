@@ -55,9 +55,27 @@ def never_wins(index: Index) -> Iterator[Diagnostic]:
             yield Diagnostic(guard.place, "never-wins", f"{call.path}.if", problem, hint)
     for group in index.groups:
         yield from _hidden_by_earlier(index, group)
+    for state in index.states:
+        yield from _hidden_by_deadline(index, state)
     for state in index.outer:
         if not state.slot:  # which missions stand in it is not known here
             yield from _hidden_by_inner(index, state)
+
+
+def _hidden_by_deadline(index: Index, state: State) -> Iterator[Diagnostic]:
+    """Find deadlines that are not before another one of the same state, which always leaves it."""
+    due = {timer.event: timer.due.value for timer in state.timers if isinstance(timer.due, Constant)}
+    after = [t for t in state.transitions if t.event in due and t.event.startswith("after.")]
+    leaving = [t for t in after if t.target is not None and always_taken(t)]
+    if not leaving:
+        return
+    first = min(leaving, key=lambda t: due[t.event])  # of equal ones the first that is written
+    for later in after:
+        at, limit = due[later.event], due[first.event]
+        if at > limit or (at == limit and after.index(later) > after.index(first)):
+            when = "at the same time" if at == limit else "earlier"
+            problem = f"{_NEVER}: {when} the deadline in {line_of(first.place, later.place)} leaves the state"
+            yield warning(later.place, "never-wins", later.id, problem, "shorten it, or remove it")
 
 
 def _never_true(transition: Transition) -> bool:
