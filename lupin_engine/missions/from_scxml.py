@@ -60,6 +60,9 @@ class _Importer:
         self._binding = binding
         self._own = own
         self._notes = Notes()
+        if own:
+            told = "'lupin diagram' wrote this: the lifecycle comes in as states, without what it declares"
+            self._notes.tell(root, f"{told}; rather use the mission's own file")
         self._names: dict[Element, str] = {}
         self._written = 0
         self._name_states(root, set())
@@ -202,6 +205,9 @@ class _Importer:
         for invoke in state.all("invoke"):
             with self._notes.or_lost(invoke):
                 found["invoke"] = self._invoke(invoke)
+        if state.kind == "final" and state.parent is not None and state.parent.kind == "parallel":
+            told = "a final region: the parallel state is over as it is entered, with all its regions"
+            self._notes.tell(state, told)
         for model in state.all("datamodel"):
             self._notes.tell(model, "variables of a state are variables of the mission")
         return found | self._transitions(state, after)
