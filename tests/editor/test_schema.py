@@ -36,7 +36,7 @@ def kind_of(file: Path) -> str:
     return next((kind for kind in ("scenario", *FILES) if isinstance(raw.get(kind), str)), "")
 
 
-#: Every mission, part, lifecycle, binding and scenario of the repository that is not broken on purpose, nor of another profile.
+#: Every file of ours in the repository that is not broken on purpose, nor of another profile.
 GOOD = sorted(
     file
     for folder in ("missions", "examples", "docs", "plugins", "benchmarks", "lupin_engine", "tests")

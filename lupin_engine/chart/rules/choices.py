@@ -192,10 +192,10 @@ def _answers(index: Index, state: State, outer: Transition) -> bool:
 
 
 def both_can_win(index: Index) -> Iterator[Diagnostic]:
-    """Find two transitions of a state between which only their order decides.
+    """Find two transitions of a state between which only the order of their keys decides.
 
-    A refusal in front is an exception to what follows, and one without a guard at the end is the rest: both
-    read as they work.
+    In the list under one key the first one whose guard is true is taken, as the language says. A refusal in
+    front is an exception to what follows, and one without a guard at the end is the rest.
     """
     for group in index.groups:
         # Sometimes true and sometimes not, as far as it was understood.
@@ -215,6 +215,8 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
 def _both_can_win(index: Index, earlier: Transition, later: Transition) -> bool:
     assert earlier.guard is not None
     assert later.guard is not None
+    if earlier.event == later.event:
+        return False
     if earlier.refuse is not None or _effect(earlier) == _effect(later) or _covered(index, earlier, later):
         return False
     return not exclusive(condition_of(earlier.guard.source), condition_of(later.guard.source))
