@@ -414,6 +414,12 @@ class DataModel:
             raise CannotSay(f"a delayed event with the field {name!r}")
         return variable.name
 
+    def way_into(self, region: str) -> str:
+        """Return the variable that has the state with which a region is to begin; empty: as always."""
+        variable = self._add(f"{region.lower()}_begin", None)
+        variable.type, variable.default = "text", ""
+        return variable.name
+
     def lacking(self, name: str) -> Any:
         """Return what stands for a field that an event is sent without; None if its type is not known."""
         kind = self._fields.get(name, "")
