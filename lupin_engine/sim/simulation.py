@@ -38,12 +38,17 @@ from lupin_engine.sim.scripted import MockOutcome, Rule, Stage
 
 #: How long a simulation goes on when nobody says otherwise, in seconds of virtual time.
 LIMIT = 24 * 3600.0
-#: How many steps a simulation has at most: what has more goes round, and nobody reads on.
-MAX_STEPS = 50_000
+#: How many steps a simulation has at most for each day of its limit: what has more goes in circles.
+MAX_STEPS = 100_000
 #: What the robot's clock shows at the beginning when nobody says otherwise: never the computer's own date.
 NEW_YEAR = "2026-01-01 00:00"
 #: How many steps of such circles are told.
 _TOLD = 12
+
+
+def most_steps(limit: float) -> float:
+    """Return how many steps a simulation has at most that may last so long."""
+    return MAX_STEPS * max(1.0, limit / LIMIT)
 
 
 @dataclass(frozen=True)
@@ -226,11 +231,11 @@ class Run:
         """Which limit has ended it, with what repeats; nothing where none has."""
         if not self.cut_off:
             return ""
-        if len(self.steps) < MAX_STEPS:
+        if len(self.steps) < most_steps(self.seconds):
             return f"the time limit of {self.seconds:g} s"
         last = Counter(name for step in self.steps[-100:] for name in step.taken or (step.event.name,))
         often = ", ".join(name for name, _ in last.most_common(3))
-        return f"the limit of {MAX_STEPS} steps at {self.seconds:g} s; what repeats: {often}"
+        return f"the limit of {len(self.steps)} steps at {self.seconds:g} s; what repeats: {often}"
 
     @property
     def watched_until(self) -> float:
@@ -379,7 +384,7 @@ class Simulation:
             due = self.next_due
             if due is None:
                 break
-            if len(self.steps) >= MAX_STEPS:
+            if len(self.steps) >= most_steps(self._script.limit):
                 cut_off = True
                 break
             if due > self._script.limit:

@@ -776,7 +776,7 @@ states:
             "100 ms: WAITING",
             "expect: {final: DONE}",
             [
-                "final: DONE / WAITING, when the run was stopped at the limit of 50000 steps at 4999.6 s; "
+                "final: DONE / WAITING, when the run was stopped at the limit of 100000 steps at 9999.6 s; "
                 "what repeats: MISSION.Long.WAITING.after.0"
             ],
         ),
