@@ -70,11 +70,15 @@ class Diagnostic:
     hint: str = ""
     severity: Severity = Severity.ERROR
 
+    @property
+    def kind(self) -> str:
+        """What it is called: an error, a warning, or a note, as which a warning is accepted in its file."""
+        return ("note", "warning", "error")[self.severity]
+
     def __str__(self) -> str:
-        kind = "warning" if self.severity < Severity.ERROR else "error"
         where = f"{self.path}: " if self.path else ""
         hint = f"; {self.hint}" if self.hint else ""
-        return f"{self.place}: {kind}: {where}{self.problem}{hint} [{self.rule}]"
+        return f"{self.place}: {self.kind}: {where}{self.problem}{hint} [{self.rule}]"
 
 
 class LupinError(Exception):

@@ -69,7 +69,12 @@ called 'INSPECTNG' here; did you mean 'INSPECTING'? [unknown-state]
 That is: file, line and column; whether it is an error or a warning; where in the chart; what is wrong; what
 to do about it, with what is allowed or the nearest spelling; and in brackets the rule, which you find below.
 A mission with an error is not loaded. A warning is probably a mistake, and the mission can be run all the
-same.
+same. One that you mean to keep is accepted in its file, on its line or just above it, by a comment with the
+reason; it is listed as a note then, also for `--strict`:
+
+```yaml
+# accept shared-resource: the second drive may wait for the first
+```
 
 The examples are the tests of the checker (`tests/charts/broken`, each beside its exact text). The missions
 among them are checked in a small lifecycle (`tests/charts/mini`), which is where states, holds and codes come

@@ -7,7 +7,9 @@ mission for every one of them, and docs/rules.md shows it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import re
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -18,6 +20,7 @@ MAX_FINDINGS = 1000
 
 _T = TypeVar("_T")
 
+_PROVEN = "What a proof looks for"
 #: By subject: every rule with what it protects.
 SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
@@ -68,7 +71,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "unhandled-outcome": "every end of an operation or state leads somewhere, with every code",
             "never-happens": "an ending that is handled can occur",
             "never-wins": "a transition can be taken: its guard may be true, and none before it always is",
-            "both-can-win": "what is done does not hang on the order in which transitions are written",
+            "both-can-win": "what is done does not depend on the order of keys or regions",
             "releases-level-hold": "a hold that a level engages is released by a person, not by a transition",
             "level-without-target": "a transition on a level leaves the state, or it would be taken for ever",
         },
@@ -89,7 +92,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "shared-resource": "operations that are active together do not wait for each other unnoticed",
             "region-leak": "a region of a parallel state is left together with the whole state, on purpose",
         },
-        "What a proof looks for": {
+        _PROVEN: {
             "broken-property": "a property holds in everything that can happen, as far as lupin prove looks",
             "never-applies": "a property concerns something that can happen",
             "never-reached": "in what can happen every state is entered and every transition is taken",
@@ -99,6 +102,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         "What nobody uses": {
             "unheard-event": "an event that is raised is listened to",
             "unused-part": "a part is used by a mission",
+            "unused-answer": "where a warning is accepted, there is that warning",
             "unused-parameter": "a parameter that can be set does something",
             "unused-code": "a code that is declared can be reported",
             "unused-input": "an input that is declared is read",
@@ -184,6 +188,57 @@ class LimitedFindings(Findings):
             return work()
         except TooManyFindings:
             return None
+
+
+#: A comment that accepts a warning: at the end of its line, or on the lines just above it.
+_ANSWER = re.compile(r"#\s*accept\s+([\w-]+)(?:\s*:\s*(.*\S))?")
+
+
+def accepted(one: Diagnostic, lines: Sequence[str]) -> Diagnostic:
+    """Return a warning as a note with the reason, where its file, which has these lines, accepts it."""
+    answer = lines[_answer_to(one, lines) - 1] if _answer_to(one, lines) else ""
+    reason = next((match[2] for match in _ANSWER.finditer(answer) if match[1] == one.rule), "")
+    return replace(one, severity=Severity.INFO, hint=f"accepted: {reason}") if reason else one
+
+
+def answered(
+    found: Iterable[Diagnostic], files: Mapping[str, Sequence[str]], shared: Container[str] = ()
+) -> tuple[Diagnostic, ...]:
+    """Return findings in file order, of which warnings that their file accepts are notes with the reason.
+
+    `# accept RULE: REASON` stands on the line of a warning or just above it. One that accepts nothing is a
+    warning itself, unless there are errors, after which not every rule has looked, or a proof would find it,
+    or the file is `shared` by missions of which not all may be here.
+    """
+    found = list(found)
+    told = [accepted(one, files.get(one.place.file, ())) for one in found]
+    broken = any(one.severity is Severity.ERROR for one in found)
+    used = {(one.place.file, _answer_to(one, files.get(one.place.file, ())), one.rule) for one in found}
+    for file, lines in files.items():
+        for number, line in enumerate(lines, start=1):
+            for match in _ANSWER.finditer(line):
+                place, rule = Place(file, number, match.start() + 1), match[1]
+                problem, hint = f"there is no warning {rule!r} here", "remove the comment"
+                if rule not in RULES:
+                    problem, hint = f"unknown rule {rule!r}", nearest(rule, RULES)
+                elif not match[2]:
+                    problem, hint = "this gives no reason", f"write '# accept {rule}: REASON'"
+                elif broken or file in shared or rule in SUBJECTS[_PROVEN] or (file, number, rule) in used:
+                    continue
+                told.append(warning(place, "unused-answer", "", problem, hint))
+    return tuple(sorted(told, key=lambda d: (d.place, d.rule, d.problem)))
+
+
+def _answer_to(one: Diagnostic, lines: Sequence[str]) -> int:
+    """Return the number of the line that answers a warning; 0 where none does."""
+    number = one.place.line if one.severity is Severity.WARN else 0
+    while 1 <= number <= len(lines):
+        if any(match[1] == one.rule for match in _ANSWER.finditer(lines[number - 1])):
+            return number
+        number -= 1
+        if number and not lines[number - 1].lstrip().startswith("#"):
+            break
+    return 0
 
 
 def warning(place: Place, rule: str, path: str, problem: str, hint: str = "") -> Diagnostic:

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn, Protocol
+from typing import Any, NamedTuple, NoReturn, Protocol, TypeVar
 
 import yaml
 from yaml import (
@@ -63,6 +63,8 @@ _QUOTES = ("'", '"')
 #: What may stand between the beginning of a node and that of its value.
 _ANCHOR = re.compile(r"&\S+[ \t]*")
 _HEAD = re.compile(r"^(lifecycle|mission|part|binding)[ \t]*:[ \t]*[\"']?([^\s\"'#]+)", re.MULTILINE)
+
+_N = TypeVar("_N", "_Whole", "_Real")
 
 _new = tuple.__new__
 _new_text = str.__new__
@@ -532,7 +534,7 @@ class _Builder:
             if _INTEGER.fullmatch(value):
                 return self._number(value, start, _integer)
             if _FLOAT.fullmatch(value):
-                return self._number(value, start, float)
+                return self._number(value, start, _float)
         text = _new_text(Text, value)  # as `_text` does it, but there are thousands of them
         text.file = self._file
         text.start = start
@@ -554,8 +556,37 @@ _BUILDERS: Mapping[type, Callable[[_Builder, Any, Mark, int], Any]] = {
 }
 
 
+class _Whole(int):
+    """A whole number that is written otherwise than Python writes it, such as `007`."""
+
+    written: str
+
+    def __repr__(self) -> str:
+        return self.written
+
+
+class _Real(float):
+    """A number that is written otherwise than Python writes it, such as `1.10`."""
+
+    written: str
+
+    def __repr__(self) -> str:
+        return self.written
+
+
 def _integer(text: str) -> int:
-    return int(text, 0 if text[:2] in ("0x", "0o") else 10)
+    number = int(text, 0 if text[:2] in ("0x", "0o") else 10)
+    return number if repr(number) == text else _as_written(_Whole(number), text)
+
+
+def _float(text: str) -> float:
+    number = float(text)
+    return number if repr(number) == text else _as_written(_Real(number), text)
+
+
+def _as_written(number: _N, text: str) -> _N:
+    number.written = text
+    return number
 
 
 def _yaml_hint(error: yaml.MarkedYAMLError) -> str:

@@ -39,6 +39,11 @@ PAUSE = 0.3
 #: After how many checks the charts of texts that nobody will see again are forgotten.
 MANY = 20
 
+_SEVERITIES = {
+    Severity.INFO: lsp.DiagnosticSeverity.Information,
+    Severity.WARN: lsp.DiagnosticSeverity.Warning,
+    Severity.ERROR: lsp.DiagnosticSeverity.Error,
+}
 _SYMBOLS = {
     "section": lsp.SymbolKind.Namespace,
     "name": lsp.SymbolKind.Variable,
@@ -137,11 +142,10 @@ class LupinServer(LanguageServer):
         (published.add if problems else published.discard)(path)
 
     def _diagnostic(self, text: Scan, found: Problem) -> lsp.Diagnostic:
-        warns = found.finding.severity < Severity.ERROR
         return lsp.Diagnostic(
             self.range(text, found.start, found.end),
             found.message,
-            severity=lsp.DiagnosticSeverity.Warning if warns else lsp.DiagnosticSeverity.Error,
+            severity=_SEVERITIES[found.finding.severity],
             code=found.finding.rule,
             source=NAME,
             tags=[lsp.DiagnosticTag.Unnecessary] if found.unused else None,

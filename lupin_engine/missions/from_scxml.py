@@ -60,6 +60,9 @@ class _Importer:
         self._binding = binding
         self._own = own
         self._notes = Notes()
+        if own:
+            told = "'lupin diagram' wrote this: the lifecycle comes in as states, without what it declares"
+            self._notes.tell(root, f"{told}; rather use the mission's own file")
         self._names: dict[Element, str] = {}
         self._written = 0
         self._name_states(root, set())
@@ -167,6 +170,7 @@ class _Importer:
             with self._notes.or_lost(parent, " as the beginning"):
                 initial = self._targets.path(parent, wanted)
                 actions = self._content.block(rule.children, None) if rule else []
+                actions += self._fork(wanted)
                 for child in () if actions else parent.all(*REGIONS):
                     if any(state.get("id") == wanted for state in self._targets.begun(child)):
                         initial = self._names[child]  # it begins there anyway
@@ -176,7 +180,34 @@ class _Importer:
                     initial = helper
         elif len(first) > 1 and parent.kind != "parallel":
             initial = first[0]
+        if ways := self._targets.forked_to(parent):
+            initial, begin = self._begin_of_fork(parent, ways, initial or first[0], set(states))
+            states = {initial: begin, **states}
         return _slim({"initial": initial, "states": states})
+
+    def _fork(self, ids: str) -> list[Any]:
+        """Return what tells the regions of a parallel state with which child they begin."""
+        fork = self._targets.forks.get(" ".join(ids.split()), {})
+        told = {self._data.way_into(self._names[region]): target.get("id") for region, target in fork.items()}
+        return [{"set": told}] if told else []
+
+    def _begin_of_fork(
+        self, region: Element, ways: list[Element], otherwise: str, taken: set[str]
+    ) -> tuple[str, dict[str, Any]]:
+        """Return the state with which a region begins that forks lead into, and its name."""
+        way = self._data.way_into(self._names[region])
+        rules: list[Any] = [
+            {
+                "target": self._targets.path(region, target.get("id")),
+                "guard": f"{way} == {target.get('id')!r}",
+                "do": [{"set": {way: ""}}],
+            }
+            for target in ways
+        ]
+        name = _free("begin", taken)
+        told = f"several targets at once lead into {self._names[region]!r}: it begins with {name!r}, which"
+        self._notes.tell(region, f"{told} goes on to the one that the variable {way!r} has")
+        return name, {"always": [*rules, otherwise]}
 
     def _state(self, state: Element) -> dict[str, Any]:
         found: dict[str, Any] = {} if state.kind == "state" else {"type": state.kind}
@@ -202,6 +233,9 @@ class _Importer:
         for invoke in state.all("invoke"):
             with self._notes.or_lost(invoke):
                 found["invoke"] = self._invoke(invoke)
+        if state.kind == "final" and state.parent is not None and state.parent.kind == "parallel":
+            told = "a final region: the parallel state is over as it is entered, with all its regions"
+            self._notes.tell(state, told)
         for model in state.all("datamodel"):
             self._notes.tell(model, "variables of a state are variables of the mission")
         return found | self._transitions(state, after)
@@ -222,6 +256,8 @@ class _Importer:
         states = {name: found}
         for rule in state.all("transition"):
             with self._notes.or_lost(rule):
+                if self._fork(rule.get("target")):
+                    raise CannotSay(f"several targets of a history ({rule.get('target')})")
                 actions = self._content.block(rule.children, None)
                 if actions:
                     found["initial"] = _free(f"{name}_begin".lower(), set(self._names.values()))
@@ -370,7 +406,8 @@ class _Importer:
         }
         if found["guard"] == "true":
             found["guard"] = ""
-        return _slim({**found, "do": [] if found["refuse"] else self._content.block(rule.children, seen)})
+        actions = [] if found["refuse"] else self._content.block(rule.children, seen)
+        return _slim({**found, "do": [*actions, *self._fork(target)]})
 
 
 def _short(rule: Mapping[str, Any]) -> Any:

@@ -23,7 +23,7 @@ from lupin_engine.bindings.catalog import BINDINGS, BoundCatalog, bound_catalog
 from lupin_engine.chart.compose.compose import Composed, compose
 from lupin_engine.chart.compose.tree import UsedNode
 from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
-from lupin_engine.chart.findings import Findings, LimitedFindings
+from lupin_engine.chart.findings import Findings, LimitedFindings, answered
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.rules.checks import check_composed
 from lupin_engine.chart.source import head, parse_bytes, read_bytes
@@ -246,7 +246,11 @@ def inspect_chart(
     made = _make(root, tuple(read_missions.values()), tuple(parts.items()), bound)
     findings.extend(made.found)
     _warn_of_unused(lifecycle, read_missions, parts, findings, texts)
-    return Inspection(findings.all, documents, sources, made.composed, bound)
+    bound_texts = {binding.node.place.file: bound.sources[name] for name, binding in bound.bindings.items()}
+    texts_of = {**sources, **bound_texts}
+    lines = {file: raw.decode("utf-8-sig").splitlines() for file, raw in texts_of.items() if b"accept" in raw}
+    shared = texts_of.keys() - {str(path) for path in missions}
+    return Inspection(answered(findings.all, lines, shared), documents, sources, made.composed, bound)
 
 
 @lru_cache(maxsize=MAX_CHARTS)

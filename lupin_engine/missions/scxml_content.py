@@ -13,7 +13,7 @@ from typing import Any
 
 from lupin_engine.missions.scxml_data import DataModel, content_text, measure, spelled
 from lupin_engine.missions.scxml_elements import OURS, Element
-from lupin_engine.missions.scxml_events import PROCESSORS, QUOTED, Events, Seen, is_to_itself, word
+from lupin_engine.missions.scxml_events import PROCESSORS, QUOTED, Events, Seen, field, is_to_itself
 from lupin_engine.missions.scxml_expressions import assignments, value_of
 from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay, Notes
 from lupin_engine.missions.scxml_sends import Delay, DelayedSends, Region, cancelled
@@ -105,12 +105,12 @@ class Content:
     def params(self, element: Element, seen: Seen) -> dict[str, Any]:
         """Return what `namelist`, the `param` elements and `content` pass."""
         listed = element.get("namelist").split()
-        found = {word(name): f"${{ {self._data.location(name).name} }}" for name in listed}
+        found = {field(name): f"${{ {self._data.location(name).name} }}" for name in listed}
         for param in element.all("param"):
             location = param.get("location")
             if location and not self._own:
                 self._data.location(location)
-            found[word(param.get("name"))] = self._data.value(param.get("expr") or location, seen)
+            found[field(param.get("name"))] = self._data.value(param.get("expr") or location, seen)
         for content in element.all("content"):
             if self._own:
                 raise CannotSay(f"<content> in line {content.line}")

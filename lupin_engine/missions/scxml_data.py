@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS
 from lupin_engine.missions.scxml_elements import Element
-from lupin_engine.missions.scxml_events import QUOTED, Events, Seen, word
+from lupin_engine.missions.scxml_events import QUOTED, Events, Seen, field, word
 from lupin_engine.missions.scxml_expressions import (
     UNDEFINED,
     Operand,
@@ -159,8 +159,8 @@ class DataModel:
             if found.type == "object":
                 del self.variables[name]
                 self._objects[name] = data
-                for field in found.fields:
-                    self._object(data, f"{name}.{field}", found.fields[field])
+                for part in found.fields:
+                    self._object(data, f"{name}.{part}", found.fields[part])
             elif found.type != "undefined":
                 self._first(variable, found)
         except (CannotSay, AlwaysFails, SyntaxError):
@@ -168,8 +168,8 @@ class DataModel:
 
     def _object(self, data: Element, path: str, found: Operand) -> None:
         if found.type == "object":
-            for field, inner in found.fields.items():
-                self._object(data, f"{path}.{field}", inner)
+            for part, inner in found.fields.items():
+                self._object(data, f"{path}.{part}", inner)
         else:
             self._first(self._add(path, data), found)
 
@@ -215,9 +215,9 @@ class DataModel:
         for holder in self._root.every("send", "donedata"):
             for param in holder.all("param", "content"):
                 given = param.get("expr") or param.get("location") or content_text(param)
-                self._fields[word(param.get("name") or "data")] = self._type(given, None)
+                self._fields[field(param.get("name") or "data")] = self._type(given, None)
             for name in holder.get("namelist").split():
-                self._fields[word(name)] = self._type(name, None)
+                self._fields[field(name)] = self._type(name, None)
 
     def _around(self, element: Element) -> Seen:
         """Return the events that an assignment sees, as far as its transition says so."""
@@ -316,7 +316,7 @@ class DataModel:
 
     def _event_data(self, words: list[str], seen: Seen) -> Operand | None:
         carried = self._events.carried(seen)
-        name = word(words[0]) if words else "data"
+        name = field(words[0]) if words else "data"
         if carried is not None and name not in carried:
             # Of several fields there is no name for all of them.
             return UNDEFINED if words or not carried else None
@@ -412,6 +412,12 @@ class DataModel:
         variable.type, variable.default = self._fields.get(name, ""), self.lacking(name)
         if not variable.type:
             raise CannotSay(f"a delayed event with the field {name!r}")
+        return variable.name
+
+    def way_into(self, region: str) -> str:
+        """Return the variable that has the state with which a region is to begin; empty: as always."""
+        variable = self._add(f"{region.lower()}_begin", None)
+        variable.type, variable.default = "text", ""
         return variable.name
 
     def lacking(self, name: str) -> Any:

@@ -12,6 +12,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate, pairwise
 
+from lupin_engine.chart.expressions.scope import WORDS
 from lupin_engine.missions.scxml_elements import Element
 from lupin_engine.missions.scxml_expressions import UNDEFINED, Operand, constant
 from lupin_engine.plugin.registry import RESERVED_EVENTS
@@ -42,6 +43,12 @@ def snake(text: str) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", word(re.sub(r"\W+", "_", text))).lower()
 
 
+def field(text: str) -> str:
+    """Return what a field of an event is called: in words of lower case, and none that expressions keep."""
+    found = snake(text)
+    return f"{found}_" if found in WORDS else found
+
+
 def split(rule: Element) -> list[str]:
     """Return the event descriptors of a transition."""
     return rule.get("event").split()
@@ -55,8 +62,8 @@ def is_to_itself(send: Element) -> bool:
 
 def params_of(element: Element) -> set[str]:
     """Return the fields that an event or a result carries; a `content` is the field `data`."""
-    names = {word(param.get("name")) for param in element.all("param")}
-    return names | set(map(word, element.get("namelist").split())) | {"data" for _ in element.all("content")}
+    names = {field(param.get("name")) for param in element.all("param")}
+    return names | set(map(field, element.get("namelist").split())) | {"data" for _ in element.all("content")}
 
 
 class Events:

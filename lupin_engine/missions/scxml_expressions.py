@@ -8,13 +8,16 @@ text with ''. A statement (`return`) is no expression in any engine: where one s
 from __future__ import annotations
 
 import ast
+import math
 import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay
+from lupin_engine.plugin.types import MAX_INTEGER
 
 #: Longer or deeper expressions are none that a mission can say.
 MAX_CHARACTERS, MAX_DEPTH = 2000, 40
@@ -47,7 +50,7 @@ _COMPARISONS: Mapping[str, type[ast.cmpop]] = {
     ">=": ast.GtE,
 }
 #: Functions of `Math` that the language has, too.
-_MATH = {"Math.max": "max", "Math.min": "min", "Math.abs": "abs", "Math.round": "round"}
+_MATH = {"Math.max": "max", "Math.min": "min", "Math.abs": "abs"}
 _TYPEOF = {"number": "number", "text": "string", "bool": "boolean", "undefined": "undefined"}
 #: Words of Python that an exported document has where the language has others.
 _OWN_WORDS = {"In": "in_state", "_event.data.": "event.", "True": "true", "False": "false"}
@@ -106,6 +109,12 @@ def read(text: str, resolve: Resolve) -> Operand:
 
 def truth(found: Operand) -> ast.expr:
     """Return a value as a condition: whether ECMAScript takes it for true."""
+    if found.parts:  # what is put together of several is seldom empty, and only then it is false
+        if any(
+            part.type in ("number", "bool") or (_is_text(part) and _spelled(part)) for part in found.parts
+        ):
+            return constant(True).node
+        raise CannotSay("a text that is put together, as a condition")
     if found.type in ("number", "text"):
         zero = ast.Constant(0 if found.type == "number" else "")
         return ast.Compare(found.node, [ast.NotEq()], [zero])
@@ -171,6 +180,64 @@ def own_expression(text: str, states: Mapping[str, str]) -> str:
             ast.parse(found, mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise CannotSay(f"the expression {text!r}") from None
+    return found
+
+
+def _number(text: str) -> float:
+    """Return the number that a literal is; ECMAScript reads one that begins with 0 in eights, if it can.
+
+    Raises:
+        CannotSay: no number is as large.
+    """
+    if re.fullmatch(r"0[0-7]+", text):
+        found: float = int(text, 8)
+    elif text[:2].lower() == "0x":
+        found = int(text, 16)
+    else:
+        found = float(text) if re.search(r"[.eE]", text) else int(text)
+    if abs(found) <= MAX_INTEGER:
+        return found
+    with suppress(OverflowError):
+        if math.isfinite(found := float(found)):
+            return found
+    raise CannotSay(f"the number {text}")
+
+
+def _remainder(left: ast.expr, right: ast.expr) -> ast.expr:
+    """Return `left % right` with the sign of `left`, as in ECMAScript; the language's has that of `right`."""
+    if isinstance(right, ast.Constant):
+        right = ast.Constant(abs(right.value))  # type: ignore[arg-type]
+    else:
+        right = ast.Call(ast.Name("abs"), [right], [])
+    rest = ast.BinOp(left, ast.Mod(), right)
+    back = ast.UnaryOp(ast.USub(), ast.BinOp(ast.UnaryOp(ast.USub(), left), ast.Mod(), right))
+    return ast.IfExp(ast.Compare(left, [ast.GtE()], [ast.Constant(0)]), rest, back)
+
+
+def _without_sign(node: ast.expr) -> ast.expr:
+    """Return a remainder that is compared with 0, where its sign makes no difference."""
+    is_remainder = isinstance(node, ast.IfExp) and isinstance(node.body, ast.BinOp)
+    return node.body if is_remainder and isinstance(node.body.op, ast.Mod) else node  # type: ignore[attr-defined]
+
+
+def _rounded(given: ast.expr) -> ast.expr:
+    """Return a number that is rounded as ECMAScript does: halves up; the language's go to the even one."""
+    up = ast.BinOp(given, ast.Add(), ast.Constant(0.5))
+    is_half = ast.Compare(ast.BinOp(given, ast.Mod(), ast.Constant(1)), [ast.Eq()], [ast.Constant(0.5)])
+    return ast.IfExp(is_half, ast.Call(ast.Name("round"), [up], []), ast.Call(ast.Name("round"), [given], []))
+
+
+def _text_of(value: Any) -> str:
+    """Return a literal as ECMAScript puts it into a text.
+
+    Raises:
+        CannotSay: that is a number with an exponent.
+    """
+    if isinstance(value, bool):
+        return str(value).lower()
+    found = str(int(value) if isinstance(value, float) and value == int(value) else value)
+    if isinstance(value, float) and "e" in found:
+        raise CannotSay(f"the number {value} in a text")
     return found
 
 
@@ -268,11 +335,19 @@ class _EcmaReader:
             return self._compared(left, sign, right)
         if sign == "+" and "text" in (left.type, right.type):
             parts = [part for side in (left, right) for part in side.parts or (side,)]
-            if any(part.type == "undefined" for part in parts):
+            if any(part.type == "undefined" or part.type.startswith("list") for part in parts):
                 raise self._no()
             return Operand(ast.Constant(""), "text", parts=tuple(parts))
+        if any(side.type in ("text", "bool") or side.type.startswith("list") for side in (left, right)):
+            raise self._no()  # ECMAScript makes numbers of them
         known = left.type == right.type == "number"
-        node = ast.BinOp(self._plain(left), _ARITHMETIC[sign](), self._plain(right))
+        one, other = self._plain(left), self._plain(right)
+        if sign == "%":
+            if isinstance(one, ast.Constant) and isinstance(other, ast.Constant) and known and other.value:
+                rest = math.fmod(one.value, other.value)  # type: ignore[arg-type]
+                return constant(int(rest) if rest == int(rest) else rest)
+            return Operand(_remainder(one, other), "number" if known else "")
+        node = ast.BinOp(one, _ARITHMETIC[sign](), other)
         return Operand(node, "number" if known else "")
 
     def _compared(self, left: Operand, sign: str, right: Operand) -> Operand:
@@ -284,13 +359,48 @@ class _EcmaReader:
             return constant((_TYPEOF[kind] == ast.literal_eval(right.node)) is same)
         if "undefined" in (left.type, right.type) and sign[0] in "=!" and left.type and right.type:
             return constant((left.type == right.type) is same)
+        for side, text in ((left, right), (right, left)):
+            if side.parts and _is_text(text) and not text.parts and sign[0] in "=!":
+                return self._put_together(side, text.node.value, same)  # type: ignore[attr-defined]
         types = {left.type, right.type} - {""}
         if len(types) > 1:  # ECMAScript converts one of them
             raise self._no()
-        one, other = left.node, right.node
+        one, other = self._plain(left), self._plain(right)
         if sign[0] in "=!" and isinstance(one, ast.Constant) and isinstance(other, ast.Constant) and types:
             return constant((one.value == other.value) is same)
-        return Operand(ast.Compare(self._plain(left), [_COMPARISONS[sign]()], [self._plain(right)]), "bool")
+        if sign[0] in "=!" and isinstance(other, ast.Constant) and other.value == 0:
+            one = _without_sign(one)
+        return Operand(ast.Compare(one, [_COMPARISONS[sign]()], [other]), "bool")
+
+    def _put_together(self, found: Operand, text: str, same: bool) -> Operand:
+        """Compare a text that is put together with a literal: in it, one part can be no literal."""
+        sides = [""]
+        open_part: Operand | None = None
+        for part in found.parts:
+            if isinstance(part.node, ast.Constant) or _known(part.node) is not None:
+                known = _known(part.node)
+                sides[-1] += _text_of(part.node.value if known is None else known)  # type: ignore[attr-defined]
+            elif open_part is not None or part.type not in ("text", "number"):
+                raise self._no()
+            else:
+                open_part = part
+                sides.append("")
+        if open_part is None:
+            return constant((sides[0] == text) is same)
+        left, right = sides
+        inner = text[len(left) : len(text) - len(right)]
+        if left + inner + right != text:
+            return constant(not same)
+        wanted: Any = inner
+        if open_part.type == "number":
+            try:
+                wanted = _number(inner.removeprefix("-")) * (-1 if inner.startswith("-") else 1)
+            except ValueError:
+                return constant(not same)
+            if _text_of(wanted) != inner:
+                return constant(not same)
+        equal = ast.Compare(open_part.node, [ast.Eq() if same else ast.NotEq()], [constant(wanted).node])
+        return Operand(equal, "bool")
 
     def _unary(self) -> Operand:
         sign = self._take("!", "-", "+", "typeof", "not")
@@ -310,6 +420,8 @@ class _EcmaReader:
                 if known is None
                 else constant(not known)
             )
+        if found.type in ("text", "bool") or found.type.startswith("list"):
+            raise self._no()  # ECMAScript makes a number of it
         if sign == "-" and isinstance(found.node, ast.Constant) and found.type == "number":
             return constant(-found.node.value)  # type: ignore[operator]
         return found if sign == "+" else Operand(ast.UnaryOp(ast.USub(), self._plain(found)), found.type)
@@ -351,8 +463,7 @@ class _EcmaReader:
         kind, text = self._tokens[self._at]
         self._at += 1
         if kind == "number":
-            is_whole = text[:2].lower() == "0x" or not re.search(r"[.eE]", text)
-            return constant(int(text, 0) if is_whole else float(text))
+            return constant(_number(text))
         if kind == "text":
             return constant(text[1:-1])
         if kind == "name":
@@ -430,6 +541,13 @@ class _EcmaReader:
         plain = [self._plain(one) for one in given]
         if name == "Math.floor" and len(given) == 1:
             return Operand(ast.BinOp(plain[0], ast.FloorDiv(), ast.Constant(1)), "number")
+        if name == "Math.round" and len(given) == 1:
+            known = isinstance(plain[0], ast.Constant) and given[0].type == "number"
+            if known:
+                return constant(math.floor(plain[0].value + 0.5))  # type: ignore[attr-defined]
+            return Operand(_rounded(plain[0]), "number")
+        if name in ("Math.max", "Math.min") and len(given) == 1:
+            return given[0]
         if name in _MATH and given:
             return Operand(ast.Call(ast.Name(_MATH[name]), list(plain), []), "number")
         raise self._no()

@@ -1,7 +1,8 @@
 """Where the transitions and the beginnings of an SCXML document lead, as paths of the language.
 
 A target of several states at once becomes the parallel state that they stand in. Where they are not what it
-begins with, its regions begin with them, if nothing else begins there.
+begins with, its regions begin with them, if nothing else begins there; else it is a fork, of which variables
+tell the regions.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ class Targets:
         self.ways: dict[Element, list[Element]] = {}
         #: Of regions that begin with another child than the document says, that child.
         self.begins: dict[Element, Element] = {}
+        #: By several targets that are no beginning, the target in each of the regions.
+        self.forks: dict[str, dict[Element, Element]] = {}
         self._together: dict[str, Element] = {}
         for rule in root.every("transition"):
             for target in rule.get("target").split():
@@ -42,6 +45,9 @@ class Targets:
             begun = {root, *self.begun(root)}.union(*map(self._led_to, single))
             for ids in several:
                 self._begin_together(ids, begun)
+            for ids in several:
+                if self.together(ids) is None:
+                    self._fork(ids)
 
     # -- several at once ------------------------------------------------------------------------------------
 
@@ -69,7 +75,8 @@ class Targets:
                         yield from self.begun(region)
             inner = around
 
-    def _begin_together(self, ids: str, begun: set[Element]) -> None:
+    def _parallel(self, ids: str) -> tuple[list[Element], Element | None]:
+        """Return several targets, and the parallel state in which they stand, if there is one."""
         targets = [self.states[one] for one in ids.split() if one in self.states]
         shared = (
             [one for one in targets[0].around if all(one in each.around for each in targets)]
@@ -77,7 +84,23 @@ class Targets:
             else []
         )
         whole = shared[0] if len(targets) == len(ids.split()) and shared else None
-        if whole is None or whole.kind != "parallel":
+        return targets, whole if whole is not None and whole.kind == "parallel" else None
+
+    def _fork(self, ids: str) -> None:
+        targets, whole = self._parallel(ids)
+        regions = [(target, *target.around) for target in targets]
+        found = {line[line.index(whole) - 1]: line[0] for line in regions} if whole is not None else {}
+        if whole is not None and len(found) == len(targets):
+            self.forks[ids] = {region: target for region, target in found.items() if region is not target}
+            self._together[ids] = whole
+
+    def forked_to(self, region: Element) -> list[Element]:
+        """Return the states with which a region begins where a fork says so."""
+        return list(dict.fromkeys(fork[region] for fork in self.forks.values() if region in fork))
+
+    def _begin_together(self, ids: str, begun: set[Element]) -> None:
+        targets, whole = self._parallel(ids)
+        if whole is None:
             return
         begins: dict[Element, Element] = {}
         for target in targets:

@@ -118,9 +118,16 @@ ANGLE = Type("number", "angle", unit="rad")
 ANY = Type("any", "any")
 #: What a clock shows; they are ordered as they come.
 TIME_OF_DAY = Type("text", "time_of_day", pattern=r"([01][0-9]|2[0-3]):[0-5][0-9]", example="06:30")
-DATE = Type(
-    "text", "date", pattern=r"[0-9]{4}-(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])", example="2026-11-22"
+#: The days that exist, leap years included: every reader of the pattern, also a page, has the same calendar.
+_DAYS = "|".join(
+    (
+        r"(?!0000)[0-9]{4}-(0[13578]|1[02])-(0[1-9]|[12][0-9]|3[01])",
+        r"(?!0000)[0-9]{4}-(0[469]|11)-(0[1-9]|[12][0-9]|30)",
+        r"(?!0000)[0-9]{4}-02-(0[1-9]|1[0-9]|2[0-8])",
+        r"(?!0000)([0-9]{2}(0[48]|[2468][048]|[13579][26])|([02468][048]|[13579][26])00)-02-29",
+    )
 )
+DATE = Type("text", "date", pattern=f"({_DAYS})", example="2026-11-22")
 #: The name of a time zone in the IANA's table; that there is one of that name is looked up.
 ZONE = Type("text", "time zone", pattern=r"[A-Za-z0-9_+/-]+", example="Europe/Amsterdam")
 

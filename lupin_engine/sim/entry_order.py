@@ -92,7 +92,8 @@ class OrderComparison:
         what = f"passes: {node.state} is not entered{_limits(node)}{_after(names, number)}"
         if not late:
             entered = list(dict.fromkeys(name.rpartition(".")[2] for _, name in self._entered if name))
-            return self._maker.failure(place, what, names, entered, last, states)
+            actual = f"{', '.join(entered)}{until}" if (until := self._maker.until) else entered
+            return self._maker.failure(place, what, names, actual, last, states)
         since = f", counted from {last.time:.1f} s" if last is not None else ""
         actual = f"{node.state} at {', '.join(f'{step.time:.1f} s' for step in late)}"
         return self._maker.failure(

@@ -78,6 +78,8 @@ class Comparison:
     def _same(self, word: str, expected: Any, actual: Any) -> Iterator[ScenarioFailure]:
         if expected is not None and expected != actual:
             place, last = self._expect.at(word), self._run.view.configuration[-1:]
+            if word == "final":
+                actual = f"{actual}{self._maker.until}"
             yield self._maker.failure(place, word, expected, actual, concerned=last)
 
     # -- at a moment ------------------------------------------------------------------------------------

@@ -105,6 +105,11 @@ class FailureMaker:
         pieces = (*others, *self._pieces(around, states))
         return ScenarioFailure(place, what, _text(expected), _text(actual), pieces, story, marked)
 
+    @property
+    def until(self) -> str:
+        """What is said of the end of a run that a limit ended; else nothing."""
+        return f", when the run was stopped at {self._run.limit}" if self._run.cut_off else ""
+
     def called(self, name: str) -> list[str]:
         """Return the full name of a state; of several with this name the first."""
         return [full for full in self._chart.states if full and is_named(full, name)][:1]

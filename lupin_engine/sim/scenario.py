@@ -114,7 +114,7 @@ class Scenario:
             monitor.end(run.watched_until)
         except Standstill as problem:
             told = History(simulation.steps[: problem.kept])
-            run = replace(simulation.result(cut_off=True), history=told)
+            run = replace(simulation.result(cut_off=False), history=told)
             monitor.breaches = {STANDSTILL: (told.steps[-1], str(problem))}
         return replace(run, violated=tuple((step, name, text) for name, text, step in monitor.told))
 

@@ -261,7 +261,6 @@ class ScriptReader:
     def script(self) -> Script:
         """Return the script, as far as it can be understood."""
         node = self._node
-        limit = self._words.duration(node.at("limit"), "limit", node.limit)
         return Script(
             mission=next(iter(self._words.chart.missions)),
             request=node.request,
@@ -271,11 +270,27 @@ class ScriptReader:
                 for index, when in enumerate(node.when)
                 for happening in self._happenings(index, when)
             ),
-            limit=LIMIT if limit is None else limit,
+            limit=self._limit(),
             starts=node.start == "ready",
             seed=node.seed,
             clock=node.clock or NEW_YEAR,
         )
+
+    def _limit(self) -> float:
+        """Return when the simulation stops: as is written, else not before what is looked at."""
+        node, words = self._node, self._words
+        limit = words.duration(node.at("limit"), "limit", node.limit)
+        if limit is not None:
+            return limit
+        wanted: list[tuple[Node, str, Any]] = [
+            (when, "at", when.at_) for when in node.when if when.at_ != END
+        ]
+        if isinstance(node, ScenarioNode):
+            expect = node.expect
+            wanted += [(expect, word, getattr(expect, word)) for word in ("within", "at_least")]
+            wanted += [(one, word, getattr(one, word)) for one in expect.passes for word in ("within", "by")]
+        found = [words.duration(holder.at(word), word, value) for holder, word, value in wanted]
+        return max(LIMIT, *(due for due in found if due is not None), 0.0)
 
     def parameters(self) -> dict[str, Any]:
         """Return the settings, checked."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -37,10 +38,17 @@ from lupin_engine.sim.scripted import MockOutcome, Rule, Stage
 
 #: How long a simulation goes on when nobody says otherwise, in seconds of virtual time.
 LIMIT = 24 * 3600.0
+#: How many steps a simulation has at most for each day of its limit: what has more goes in circles.
+MAX_STEPS = 100_000
 #: What the robot's clock shows at the beginning when nobody says otherwise: never the computer's own date.
 NEW_YEAR = "2026-01-01 00:00"
 #: How many steps of such circles are told.
 _TOLD = 12
+
+
+def most_steps(limit: float) -> float:
+    """Return how many steps a simulation has at most that may last so long."""
+    return MAX_STEPS * max(1.0, limit / LIMIT)
 
 
 @dataclass(frozen=True)
@@ -191,7 +199,7 @@ class Run:
     """What came of a simulation: its history, and where it ended.
 
     `visits` are what became of the targets of all itineraries, `context` the variables at the end.
-    `cut_off`: the time limit was reached; `stopped`: the state was entered at which it was to stop.
+    `cut_off`: a limit of time or steps was reached; `stopped`: it came to the state at which it was to stop.
     `unfired`: happenings that never came to pass; `idle`: those that found nothing to end or to bring back,
     with the time. `views` is what was seen, by number. `parameters` are the settings that were given.
     `unspent` says for each rule of which not all outcomes were used, by its number, how many attempts fell
@@ -217,6 +225,17 @@ class Run:
     def steps(self) -> Sequence[Step]:
         """The steps in their order."""
         return self.history.steps
+
+    @property
+    def limit(self) -> str:
+        """Which limit has ended it, with what repeats; nothing where none has."""
+        if not self.cut_off:
+            return ""
+        if len(self.steps) < most_steps(self.seconds):
+            return f"the time limit of {self.seconds:g} s"
+        last = Counter(name for step in self.steps[-100:] for name in step.taken or (step.event.name,))
+        often = ", ".join(name for name, _ in last.most_common(3))
+        return f"the limit of {len(self.steps)} steps at {self.seconds:g} s; what repeats: {often}"
 
     @property
     def watched_until(self) -> float:
@@ -354,7 +373,7 @@ class Simulation:
         return engine
 
     def run(self) -> Run:
-        """Run until the mission is over, nothing more will happen, or the time limit is reached.
+        """Run until the mission is over, nothing more will happen, or a limit is reached, of time or steps.
 
         Raises:
             Standstill: time stands still for ever.
@@ -364,6 +383,9 @@ class Simulation:
         while not self.is_over:
             due = self.next_due
             if due is None:
+                break
+            if len(self.steps) >= most_steps(self._script.limit):
+                cut_off = True
                 break
             if due > self._script.limit:
                 self._clock.move_to(self._script.limit)

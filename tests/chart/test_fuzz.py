@@ -406,7 +406,7 @@ def codes(code: CodeType) -> Iterator[CodeType]:
 
 
 #: All that compiled code may name besides its environment.
-NAMES = {"len", "min", "max", "abs", "round", "any", "all", "_times", "_same", "sum", "sorted"}
+NAMES = {"len", "min", "max", "abs", "round", "any", "all", "_times", "_over", "_same", "sum", "sorted"}
 NAMES |= {"_bounded", "_short", "_first", "_found", "_known", "_number"}
 #: What an expression may raise, and what more when it has read something of which nothing is known.
 RAISED = (UnknownValue, ZeroDivisionError, IndexError, OverflowError, ValueError)

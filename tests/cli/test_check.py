@@ -169,6 +169,29 @@ def test_warnings_count_for_the_strict(strict: bool, code: int, folder: Path) ->
     assert result.output.splitlines()[-1] == "1 mission, no errors, 1 warning"
 
 
+@pytest.mark.parametrize("strict", [False, True])
+@pytest.mark.parametrize("form", ["text", "json", "sarif", "github"])
+def test_a_warning_is_accepted_in_its_file(form: str, strict: bool, folder: Path) -> None:
+    """It is listed with the reason, and counts for nobody."""
+    (folder / "m.yaml").write_text(ODD)
+    (warning,) = json.loads(typed("m.yaml", "--json").output)
+    lines = ODD.splitlines(keepends=True)
+    lines.insert(warning["line"] - 1, f"  # accept {warning['rule']}: tried out\n")
+    (folder / "m.yaml").write_text("".join(lines))
+    result = typed("m.yaml", *["--strict"] * strict, *[f"--{form}"] * (form != "text"))
+    assert result.return_value == 0
+    assert "accepted: tried out" in result.output
+    marks = {
+        "text": ": note: ",
+        "json": '"severity": "note"',
+        "sarif": '"level": "note"',
+        "github": "::notice ",
+    }
+    assert marks[form] in result.output
+    if form == "text":
+        assert result.output.splitlines()[-1] == "1 mission, no errors, no warnings, 1 accepted"
+
+
 def test_several_paths_are_checked_at_once(folder: Path) -> None:
     """What is named twice is told once."""
     (folder / "n.yaml").write_text(BROKEN.replace("mission: M", "mission: N"))

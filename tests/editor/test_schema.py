@@ -15,6 +15,7 @@ from lupin_engine.chart import source
 from lupin_engine.chart.documents import StateNode, TransitionNode
 from lupin_engine.chart.expressions.values import plain
 from lupin_engine.chart.findings import Findings
+from lupin_engine.chart.nodes import Node
 from lupin_engine.cli.verbs.programs.schema import schema as verb
 from lupin_engine.cli.verbs.programs.schema import schemas
 from lupin_engine.editor.grammar import FILES
@@ -27,14 +28,43 @@ jsonschema = pytest.importorskip("jsonschema")
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "docs" / "schema"
 CHARTS = ROOT / "tests" / "charts"
+
+
+def kind_of(file: Path) -> str:
+    """Return which kind of file it is; nothing for those of others."""
+    raw = source.read(file, Findings()) or {}
+    return next((kind for kind in ("scenario", *FILES) if isinstance(raw.get(kind), str)), "")
+
+
+#: Every file of ours in the repository that is not broken on purpose, nor of another profile.
 GOOD = sorted(
-    [
-        *(ROOT / "missions").rglob("*.yaml"),
-        *(file for file in (CHARTS / "good").rglob("*.yaml") if file.name != "lupin.yaml"),
-        *(CHARTS / "mini").glob("*.yaml"),
-        *(ROOT / "tests" / "scenarios").rglob("*.scenario.yaml"),
-    ]
+    file
+    for folder in ("missions", "examples", "docs", "plugins", "benchmarks", "lupin_engine", "tests")
+    for file in (ROOT / folder).rglob("*.yaml")
+    if not {"broken", "warehouse", "node_modules"} & set(file.relative_to(ROOT).parts) and kind_of(file)
 )
+#: By model that reads something else than its mapping, what may stand for it; some only say what is wrong.
+SHORT: dict[str, list[Any]] = {
+    "ActionNode": ["report.clear", {"itinerary.advance": None}, {"itinerary.close": {"status": "SKIPPED"}}],
+    "ChoiceNode": ["Yes, go on"],
+    "CountNode": [3],
+    "ElementEndNode": [],
+    "EndNode": ["nav.go_to"],
+    "EndpointNode": [],
+    "EventNode": ["plugin.event", {"plugin.event": {"field": 1}}, {"plugin.event": None}],
+    "IfNode": [],
+    "InvariantNode": ["held(pause)", True],
+    "InvokeNode": [],
+    "NeverNode": ["FAULT"],
+    "OutcomeNode": ["done", "never"],
+    "PassNode": ["DONE"],
+    "RaiseNode": [],
+    "RefusedNode": ["not_localized"],
+    "RequestNode": ["operator.dock", {"operator.dock": {"field": 1}}, {"operator.dock": None}],
+    "RestartNode": ["5 s"],
+    "TransitionNode": ["A"],
+    "VisitNode": ["7 PUBLISHED", "7 FAILED nav_failed"],
+}
 #: What a schema sees: the shape of a file.
 SEEN = {"unknown-key", "missing-key", "wrong-shape"}
 #: Broken charts of which the shape is wrong in a way that needs more than one mapping to see.
@@ -86,6 +116,23 @@ def test_accepts_what_is_good(file: Path, made: dict[str, dict[str, Any]]) -> No
     kind = next(kind for kind in ("scenario", *FILES) if kind in raw)
     assert mistakes(made[kind], file) == []
     assert mistakes(made[ANY_KIND], file) == []
+
+
+def test_accepts_every_short_form(made: dict[str, dict[str, Any]]) -> None:
+    """A model that reads a short form has one in the list above, and its schema takes it."""
+    models, waiting = set[type[Node]](), [Node]
+    while waiting:
+        models |= (found := {*waiting.pop().__subclasses__()} - models)
+        waiting += found
+    ours = [model for model in models if model.__module__.startswith("lupin_engine.")]
+    assert sorted(model.__name__ for model in ours if "_long_form" in vars(model)) == sorted(SHORT)
+    schema = made[ANY_KIND]
+    for name, forms in SHORT.items():
+        there = name.removesuffix("Node") if name == "ActionNode" else name
+        part = {"definitions": schema["definitions"], "$ref": f"#/definitions/{there}"}
+        for form in forms:
+            # What may stand for a choice is said where choices are.
+            assert name == "ChoiceNode" or jsonschema.Draft7Validator(part).is_valid(form), (name, form)
 
 
 @pytest.mark.parametrize("file", BROKEN, ids=lambda file: file.stem)

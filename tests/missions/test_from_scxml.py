@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from decimal import ROUND_HALF_DOWN, ROUND_HALF_UP, Decimal
 from typing import Any
 
 import pytest
@@ -242,6 +244,78 @@ def test_a_long_document_is_no_trouble() -> None:
     assert found["S748"] == {"after": {"1 s": "S0"}}
 
 
+# -- what ECMAScript means by it ----------------------------------------------------------------------------
+
+
+def guard(cond: str) -> Any:
+    """A condition in the language, where `n` is a number and `t` a text; nothing where it cannot be said."""
+    data = """<datamodel><data id="n" expr="1"/><data id="t" expr="'a'"/></datamodel>"""
+    found = states(f'{data}<state id="a"><transition cond="{cond}" target="b"/></state><state id="b"/>')
+    rule = found["A"].get("always")
+    return rule.get("guard", "true") if isinstance(rule, dict) else "true" if rule else None
+
+
+@pytest.mark.parametrize("given", [-7.5, -5, -2.5, -0.5, 0, 0.49999999999999994, 0.5, 1.5, 2.5, 3, 1e17])
+def test_remainders_and_rounding(given: float) -> None:
+    """The remainder has the sign of what is divided; halves are rounded up."""
+    for by in (3, -3, 0.5, -2.5):
+        remainder = eval(guard(f"n % {by} == 9").removesuffix(" == 9"), {"n": given, "abs": abs})
+        assert remainder == math.fmod(given, by)
+        remainder = eval(guard("n % (n + 2) == 9").removesuffix(" == 9"), {"n": given, "abs": abs})
+        assert remainder == math.fmod(given, given + 2)
+    halves = Decimal(given).quantize(Decimal(1), ROUND_HALF_UP if given > 0 else ROUND_HALF_DOWN)
+    assert eval(guard("Math.round(n) == 9").removesuffix(" == 9"), {"n": given}) == halves
+
+
+@pytest.mark.parametrize(
+    ("cond", "said"),
+    [
+        ("n == 010", "n == 8"),
+        ("n == 089", "n == 89"),
+        ("n == 0x1F", "n == 31"),
+        ("n == 9007199254740993", "n == 9007199254740992.0"),
+        ("n == 1e999", None),
+        ("n % 2 == 0", "n % 2 == 0"),
+        ("-5 % 3 == n", "-2 == n"),
+        ("Math.round(2.5) == n", "3 == n"),
+        ("Math.max(n) == 1", "n == 1"),
+        ("t + 1 == 'a1'", "t == 'a'"),
+        ("'a1' != t + 1", "t != 'a'"),
+        ("t + 1 == 'b'", None),
+        ("'n' + n == 'n12'", "n == 12"),
+        ("'n' + n == 'n012'", None),
+        ("'n' + n != 'nn'", "true"),
+        ("t + 1.0 + true == 'x1true'", "t == 'x'"),
+        ("'a' + 1 == 'a1'", "true"),
+        ("t + n == 'a1'", None),
+        ("t + 1", None),
+        ("!(t + 1) || n == 1", "n == 1"),
+        ("t + ''", None),
+        ("t - 1 == 0", None),
+        ("-t == 0", None),
+        ("n + true == 2", None),
+    ],
+)
+def test_values_of_several_types(cond: str, said: str | None) -> None:
+    """What cannot be said is not said otherwise."""
+    assert guard(cond) == said
+
+
+def test_fields_of_events() -> None:
+    """They are in lower case, and no words of expressions, wherever they are written."""
+    text = """
+        <state id="a"><onentry><send event="x"><param name="isLong" expr="1"/>
+        <param name="class" expr="2"/></send></onentry>
+        <transition event="x" cond="_event.data.isLong &lt; _event.data['class']" target="b"/>
+        <transition event="button" cond="_event.data.isShort"/></state><state id="b"/>"""
+    head = '<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0">'
+    found = from_scxml(f"{head}{text}</scxml>".encode(), "Tried", "m")
+    state = found.mission["states"]["A"]
+    assert state["entry"] == [{"raise": {"event": "x", "with": {"is_long": 1, "class_": 2}}}]
+    assert state["on"]["x"] == {"target": "B", "guard": "event.is_long < event.class_"}
+    assert list(found.binding["events"]["button"]["fields"]) == ["is_short"]
+
+
 # -- what is not --------------------------------------------------------------------------------------------
 
 
@@ -302,6 +376,10 @@ def test_a_long_document_is_no_trouble() -> None:
         (
             '<final id="a"><onexit><raise event="x"/></onexit></final>',
             "2: what an end does when it is left cannot be said; it is left out",
+        ),
+        (
+            '<parallel id="p"><final id="a"/><state id="b"/></parallel>',
+            "2: a final region: the parallel state is over as it is entered, with all its regions",
         ),
         (
             '<state id="a"><transition target="b c"/></state><state id="b"/><state id="c"/>',

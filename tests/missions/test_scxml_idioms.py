@@ -24,6 +24,23 @@ conformance = load_tool("conformance")
 
 #: Charts that must come to `pass`, in which every word counts.
 CHARTS = {
+    # -- values --
+    "a remainder, halves, texts with numbers, eights": """
+        <datamodel><data id="x" expr="-5"/><data id="h" expr="2.5"/><data id="t" expr="'a'"/></datamodel>
+        <state id="s"><transition cond="x % 3 == -2 &amp;&amp; x % -3 == -2 &amp;&amp; Math.round(h) == 3
+          &amp;&amp; Math.round(-h) == -2 &amp;&amp; t + 1 == 'a1' &amp;&amp; h + 5.5 == 010" target="pass"/>
+        <transition target="fail"/></state>""",
+    # -- targets --
+    "a fork leads past the beginnings of regions, and only where it is one": """
+        <datamodel><data id="n" expr="0"/></datamodel>
+        <state id="s"><transition cond="n == 0" target="C2 D2"/><transition target="p"/></state>
+        <parallel id="p">
+          <state id="C"><state id="C1"><transition cond="In('D2')" target="fail"/></state>
+            <state id="C2"/></state>
+          <state id="D"><state id="D1"><transition cond="n == 1 &amp;&amp; In('C1')" target="pass"/></state>
+            <state id="D2"><transition cond="n == 0 &amp;&amp; In('C2')" target="s">
+              <assign location="n" expr="1"/></transition></state></state>
+        </parallel>""",
     # -- sends --
     "a send waits behind what is raised": """
         <state id="s"><onentry><send event="outside"/><raise event="inside"/></onentry>

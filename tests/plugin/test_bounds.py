@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from calendar import monthrange
 from typing import Any
 
 import pytest
 
+from lupin_engine.chart.expressions.evaluation import to_function
 from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.parameters import named
 from lupin_engine.plugin.types import (
     COUNT,
+    DATE,
     DURATION,
     INTEGER,
     MAX_INTEGER,
@@ -85,3 +88,35 @@ def test_what_is_computed_for_a_timer(value: float) -> None:
 def test_what_is_computed_for_a_variable(kind: Type, value: float) -> None:
     with pytest.raises(ValueError, match=rf"^a {kind}(, got| of at)"):
         fitted(value, kind)
+
+
+@pytest.mark.parametrize("notation", Notation)
+@pytest.mark.parametrize("year", [1, 1900, 2000, 2023, 2024, 2100, 9996, 9999])
+def test_a_date_is_a_day_that_exists(year: int, notation: Notation) -> None:
+    """Every day of the month is, and none behind it."""
+    for month in range(14):
+        last = monthrange(year, month)[1] if 1 <= month <= 12 else 0
+        for day in range(33):
+            found = problems(f"{year:04}-{month:02}-{day:02}", DATE, notation)
+            assert bool(found) is not (1 <= day <= last), (year, month, day)
+    assert problems("0000-01-01", DATE, notation)
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        ("_times(1e200, 1e200)", r"^1e\+200 and 1e\+200 make inf$"),
+        ("_over(1e200, -1e-200)", r"^1e\+200 and -1e-200 make -inf$"),
+        ("_times(2**52, 4)", r"^1.8e\+16 is too large$"),
+        ("round(1e300)", r"^1e\+300 is too large$"),
+    ],
+)
+def test_what_is_computed_on_the_way(code: str, told: str) -> None:
+    """Also where it is only told or handed on, and kept nowhere."""
+    with pytest.raises(OverflowError, match=told):
+        to_function(code)({})
+
+
+def test_what_a_sensor_tells_of_infinity() -> None:
+    """A range finder that sees nothing does: to compute with it is no overflow."""
+    assert to_function("_times(inf, 2.0)")({}) == math.inf

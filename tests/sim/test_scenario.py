@@ -742,3 +742,52 @@ def test_a_mission_in_another_deals_with_its_times_anew(tmp_path: Path) -> None:
     assert loaded(tmp_path, head + "limit: 40 h\nexpect: {}\n").run().seconds == pytest.approx(
         30.5 * 3600 + 3.0
     )
+
+
+LONG = """
+mission: Long
+initial: WAITING
+states:
+  WAITING: {on: {operator.skip_current: done}, after: {%s}}
+  done: {type: final}
+"""
+
+
+@pytest.mark.parametrize(
+    ("timers", "rest", "told"),
+    [
+        ("30 h: done", "expect: {final: DONE, within: 40 h}", []),
+        ("30 h: done", "expect: {final: DONE, passes: [{state: DONE, by: 31 h}]}", []),
+        ("30 h: done", "when: [{at: 29 h, expect: {state: [WAITING]}}]\nexpect: {}", []),
+        (
+            "30 h: done",
+            "expect: {final: DONE}",
+            ["final: DONE / WAITING, when the run was stopped at the time limit of 86400 s"],
+        ),
+        (
+            "30 h: done",
+            "limit: 2 h\nexpect: {passes: [DONE], within: 40 h}",
+            [
+                "passes: DONE is not entered: DONE / BOOT, READY, MISSION, Long, WAITING, "
+                "when the run was stopped at the time limit of 7200 s"
+            ],
+        ),
+        (
+            "100 ms: WAITING",
+            "expect: {final: DONE}",
+            [
+                "final: DONE / WAITING, when the run was stopped at the limit of 100000 steps at 9999.6 s; "
+                "what repeats: MISSION.Long.WAITING.after.0"
+            ],
+        ),
+    ],
+)
+def test_a_run_is_not_ended_in_silence(tmp_path: Path, timers: str, rest: str, told: list[str]) -> None:
+    """What is looked at later than a day lengthens it; else the failure has the limit, and what repeats."""
+    (tmp_path / "missions").mkdir()
+    mission = tmp_path / "missions" / "long.yaml"
+    mission.write_text(LONG % timers, encoding="utf-8")
+    found = written(tmp_path, f"scenario: it ends\nmission: Long\n{rest}\n")
+    scenario = load_scenario(found, shipped.catalog(), MISSIONS)
+    failed = scenario.failures(scenario.run())
+    assert [f"{one.what}: {one.expected} / {one.actual}" for one in failed] == told

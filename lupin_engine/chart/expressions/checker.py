@@ -86,6 +86,8 @@ _OPERATORS: Mapping[type[ast.operator], str] = {
     ast.FloorDiv: "//",
     ast.Mod: "%",
 }
+#: What computes with care, for numbers grow fast there.
+_BOUNDED: Mapping[str, str] = {"*": "_times", "/": "_over"}
 _COMPARISONS: Mapping[type[ast.cmpop], str] = {
     ast.Eq: "==",
     ast.NotEq: "!=",
@@ -378,8 +380,8 @@ class _Checker(ExpressionReader):
         if kind is None:
             problem = f"cannot compute {q.describe(left.type)} {sign} {q.describe(right.type)}"
             return self.wrong(node, "wrong-unit", problem, q.unit_hint(left.type, right.type))
-        if sign == "*" and kind.kind != "number":
-            return Typed(kind, f"_times({left.code}, {right.code})")
+        if sign in _BOUNDED:
+            return Typed(kind, f"{_BOUNDED[sign]}({left.code}, {right.code})")
         return Typed(kind, f"({left.code} {sign} {right.code})")
 
     def _pair(self, left: ast.expr, right: ast.expr) -> tuple[Typed, Typed]:

@@ -34,10 +34,27 @@ class UnknownInput(UnknownValue):
 
 def _times(left: Any, right: Any) -> Any:
     """Multiply; integers only as far as a float could tell them apart."""
-    product = left * right
-    if isinstance(product, int) and abs(product) > MAX_INTEGER:
-        raise OverflowError(f"{product:.3g} is too large")
-    return product
+    return _counted(left * right, left, right)
+
+
+def _over(left: Any, right: Any) -> Any:
+    """Divide."""
+    return _counted(left / right, left, right)
+
+
+def _round(value: Any, digits: int | None = None) -> Any:
+    """Round; to whole numbers only as far as a float could tell them apart."""
+    return _counted(round(value, digits), value)
+
+
+def _counted(result: Any, *operands: Any) -> Any:
+    """Return what was computed, unless it is beyond what numbers can be; a sensor may tell of infinity."""
+    if isinstance(result, int):
+        if abs(result) > MAX_INTEGER:
+            raise OverflowError(f"{float(result):.3g} is too large")
+    elif not math.isfinite(result) and all(map(math.isfinite, operands)):
+        raise OverflowError(f"{' and '.join(f'{operand:g}' for operand in operands)} make {result:g}")
+    return result
 
 
 def _number(value: Any) -> Any:
@@ -117,7 +134,7 @@ _GLOBALS: dict[str, Any] = {
     "min": min,
     "max": max,
     "abs": abs,
-    "round": round,
+    "round": _round,
     "any": any,
     "all": all,
     "sum": sum,
@@ -130,6 +147,7 @@ _GLOBALS: dict[str, Any] = {
     "_named": _named,
     "_number": _number,
     "_times": _times,
+    "_over": _over,
     "_same": _same,
     "_text": _text,
     "_in_unit": in_unit,

@@ -236,7 +236,11 @@ def plain(raw: Any) -> Any:
         return str(raw)
     if isinstance(raw, Mapping):
         return {str(key): plain(value) for key, value in raw.items()}
-    return [plain(value) for value in raw] if isinstance(raw, list) else raw
+    if isinstance(raw, list):
+        return [plain(value) for value in raw]
+    if isinstance(raw, bool) or not isinstance(raw, (int, float)):
+        return raw
+    return int(raw) if isinstance(raw, int) else float(raw)
 
 
 def _expressions_in(raw: Any, place: Place, steps: _Steps = ()) -> Iterator[tuple[Place, _Steps]]:
@@ -278,6 +282,8 @@ def _instead(raw: Any, wanted: Type) -> str:
     """Return what to write where a value is of another kind."""
     if is_moment(wanted):
         return f'write {_MOMENTS[wanted.name]}, in quotes: "{wanted.example}"'
+    if wanted.kind == "text" and isinstance(raw, bool):
+        return "quote it"  # the file may have `True`
     if wanted.kind == "text" and isinstance(raw, (int, float)):
         return f"quote it: '{show(raw)}'"
     if wanted.kind == "bool":
@@ -295,7 +301,8 @@ def _wrong_number(problem: ValueProblem, path: str) -> tuple[str, str, str, str]
         return "wrong-type", path, f"{show(raw)} is too large", ""
     if fault is Fault.NO_UNIT:
         text = f"{show(raw)} has no unit, but {one(str(wanted))} needs one"
-        return "no-unit", path, text, f"write '{show(raw)} {wanted.unit}'"
+        number = show(raw if parse_quantity(f"{raw!r} s") else plain(raw))  # not `0x1F s`
+        return "no-unit", path, text, f"write '{number} {wanted.unit}'"
     if fault is Fault.UNIT:
         units = ", ".join(map(repr, units_of(wanted.unit)))
         hint = f"its units are {units}" if wanted.unit else "write a number without a unit, or in %"

@@ -55,9 +55,27 @@ def never_wins(index: Index) -> Iterator[Diagnostic]:
             yield Diagnostic(guard.place, "never-wins", f"{call.path}.if", problem, hint)
     for group in index.groups:
         yield from _hidden_by_earlier(index, group)
+    for state in index.states:
+        yield from _hidden_by_deadline(index, state)
     for state in index.outer:
         if not state.slot:  # which missions stand in it is not known here
             yield from _hidden_by_inner(index, state)
+
+
+def _hidden_by_deadline(index: Index, state: State) -> Iterator[Diagnostic]:
+    """Find deadlines that are not before another one of the same state, which always leaves it."""
+    due = {timer.event: timer.due.value for timer in state.timers if isinstance(timer.due, Constant)}
+    after = [t for t in state.transitions if t.event in due and t.event.startswith("after.")]
+    leaving = [t for t in after if t.target is not None and always_taken(t)]
+    if not leaving:
+        return
+    first = min(leaving, key=lambda t: due[t.event])  # of equal ones the first that is written
+    for later in after:
+        at, limit = due[later.event], due[first.event]
+        if at > limit or (at == limit and after.index(later) > after.index(first)):
+            when = "at the same time" if at == limit else "earlier"
+            problem = f"{_NEVER}: {when} the deadline in {line_of(first.place, later.place)} leaves the state"
+            yield warning(later.place, "never-wins", later.id, problem, "shorten it, or remove it")
 
 
 def _never_true(transition: Transition) -> bool:
@@ -174,10 +192,10 @@ def _answers(index: Index, state: State, outer: Transition) -> bool:
 
 
 def both_can_win(index: Index) -> Iterator[Diagnostic]:
-    """Find two transitions of a state between which only their order decides.
+    """Find two transitions of a state between which only the order of their keys decides.
 
-    A refusal in front is an exception to what follows, and one without a guard at the end is the rest: both
-    read as they work.
+    In the list under one key the first one whose guard is true is taken, as the language says. A refusal in
+    front is an exception to what follows, and one without a guard at the end is the rest.
     """
     for group in index.groups:
         # Sometimes true and sometimes not, as far as it was understood.
@@ -197,6 +215,8 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
 def _both_can_win(index: Index, earlier: Transition, later: Transition) -> bool:
     assert earlier.guard is not None
     assert later.guard is not None
+    if earlier.event == later.event:
+        return False
     if earlier.refuse is not None or _effect(earlier) == _effect(later) or _covered(index, earlier, later):
         return False
     return not exclusive(condition_of(earlier.guard.source), condition_of(later.guard.source))

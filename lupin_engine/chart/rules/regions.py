@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lupin_engine.chart.findings import warning
+from lupin_engine.chart.model import Kind
 from lupin_engine.chart.rules.index import Index, Work, local
 from lupin_engine.errors import Diagnostic
 
@@ -53,7 +54,18 @@ def _told(work: Work, other: Work, resource: str) -> Diagnostic:
 
 
 def region_leak(index: Index) -> Iterator[Diagnostic]:
-    """Find a way from one region of a parallel state into another, which leaves and enters all of them."""
+    """Find what leaves all regions of a parallel state at once: a way into another one, a final region."""
+    for parallel in index.parallel:
+        for region in index.regions(parallel):
+            if region.kind is Kind.FINAL:
+                problem = (
+                    f"the region {region.local_name!r} is a final state: {parallel.local_name!r} is over as"
+                    " soon as it is entered, and its other regions with it"
+                )
+                hint = (
+                    "remove it, or let it be a state with a final one inside: then the others are waited for"
+                )
+                yield warning(region.place, "region-leak", region.name, problem, hint)
     for name, around in index.region_of.items():
         for transition in index.chart.states[name].transitions:
             if transition.target is None:

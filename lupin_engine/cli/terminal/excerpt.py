@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Sequence
 from pathlib import Path
 
 from lupin_engine.errors import Place
@@ -20,11 +21,15 @@ class Sources:
     def __init__(self) -> None:
         self._lines: dict[str, list[str]] = {}
 
+    def lines(self, file: str) -> Sequence[str]:
+        """Return the lines of a file; none when it cannot be read."""
+        if file not in self._lines:
+            self._lines[file] = _read(file)
+        return self._lines[file]
+
     def line(self, place: Place) -> str | None:
         """Return the line of a place; None when the file cannot be read or has no such line."""
-        if place.file not in self._lines:
-            self._lines[place.file] = _read(place.file)
-        lines = self._lines[place.file]
+        lines = self.lines(place.file)
         return lines[place.line - 1] if place.line <= len(lines) else None
 
 

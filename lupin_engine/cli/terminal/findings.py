@@ -17,7 +17,9 @@ from lupin_engine.errors import Diagnostic, Severity
 
 #: How wide excerpts are where there is no terminal, in cells.
 WIDTH = 120
-_COLOURS: Mapping[Severity, str] = MappingProxyType({Severity.ERROR: "red", Severity.WARN: "yellow"})
+_COLOURS: Mapping[Severity, str] = MappingProxyType(
+    {Severity.ERROR: "red", Severity.WARN: "yellow", Severity.INFO: "blue"}
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class Checked:
 
     def exit_code(self, strict: bool) -> int:
         """Return 1 for errors, with `strict` also for warnings, else 0."""
-        return 1 if self.count(Severity.ERROR) or (strict and self.found) else 0
+        return 1 if self.count(Severity.ERROR) or (strict and self.count(Severity.WARN)) else 0
 
 
 def wants_colour() -> bool | None:
@@ -54,7 +56,7 @@ def as_text(checked: Checked, width: int | None = None) -> str:
 def _told(diagnostic: Diagnostic, sources: Sources, width: int) -> Iterator[str]:
     """Yield a finding, and the line that it is about."""
     place, colour = diagnostic.place, _COLOURS[diagnostic.severity]
-    kind = click.style(_kind(diagnostic), fg=colour, bold=True)
+    kind = click.style(diagnostic.kind, fg=colour, bold=True)
     yield f"{click.style(str(place), bold=True)}: {kind}: {_message(diagnostic)}"
     line = sources.line(place)
     if line is None or not line.strip():
@@ -67,11 +69,13 @@ def _told(diagnostic: Diagnostic, sources: Sources, width: int) -> Iterator[str]
 
 def _counts(checked: Checked) -> str:
     errors, warnings = checked.count(Severity.ERROR), checked.count(Severity.WARN)
-    counts = (
+    counts = [
         counted(checked.missions, "mission"),
         counted(errors, "error"),
         counted(warnings, "warning"),
-    )
+    ]
+    if accepted := checked.count(Severity.INFO):
+        counts.append(f"{accepted} accepted")
     colour = "red" if errors else "yellow" if warnings else "green"
     return click.style(", ".join(counts), fg=colour)
 
@@ -89,7 +93,7 @@ def _as_json(checked: Checked) -> str:
                 "file": d.place.file,
                 "line": d.place.line,
                 "column": d.place.column,
-                "severity": _kind(d),
+                "severity": d.kind,
                 "rule": d.rule,
                 "path": d.path,
                 "problem": d.problem,
@@ -112,7 +116,8 @@ def _as_sarif(checked: Checked) -> str:
 def _as_github(checked: Checked) -> str:
     """Return the workflow commands by which GitHub annotates lines."""
     return "\n".join(
-        f"::{_kind(d)} file={_escaped(d.place.file)},line={d.place.line},col={d.place.column},"
+        f"::{'notice' if d.kind == 'note' else d.kind} "
+        f"file={_escaped(d.place.file)},line={d.place.line},col={d.place.column},"
         f"title={_escaped(d.rule)}::{_escaped(_message(d), ())}"
         for d in checked.found
     )
@@ -126,11 +131,7 @@ def _escaped(text: str, more: Iterable[str] = (":", ",")) -> str:
 
 def _message(diagnostic: Diagnostic) -> str:
     """Return the text of a finding without its place and severity."""
-    return str(diagnostic).removeprefix(f"{diagnostic.place}: {_kind(diagnostic)}: ")
-
-
-def _kind(diagnostic: Diagnostic) -> str:
-    return "error" if diagnostic.severity is Severity.ERROR else "warning"
+    return str(diagnostic).removeprefix(f"{diagnostic.place}: {diagnostic.kind}: ")
 
 
 FORMS: Mapping[str, Callable[[Checked], str]] = MappingProxyType(

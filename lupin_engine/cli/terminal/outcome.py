@@ -157,7 +157,7 @@ def last_line(run: Run) -> Text:
 def _remarks(run: Run, code: int) -> Iterable[str]:
     """Yield the reasons for the outcome."""
     if run.cut_off:
-        yield "stopped at the time limit"
+        yield f"stopped at {run.limit}"
     elif run.stopped:
         yield "stopped where --until says"
     elif code == NOT_DONE and not run.ended and run.view.paused:
@@ -183,6 +183,7 @@ def record(run: Run, lanes: Timeline, seed: int) -> dict[str, Any]:
         "seed": seed,
         "parameters": dict(run.parameters),
         "cut_off": run.cut_off,
+        "limit": run.limit,
         "stopped": run.stopped,
         "exit_code": verdict(run),
         "lifecycles": run.history.lifecycles,

@@ -11,7 +11,7 @@ from urllib.parse import quote
 from lupin_engine import __version__
 from lupin_engine.chart.findings import RULES, SUBJECTS
 from lupin_engine.cli.terminal.excerpt import Sources, token_length
-from lupin_engine.errors import Diagnostic, Place, Severity
+from lupin_engine.errors import Diagnostic, Place
 
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 
@@ -51,7 +51,7 @@ def _result(diagnostic: Diagnostic, rule: int, here: Path, sources: Sources) -> 
     result: dict[str, Any] = {
         "ruleId": diagnostic.rule,
         "ruleIndex": rule,
-        "level": "error" if diagnostic.severity is Severity.ERROR else "warning",
+        "level": diagnostic.kind,
         "message": {"text": f"{diagnostic.problem}{hint}"},
         "locations": [{"physicalLocation": _location(diagnostic.place, here, sources)}],
     }

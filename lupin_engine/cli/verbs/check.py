@@ -53,6 +53,9 @@ def check(
 ) -> int:
     """Check missions and tell everything that is wrong with them.
 
+    A warning is accepted where the comment '# accept RULE: REASON' stands on its line or just above it: it is
+    listed as a note then, and does not count.
+
     PATHS are mission files, lifecycles, parts, folders, or names of missions; without any, the missions of
     the folder missions are checked, or where there is none the shipped ones.
 
@@ -102,6 +105,8 @@ def check_paths(
         UsageError: a path does not exist, or the budget is no duration.
         PluginError: the installed plugins cannot be used.
     """
+    from lupin_engine.chart.findings import accepted
+    from lupin_engine.cli.terminal.excerpt import Sources
     from lupin_engine.cli.terminal.findings import FORMS, wants_colour
 
     seconds = None
@@ -111,8 +116,9 @@ def check_paths(
         seconds = read_budget("--prove", budget)
     checked = run_check(paths, load_catalog())
     if seconds is not None and not checked.count(Severity.ERROR):
-        broken = _proven(paths, seconds, form == "text")
-        checked = replace(checked, found=(*checked.found, *broken))
+        broken, sources = _proven(paths, seconds, form == "text"), Sources()
+        told = (accepted(one, sources.lines(one.place.file)) for one in broken)
+        checked = replace(checked, found=(*checked.found, *told))
     text = FORMS[form](checked)
     if text:
         click.echo(text, color=wants_colour())

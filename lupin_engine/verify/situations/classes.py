@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from datetime import date, time, timedelta
+from datetime import date, time
 from typing import Any
 
 from lupin_engine.chart.model import Chart, Field, Input, Mission
@@ -414,8 +414,9 @@ def _texts_around(compared: Iterable[str], kind: Type) -> list[str]:
         minutes = {60 * one.hour + one.minute + more for one in near for more in (-1, 0, 1)}
         return [f"{one // 60:02}:{one % 60:02}" for one in sorted(minutes) if 0 <= one < 24 * 60]
     if kind.name == DATE.name:
-        days = {date.fromisoformat(word) + timedelta(more) for word in words for more in (-1, 0, 1)}
-        return [one.isoformat() for one in sorted(days)]
+        near_days = {date.fromisoformat(word).toordinal() + more for word in words for more in (-1, 0, 1)}
+        days = sorted(one for one in near_days if 1 <= one <= date.max.toordinal())
+        return [date.fromordinal(one).isoformat() for one in days]
     if kind.pattern or kind.example:  # nobody knows which other words there may be
         return words
     number = next(n for n in itertools.count(1) if f"x{n}" not in words)

@@ -43,8 +43,8 @@ _MOST_BOUNDS = 16
 _CHANGING = ("in_state", "held", "itinerary", "clock")
 _ORDERINGS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 #: What a straight expression consists of, and the calls that the checker writes into one.
-_STRAIGHT = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.USub)
-_STRAIGHT_CALLS = frozenset({"_times", "_number", "_in_unit", "_in_base"})
+_STRAIGHT = (ast.Add, ast.Sub, ast.USub)
+_STRAIGHT_CALLS = frozenset({"_times", "_over", "_number", "_in_unit", "_in_base"})
 
 
 class Compared:
@@ -493,10 +493,10 @@ def _is_list(kind: Type) -> bool:
 
 def _is_bent(node: ast.AST, tree: _Tree, sought: set[int]) -> bool:
     """Say whether something is multiplied with itself, or divides."""
-    if not isinstance(node, ast.BinOp) or not tree.inside(node.right) & sought:
+    if not isinstance(node, ast.Call) or ast.unparse(node.func) not in ("_times", "_over"):
         return False
-    is_product = isinstance(node.op, ast.Mult) and bool(tree.inside(node.left) & sought)
-    return is_product or isinstance(node.op, ast.Div)
+    left, right = (bool(tree.inside(operand) & sought) for operand in node.args)
+    return right and (left or ast.unparse(node.func) == "_over")
 
 
 def _converts(node: ast.AST) -> bool:

@@ -61,6 +61,8 @@ def told(findings: Findings) -> list[str]:
         ("true", BOOL, True),
         ("3", COUNT, 3),
         ("2.5", NUMBER, 2.5),
+        ("2.50", NUMBER, 2.5),
+        ("007", COUNT, 7),
         ("20 %", NUMBER, 0.2),
         ("2 min", DURATION, 120.0),
         ("10 cm", LENGTH, 0.1),
@@ -83,6 +85,12 @@ def test_plain_data_becomes_a_constant(text: str, wanted: Type, value: Any) -> N
     ("text", "wanted", "expected"),
     [
         ("5", TEXT, ["4: expected text, got 5; quote it: '5' [wrong-type]"]),
+        ("007", TEXT, ["4: expected text, got 007; quote it: '007' [wrong-type]"]),
+        ("1.10", TEXT, ["4: expected text, got 1.10; quote it: '1.10' [wrong-type]"]),
+        ("1e3", TEXT, ["4: expected text, got 1e3; quote it: '1e3' [wrong-type]"]),
+        ("True", TEXT, ["4: expected text, got true; quote it [wrong-type]"]),
+        ("0x1F", DURATION, ["4: 0x1F has no unit, but a duration needs one; write '31 s' [no-unit]"]),
+        ("1.50", DURATION, ["4: 1.50 has no unit, but a duration needs one; write '1.50 s' [no-unit]"]),
         ("yes", BOOL, ["4: expected bool, got 'yes'; write true or false [wrong-type]"]),
         ("x", list_of(TEXT), ["4: expected list of text, got 'x';  [wrong-type]"]),
         ("x", RECORD, ["4: expected pair, got 'x'; write a mapping with a, b [wrong-type]"]),
@@ -306,8 +314,8 @@ def test_arguments_that_nobody_asked_for_or_gave_are_told() -> None:
 @pytest.mark.parametrize(
     ("text", "wanted", "shown"),
     [
-        ("1e400", NUMBER, "inf"),
-        ("-1e400", NUMBER, "-inf"),
+        ("1e400", NUMBER, "1e400"),
+        ("-1e400", NUMBER, "-1e400"),
         ("1e400 s", DURATION, "'1e400 s'"),
         ("1e308 h", DURATION, "'1e308 h'"),
         ("-1e400 m", LENGTH, "'-1e400 m'"),

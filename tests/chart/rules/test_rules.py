@@ -140,6 +140,16 @@ RIGHT = {
   B: {after: {1 s: done}}
   done: {type: final}
 """,
+    "both-can-win: a list is an order": """\
+  A:
+    on:
+      operator.dock:
+        - {target: B, guard: reason == 'late'}
+        - {target: done, guard: held(pause)}
+    after: {1 s: done}
+  B: {after: {1 s: done}}
+  done: {type: final}
+""",
     "both-can-win: a refusal in front is an exception": """\
   A:
     on:
@@ -340,7 +350,9 @@ RIGHT = {
       LEGS:
         type: parallel
         on_done: {target: toured, do: [itinerary.close: {status: OK}]}
-        states: {L: {type: final}, R: {states: {C: {after: {1 s: over}}, over: {type: final}}}}
+        states:
+          L: {states: {C: {after: {1 s: over}}, over: {type: final}}}
+          R: {states: {C: {after: {1 s: over}}, over: {type: final}}}
       toured: {type: final}
   B:
     itinerary: {items: "${ tags.numeric_order() }"}
@@ -481,7 +493,7 @@ RIGHT = {
     states:
       GOING:
         after:
-          1 s: {target: THERE, do: [itinerary.close: {status: OK}]}
+          1 s: {target: THERE, guard: reason == 'late', do: [itinerary.close: {status: OK}]}
           2 s: THERE
       THERE:
         always:
@@ -834,7 +846,8 @@ def test_parts_and_their_users_may_call_their_states_alike(tmp_path: Path, catal
 part: p
 states:
   A:
-    after: {1 s: over, 2 s: READY}
+    on: {operator.skip_current: over}
+    after: {1 s: READY}
   over: {type: final}
 """)
     (tmp_path / "parts" / "q.yaml").write_text("""\
@@ -856,7 +869,7 @@ states:
     assert [str(d) for d in found] == [
         f"{tmp_path}/m.yaml:5:23: warning: MISSION.M.over.after.0: 'READY' means 'MISSION.M.READY' here, "
         "which hides 'READY'; rename one of them [shadowed-state]",
-        f"{tmp_path}/parts/p.yaml:4:29: warning: MISSION.M.A.A.A.after.1: 'READY' means 'MISSION.M.READY' "
+        f"{tmp_path}/parts/p.yaml:5:18: warning: MISSION.M.A.A.A.after.0: 'READY' means 'MISSION.M.READY' "
         "here, which hides 'READY'; rename one of them [shadowed-state]",
     ]
     assert chart is not None

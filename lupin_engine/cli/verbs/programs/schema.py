@@ -20,6 +20,10 @@ SHORT_FORMS: Mapping[str, dict[str, Any]] = MappingProxyType(
             "description": "mission.start or operator.NAME, alone or with what it carries",
             "anyOf": [{"type": "string"}, {"type": "object", "minProperties": 1, "maxProperties": 1}],
         },
+        "EventNode": {
+            "description": "plugin.name, alone or with its fields",
+            "anyOf": [{"type": "string"}, {"type": "object", "minProperties": 1, "maxProperties": 1}],
+        },
         "EndNode": {"type": "string", "description": "operation, as plugin.name"},
         "RefusedNode": {"type": "string", "description": "code"},
     }
