@@ -345,6 +345,7 @@ class _BindingReader:
             self._good_name(NAME, "parameter", name, place, path, WORDS)
             parameter = self._declarer.parameter(written, path)
             if parameter is not None:
+                self._declarer.check_settable(name, parameter.type, written, place)
                 yield name, parameter
 
     def _unused_parameters(self) -> None:

@@ -294,6 +294,10 @@ class _Composer:
         if any(asked.type.kind == "list" for each in self._requests.values() for asked in each.values()):
             found[MAX_TARGETS] = self._catalog.parameters[MAX_TARGETS]
         found.update(self._declared.parameters)
+        for file in (self._lifecycle, *self._missions, *self._parts.values()):
+            for name in file.params.keys() & self._declared.parameters.keys():
+                kind, place = self._declared.parameters[name].type, file.key_at("params", name)
+                self._declarer.check_settable(name, kind, file.params[name], place)
         return found
 
     # -- missions ------------------------------------------------------------------------------------------
