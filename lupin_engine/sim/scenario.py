@@ -166,7 +166,7 @@ def load_scenario_text(text: str, file: Path, missions: Missions) -> Scenario:
 
 
 def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -> Scenario:
-    node = validate(raw, ScenarioNode, findings, lenient=True) if isinstance(raw, Map) else None
+    node = validate(raw, ScenarioNode, findings) if isinstance(raw, Map) else None
     if node is None:
         raise ChartError(findings.all)
     mission = missions.file(node.mission, path)
