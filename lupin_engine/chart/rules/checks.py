@@ -24,7 +24,7 @@ from lupin_engine.chart.rules.unused import (
     unused_parameter,
     unused_variable,
 )
-from lupin_engine.chart.rules.visits import visits
+from lupin_engine.chart.rules.visits import published_twice, visits
 from lupin_engine.chart.rules.walks import begins_anew, untold_rest
 from lupin_engine.chart.rules.ways import (
     dead_end,
@@ -81,6 +81,7 @@ GLOBAL: tuple[Rule, ...] = (
     regions_clash,
     region_leak,
     visits,
+    published_twice,
     begins_anew,
     untold_rest,
     event_field,

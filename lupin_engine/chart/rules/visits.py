@@ -48,6 +48,20 @@ def visits(index: Index) -> Iterator[Diagnostic]:
                 yield from analysis.read_without_target()
 
 
+def published_twice(index: Index) -> Iterator[Diagnostic]:
+    """Find what is published of a target beside its visit, which publishes when it is closed."""
+    for written in index.calls:
+        publication = index.chart.catalog.profile.publications.get(written.action.name)
+        lineage = index.lineage[written.state.name]
+        if publication is None or all(index.chart.states[name].itinerary is None for name in lineage):
+            continue
+        target = written.action.arguments.get(publication.target[0])
+        if isinstance(target, Expression) and _TARGET.search(target.source):
+            problem = "a visit publishes what was read when it is closed, so this target is published twice"
+            hint = f"hand it over there: 'itinerary.close: {{status: {publication.outcome}, reading: ...}}'"
+            yield warning(written.action.place, "double-close", written.path, problem, hint)
+
+
 def _never_closed(index: Index, walker: State) -> Iterator[Diagnostic]:
     """Find the going on of a walk that closes no visit anywhere, wherever the visits may come from."""
     calls = [call for state in _below(index, walker, stop_at_walks=True) for call in _calls(state)]

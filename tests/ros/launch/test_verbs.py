@@ -31,6 +31,7 @@ def case(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mon
     folder.mkdir()
     monkeypatch.chdir(folder)
     if request.param == OWN_PROFILE:
+        (tmp_path / "site").mkdir()
         install(tmp_path / "site")
         monkeypatch.setenv("PYTHONPATH", str(tmp_path / "site"))
     return CASES[request.param](folder)
@@ -42,6 +43,10 @@ def test_an_operator_is_answered(
 ) -> None:
     """Nodes are up, and everything that can be asked of them gets a sentence and no traceback."""
     up = lupin("up", case.mission, "--speed", "20")
+    if (case.folder / "missions" / "bindings").is_dir():  # nobody serves what it calls
+        assert up.end() == 2, up.output
+        assert up.errors[-1].startswith("lupin: the orchestrator is in FAULT: dependency_timeout: ")
+        return
     up.until_line("Ctrl-C")
     monkeypatch.setenv("ROS_DOMAIN_ID", str(up.domain))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
