@@ -544,7 +544,8 @@ class InvariantNode(Node):
 class PropertyNode(Node):
     """What is true of every way that a run can go: looked at by `lupin test`, `prove` and `campaign`.
 
-    Missions of one lifecycle, which a robot loads together, have no two properties of one name.
+    One that reads the `request` of its mission is about the runs of that mission. Missions of one lifecycle,
+    which a robot loads together, have no two properties of one name.
     """
 
     SHAPE = "a mapping with one of always, never and eventually"
