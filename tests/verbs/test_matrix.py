@@ -60,10 +60,9 @@ def no_network(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def reached() -> None:
         raise UsageError(REACHED)
 
-    monkeypatch.setattr("lupin_engine.ros.launch.requirements.prepare_ros", reached)
-    for module in list(sys.modules.values()):
-        if getattr(module, "__name__", "").startswith("lupin_") and hasattr(module, "prepare_ros"):
-            monkeypatch.setattr(module, "prepare_ros", reached)
+    # Those that have it by name come first: imported afterwards they would keep the stand-in for ever.
+    for module in ("cli.bring_up", "cli.verbs.node", "ros.launch.requirements"):
+        monkeypatch.setattr(f"lupin_engine.{module}.prepare_ros", reached)
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO()))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
 
