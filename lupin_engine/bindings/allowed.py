@@ -24,7 +24,7 @@ from lupin_engine.chart.documents import Names
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.nodes import Node
 from lupin_engine.chart.source import parse_bytes, read_bytes
-from lupin_engine.chart.validation import validate
+from lupin_engine.chart.validation import Way, validate
 from lupin_engine.errors import meant, or_else
 from lupin_engine.plugin.registry import Catalog
 
@@ -127,8 +127,9 @@ def _read(file: Path, findings: Findings) -> Mapping[str, list[str]] | None:
     """Return the names under each key of `allow`; None after findings."""
     raw = read_bytes(file, findings)
     parsed = None if raw is None else parse_bytes(raw, str(file), findings)
-    node = None if parsed is None else validate(parsed, RobotNode, findings)
-    if node is None:
+    left_out: list[Way] = []
+    node = None if parsed is None else validate(parsed, RobotNode, findings, left_out)
+    if node is None or left_out:
         return None
     if node.allow is None:
         return {}

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import parse_bytes, read_bytes
-from lupin_engine.chart.validation import is_kind, validate, want_defaults
+from lupin_engine.chart.validation import Way, follows, is_kind, validate, want_defaults
 from lupin_engine.errors import Diagnostic, PluginError, Severity
 from lupin_engine.plugin.registry import Catalog
 
@@ -119,18 +119,21 @@ def _file(name: str, stem: str, raw: bytes, key: _Same) -> _BindingFile:
     from lupin_engine.bindings.file import KIND, BindingNode
     from lupin_engine.bindings.reader import read_binding
 
-    findings = Findings()
+    findings, left_out = Findings(), list[Way]()
     parsed = parse_bytes(raw, name, findings)
     node = None
     if parsed is not None and is_kind(parsed, KIND, findings):
         want_defaults(parsed, findings)
-        node = validate(parsed, BindingNode, findings)
+        node = validate(parsed, BindingNode, findings, left_out)
     if node is None:
         return _BindingFile(None, findings.all)
     if node.binding != stem:
         problem = f"the binding calls itself {node.binding!r}, its file {stem!r}"
         findings.add(node.at("binding"), "bad-name", "binding", problem, f"write 'binding: {stem}'")
-    return _BindingFile(read_binding(node, key.catalog, findings), findings.all, raw)
+    told = findings.all
+    binding = read_binding(node, key.catalog, findings)
+    found = tuple(each for each in findings.all if each in told or not follows(each, left_out))
+    return _BindingFile(binding, found, raw)
 
 
 @lru_cache(maxsize=MAX_CATALOGS)

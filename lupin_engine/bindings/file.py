@@ -11,10 +11,15 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from lupin_engine.chart.documents import Bound, CodeNode, Condition, Names, ParameterNode, Written
 from lupin_engine.chart.nodes import Meaning, Named, Node, show, wrong_shape
+
+
+def _to_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
 
 #: The key that makes a file a binding.
 KIND = "binding"
@@ -105,6 +110,18 @@ class ResultNode(Node):
     )
 
 
+class BoundMockCaseNode(Node):
+    """What is otherwise for some arguments."""
+
+    with_: dict[str, Written] = Field(alias="with", description="arguments for which this holds, by name")
+    result: dict[str, Written] = Field(
+        default_factory=dict, description="fields of the result that are different then"
+    )
+    values: dict[str, Written] = Field(
+        default_factory=dict, description="live values of this binding that are different afterwards, by name"
+    )
+
+
 class BoundMockNode(Node):
     """What the operation does in a simulation when the scenario does not say."""
 
@@ -114,6 +131,13 @@ class BoundMockNode(Node):
     )
     values: dict[str, Written] = Field(
         default_factory=dict, description="live values of this binding that are different afterwards, by name"
+    )
+    when: Annotated[
+        list[BoundMockCaseNode],
+        BeforeValidator(_to_list, json_schema_input_type=BoundMockCaseNode | list[BoundMockCaseNode]),
+    ] = Field(
+        default_factory=list,
+        description="what is otherwise for some arguments; the first that holds counts",
     )
 
 
@@ -326,6 +350,7 @@ __all__ = [
     "BindingNode",
     "BoundActionNode",
     "BoundEventNode",
+    "BoundMockCaseNode",
     "BoundMockNode",
     "BoundOperationNode",
     "BoundValueNode",

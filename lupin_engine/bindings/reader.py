@@ -42,7 +42,7 @@ from lupin_engine.bindings.meaning import (
 from lupin_engine.chart.compose.declare import SEVERITIES, Declarer
 from lupin_engine.chart.expressions.scope import WORDS, Usage
 from lupin_engine.chart.expressions.units import measured_in, one
-from lupin_engine.chart.expressions.values import read_constant
+from lupin_engine.chart.expressions.values import is_expression, read_constant
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.nodes import Node
 from lupin_engine.errors import Place
@@ -58,6 +58,7 @@ from lupin_engine.plugin.contract import (
     Parameter,
     Plugin,
 )
+from lupin_engine.plugin.mocks import MockCases
 from lupin_engine.plugin.registry import DOTTED_NAME, FREE_NAME, LETTERS, NAME, Catalog
 from lupin_engine.plugin.types import (
     ANY,
@@ -345,6 +346,7 @@ class _BindingReader:
             self._good_name(NAME, "parameter", name, place, path, WORDS)
             parameter = self._declarer.parameter(written, path)
             if parameter is not None:
+                self._declarer.check_settable(name, parameter.type, written, place)
                 yield name, parameter
 
     def _unused_parameters(self) -> None:
@@ -393,7 +395,7 @@ class _BindingReader:
             tuple(node.uses),
             OnHold(node.on_hold),
             self._cut_short(node, path),
-            self._mock(node, path, result, values),
+            self._mock(node, path, result, {name: value.type for name, value in values.items()}, arguments),
             adopts=self._adopts(node, path),
         )
 
@@ -498,7 +500,8 @@ class _BindingReader:
         node: BoundOperationNode,
         path: str,
         result: Mapping[str, Type],
-        values: Mapping[str, LiveValue],
+        values: Mapping[str, Type],
+        arguments: Mapping[str, Argument],
     ) -> Mock:
         mock = node.mock
         if mock is None:
@@ -514,16 +517,33 @@ class _BindingReader:
             if name not in mock.result:
                 problem, hint = f"the mock has no {name!r}", f"add '{name}: ...'"
                 self._findings.add(mock.at("result"), "missing-key", f"{path}.result", problem, hint)
-        kinds = {name: value.type for name, value in values.items()}
-        return Mock(after, given, self._mocked(mock, "values", kinds, path, "live value of this binding"))
+        told = self._mocked(mock, "values", values, path, "live value of this binding")
+        if not mock.when:
+            return Mock(after, given, told)
+        kinds = {name: argument.type for name, argument in arguments.items()}
+        for_results, for_values = [], []
+        for index, case in enumerate(mock.when):
+            at = f"{path}.when.{index}"
+            wanted = self._mocked(case, "with", kinds, at, "argument of the operation")
+            for_results.append((wanted, self._mocked(case, "result", result, at, "field of the result")))
+            changed = self._mocked(case, "values", values, at, "live value of this binding")
+            for_values.append((wanted, changed))
+        return Mock(after, MockCases(given, tuple(for_results)), MockCases(told, tuple(for_values)))
 
     def _mocked(
         self, mock: Node, key: str, kinds: Mapping[str, Type], path: str, what: str
     ) -> dict[str, Any]:
         found = {}
-        for name, raw in getattr(mock, key).items():
+        rules = {"result": "wrong-type", "with": "unknown-argument"}
+        for name, raw in (mock.mapping(key) or {}).items():
+            if is_expression(raw):
+                problem = "a mock is written out, so there are no expressions"
+                hint = "write the usual value, and 'when: {with: {ARGUMENT: VALUE}, result: {FIELD: VALUE}}'"
+                inner = f"{path}.{key}.{name}"
+                self._findings.add(mock.value_at(key, name), "bad-expression", inner, problem, hint)
+                continue
             if name not in kinds:
-                rule = "wrong-type" if key == "result" else "unknown-value"
+                rule = rules.get(key, "unknown-value")
                 self._findings.unknown(mock.key_at(key, name), rule, path, what, name, kinds)
                 continue
             at = mock.value_at(key, name)

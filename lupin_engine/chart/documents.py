@@ -169,6 +169,7 @@ class LimitNode(Node):
     """How long an attempt may take, and the code it ends in then."""
 
     SHAPE = "{after: DURATION, code: CODE} or never"
+    LINE = "timeout: {after: 30 s, code: CODE}"
 
     after: Annotated[Written, Meaning.VALUE] = Field(description="longest time for one attempt, a duration")
     code: Annotated[str, Meaning.CODE] = Field(
@@ -190,6 +191,7 @@ class RetryNode(Node):
     """How often and how patiently an operation is tried again."""
 
     SHAPE = "{attempts: COUNT, backoff: DURATION}"
+    LINE = "retry: {attempts: 2}"
 
     attempts: Annotated[Written, Meaning.VALUE] = Field(description="attempts in all, the first included")
     backoff: Annotated[Written, Meaning.VALUE] = Field(None, description="pause between attempts, a duration")
@@ -282,6 +284,7 @@ class BudgetNode(Node):
     """The time that a state has over all visits in one mission."""
 
     SHAPE = "{after: DURATION, code: CODE, target: STATE}"
+    LINE = "budget: {after: 30 s, code: CODE, target: STATE}"
 
     after: Annotated[Written, Meaning.VALUE] = Field(description="time that the state has in all, a duration")
     code: Annotated[str, Meaning.CODE] = Field(description="code that is reported when the time is used up")
@@ -541,7 +544,8 @@ class InvariantNode(Node):
 class PropertyNode(Node):
     """What is true of every way that a run can go: looked at by `lupin test`, `prove` and `campaign`.
 
-    Missions of one lifecycle, which a robot loads together, have no two properties of one name.
+    One that reads the `request` of its mission is about the runs of that mission. Missions of one lifecycle,
+    which a robot loads together, have no two properties of one name.
     """
 
     SHAPE = "a mapping with one of always, never and eventually"

@@ -83,8 +83,9 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "always-loop": "a chart comes to rest: no circle of 'always' is taken for ever",
         },
         "Itineraries": {
-            "double-close": "a visit is closed once",
+            "double-close": "a visit is closed once, and nothing else publishes its target",
             "open-visit": "an itinerary goes on from a visit that is closed",
+            "no-target": "a target is read only where the itinerary has one",
             "begins-anew": "an itinerary is begun anew on purpose, not by what only wants to go on",
             "untold-rest": "what ends an itinerary early tells of the targets that are left",
         },

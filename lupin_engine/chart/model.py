@@ -388,6 +388,7 @@ class TemporalProperty:
     """What is true of every run; exactly one of `always`, `never` and `eventually`, which has a `within`.
 
     With `after` it is asked from each moment on at which that holds, with `until` no longer from there on.
+    One that reads the request of a `mission` is about the runs of that one; '' is about every moment.
     """
 
     name: str
@@ -399,6 +400,7 @@ class TemporalProperty:
     after: Expression | None = field(default=None, metadata=said(Role.CONDITION, "after"))
     until: Expression | None = field(default=None, metadata=said(Role.CONDITION, "until"))
     summary: str = field(default="", metadata=said(Role.PLAIN, "summary"))
+    mission: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import re
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
@@ -14,6 +15,8 @@ from lupin_engine.chart.source import Map, Seq, Text
 from lupin_engine.errors import Place
 
 _M = TypeVar("_M", bound="Node")
+
+_NUMBER = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]+)?")
 
 
 class Meaning(enum.Enum):
@@ -69,13 +72,15 @@ class Node(BaseModel):
     """A mapping of the language that remembers where it was read.
 
     `ELSEWHERE` holds keys that authors look for here and that stand somewhere else, with what to tell them.
-    `SHAPE` is what a value is told that is no mapping.
+    `SHAPE` is what a value is told that is no mapping; `LINE` is what to write for a number alone, with
+    another number in its place.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
     ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType({})
     SHAPE: ClassVar[str] = ""
+    LINE: ClassVar[str] = ""
 
     # A slot and no private attribute of pydantic's, which would take as long to set as all the rest to read.
     __slots__ = ("_raw",)
@@ -95,8 +100,18 @@ class Node(BaseModel):
     def _long_form(cls, data: Any) -> Any:
         """Return the mapping that a short form stands for."""
         if cls.SHAPE and not isinstance(data, Map):
-            raise wrong_shape(f"expected {cls.SHAPE}, got {show(data)}")
+            raise wrong_shape(f"expected {cls.SHAPE}, got {show(data)}{cls._line_for(data)}")
         return data
+
+    @classmethod
+    def _line_for(cls, data: Any) -> str:
+        """Return what to write for a number alone, with the unit that the line has where it has none."""
+        given = _NUMBER.fullmatch(str(data)) if isinstance(data, (str, int, float)) else None
+        if given is None or not cls.LINE:
+            return ""
+        number, unit = given.groups()
+        line = re.sub(r"\d+( s)?", lambda m: number + (f" {unit}" if unit else m[1] or ""), cls.LINE)
+        return f"; write '{line}'"
 
     @property
     def place(self) -> Place:

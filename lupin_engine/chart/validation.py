@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
@@ -13,26 +14,64 @@ from lupin_engine.chart.documents import KINDS, FileNode
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.nodes import Node, keys_of, show
 from lupin_engine.chart.source import Map, Seq
-from lupin_engine.errors import Place, meant
+from lupin_engine.errors import Diagnostic, Place, meant
 
 _M = TypeVar("_M", bound=Node)
 _D = TypeVar("_D", bound=FileNode)
 
-#: How often a file is read again without the unknown keys that were found.
-MAX_PRUNINGS = 3
+#: How often a file is read again without what was wrong in it.
+MAX_PRUNINGS = 8
+
+#: Steps to something in a file: keys, and numbers in lists.
+Way = tuple[str | int, ...]
+#: Keys under which files declare what is named elsewhere.
+_DECLARING = frozenset(
+    {"states", "params", "context", "inputs", "levels", "codes", "holds", "request", "fields", "choices"}
+)
+#: Rules that find something missing in a state, or what is said there of its transitions.
+_OF_A_STATE = frozenset(
+    {"unhandled-outcome", "never-wins", "both-can-win", "missing-argument", "no-initial", "no-deadline"}
+)
+#: Rules that look for what a file declares.
+_OF_NAMES = ("unknown-", "undeclared-", "missing-itinerary")
 
 #: Every key that says what kind of file it stands in.
 KEYS_OF_KINDS = (*KINDS, "binding")
 
 
-def read_document(raw: Map, model: type[_D], findings: Findings) -> _D | None:
-    """Validate a file against its model; None after findings."""
+def read_document(
+    raw: Map, model: type[_D], findings: Findings, left_out: list[Way] | None = None
+) -> _D | None:
+    """Validate a file against its model; None after findings that leave nothing to go on with.
+
+    What is left out because of its shape is added to `left_out`.
+    """
     kind = next(word for word, known in KINDS.items() if known is model)
     if not is_kind(raw, kind, findings):
         return None
     if kind != "part":
         want_defaults(raw, findings)
-    return validate(raw, model, findings)
+    return validate(raw, model, findings, left_out)
+
+
+def follows(found: Diagnostic, left_out: Iterable[Way]) -> bool:
+    """Tell whether a finding may only follow from what was left out of the file."""
+    return any(_follows(found, *map(str, way)) for way in left_out)
+
+
+def _follows(found: Diagnostic, *way: str) -> bool:
+    holder, last = way[:-1], way[-1]
+    if found.rule.startswith("unused-"):
+        return True
+    if found.rule.startswith(_OF_NAMES):
+        if last in _DECLARING or (last == "itinerary" and found.rule == "missing-itinerary"):
+            return True
+        if holder and holder[-1] in _DECLARING and re.search(rf"\b{re.escape(last)}\b", found.problem):
+            return True
+    if found.rule == "missing-key" and found.path == ".".join(holder):
+        return True
+    around = ".".join(name for key, name in pairwise(way) if key == "states")
+    return found.rule in _OF_A_STATE and f".{around}." in f".{found.path}."
 
 
 def want_defaults(raw: Map, findings: Findings) -> None:
@@ -55,27 +94,31 @@ def is_kind(raw: Map, kind: str, findings: Findings) -> bool:
     return False
 
 
-def validate(raw: Map, model: type[_M], findings: Findings, lenient: bool = False) -> _M | None:
+def validate(raw: Map, model: type[_M], findings: Findings, left_out: list[Way] | None = None) -> _M | None:
     """Read the mapping of a whole file as `model`; None after findings that leave nothing to go on with.
 
-    Unknown keys are left out and the rest is read; when `lenient`, so is what has the wrong shape.
+    What has the wrong shape is left out like unknown keys, and the rest is read; `left_out` gets it.
     """
+    pruned: list[Way] = []
     for _ in range(MAX_PRUNINGS):
         try:
             return model.model_validate(raw)
         except ValidationError as error:
-            found = error.errors(include_url=False)
-        for details in found:
-            _report(raw, details, findings)
-        if not lenient and any(details["type"] != "extra_forbidden" for details in found):
-            return None
-        ways = dict.fromkeys(_way(raw, details) for details in found)
-        for way in reversed(ways):
+            found = [(details, _way(raw, details)) for details in error.errors(include_url=False)]
+        for details, way in found:
+            # What holds something that was left out may be wrong for want of that.
+            if not any(len(inside) > len(way) and inside[: len(way)] == way for inside in pruned):
+                _report(raw, details, findings)
+        if left_out is not None:
+            left_out += [way for details, way in found if details["type"] != "extra_forbidden"]
+        pruned += dict.fromkeys(way for _, way in found)
+        backwards = list(dict.fromkeys(way for _, way in reversed(found)))
+        for way in sorted(backwards, key=len, reverse=True):  # what is inside before what is around it
             _prune(raw, way)
     return None
 
 
-def _way(raw: Map, details: ErrorDetails) -> tuple[str | int, ...]:
+def _way(raw: Map, details: ErrorDetails) -> Way:
     """Return the steps of an error's path that there are in the file."""
     found: Any = raw
     way: list[str | int] = []
@@ -90,7 +133,7 @@ def _way(raw: Map, details: ErrorDetails) -> tuple[str | int, ...]:
     return tuple(way)
 
 
-def _prune(raw: Map, way: tuple[str | int, ...]) -> None:
+def _prune(raw: Map, way: Way) -> None:
     """Drop what has been told to be wrong, so that the rest of the file can still be read."""
     holder: Any = raw
     for step in way[:-1]:

@@ -368,7 +368,7 @@ _ASKED_SELDOM: Mapping[str, Callable[[EvaluationScope], Any]] = MappingProxyType
     {
         "error": lambda env: env._trigger.error,
         "item": lambda env: env._trigger.item,
-        "target": lambda env: getattr(env.traversal(), "item", None),
+        "target": lambda env: _target(env.traversal()),
         "itinerary": lambda env: _itinerary(env.traversal()),
         "clock": EvaluationScope.clock,
         "known": lambda env: env.inputs.known,
@@ -386,6 +386,12 @@ def traversal_of(chart: Chart, memory: Memory, state: str) -> Traversal | None:
         if name in memory.itineraries:
             return memory.itineraries[name]
     return memory.traversal
+
+
+def _target(traversal: Traversal | None) -> Any:
+    if traversal is None or traversal.item is None:
+        raise ValueError("there is no target here: the itinerary is empty, or at its end")
+    return traversal.item
 
 
 def _itinerary(traversal: Traversal | None) -> Mapping[str, Any]:

@@ -33,7 +33,7 @@ FORMAT = 1
 #: How many files a bundle may have, and how many bytes they.
 MAX_FILES, MAX_BYTES = 200, 1_000_000
 #: What a file may be called: nothing that leads out of the folder, or hides in it.
-_NAME = re.compile(r"([a-z]+/)?[A-Za-z0-9_][A-Za-z0-9_-]*\.yaml")
+_NAME = re.compile(r"([a-z]+/)?\w[\w -]*\.yaml")
 #: What a set of missions may be called, and its version: an integer, or one of semver.org.
 _SET = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,79}")
 _VERSION = re.compile(r"(\d{1,18})(?:\.(\d{1,18})\.(\d{1,18})(?:-([0-9A-Za-z.-]{1,40}))?)?")
@@ -79,7 +79,9 @@ def make_bundle(
     """
     wrong = [name for name in files if not _is_good(name)]
     if wrong:
-        raise UsageError(f"a bundle cannot have a file {wrong[0]!r}: names are letters, digits, '_' and '-'")
+        raise UsageError(
+            f"a bundle cannot have a file {wrong[0]!r}: names are letters, digits, blanks, '_' and '-'"
+        )
     digests = {name: hashlib.sha256(raw).hexdigest() for name, raw in sorted(files.items())}
     named = {"name": name, "version": version} if version else {}
     _check_named(named)

@@ -27,7 +27,7 @@ from lupin_engine.chart.findings import Findings, LimitedFindings, answered
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.rules.checks import check_composed
 from lupin_engine.chart.source import head, parse_bytes, read_bytes
-from lupin_engine.chart.validation import read_document
+from lupin_engine.chart.validation import Way, follows, read_document
 from lupin_engine.errors import MAX_LISTED, ChartError, Diagnostic, Place, Severity, meant
 from lupin_engine.missions.folders import PARTS, is_mission, mission_files
 from lupin_engine.plugin.registry import Catalog
@@ -49,13 +49,15 @@ _D_co = TypeVar("_D_co", bound=FileNode, covariant=True)
 class _Document(Generic[_D_co]):
     """What one file says: its words, or None, what is wrong with it, and what its states use.
 
-    The uses are name, place and state. The same bytes under the same name are the same document.
+    The uses are name, place and state; `left_out` is what had a wrong shape. The same bytes under the same
+    name are the same document.
     """
 
     node: _D_co | None
     found: tuple[Diagnostic, ...] = ()
     uses: tuple[tuple[str, Place, str], ...] = ()
     raw: bytes = b""
+    left_out: tuple[Way, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,14 +265,17 @@ def _make(
     """Compose and check documents that all could be read."""
     root, findings = lifecycle.node, LimitedFindings()
     assert root is not None
-    for document in (lifecycle, *missions, *(used for _, used in parts)):
-        findings.extend(document.found)
+    documents = (lifecycle, *missions, *(used for _, used in parts))
+    known = [found for document in documents for found in document.found]
+    left_out = [way for document in documents for way in document.left_out]
+    findings.extend(known)
     whole = [document.node for document in missions if document.node is not None]
     named = {name: document.node for name, document in parts if document.node is not None}
     composed = findings.whole(lambda: compose(root, whole, named, bound.catalog, findings))
     if composed is not None:
-        check_composed(composed, findings)
-    return _Made(composed, findings.all)
+        check_composed(composed, findings, whole=not left_out)
+    found = (each for each in findings.all if each in known or not follows(each, left_out))
+    return _Made(composed, tuple(found))
 
 
 def _read(path: Path, model: type[_D], findings: Findings, texts: Mapping[Path, bytes]) -> _Document[_D]:
@@ -289,9 +294,12 @@ def _document(name: str, model: type[FileNode], raw: bytes) -> _Document[Any]:
     """Read the bytes of a file as a document; nothing else matters to it, so it can be remembered by them."""
     findings = LimitedFindings()
     parsed = findings.whole(lambda: parse_bytes(raw, name, findings))
-    node = None if parsed is None else findings.whole(lambda: read_document(parsed, model, findings))
+    left_out: list[Way] = []
+    node = None
+    if parsed is not None:
+        node = findings.whole(lambda: read_document(parsed, model, findings, left_out))
     uses = () if node is None else tuple(_uses(node.states, node, ""))
-    return _Document(node, findings.all, uses, raw)
+    return _Document(node, findings.all, uses, raw, tuple(left_out))
 
 
 def _read_used(

@@ -9,8 +9,44 @@ from lupin_engine.errors import meant, nearest
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import Notation, Type, convert, within
 
+_SCALARS = ("bool", "integer", "number", "text")
+#: What a parameter can be, for people.
+POSSIBLE_TYPES = f"can be {', '.join(_SCALARS)}, a list of one of these, or a record of numbers"
+#: Parameters that every orchestrator has itself, and those of every node of ROS.
+RESERVED = frozenset(
+    {
+        "allow_bundles",
+        "journal_days",
+        "journal_megabytes",
+        "journal_missions",
+        "journal_path",
+        "journal_required",
+        "log_bytes",
+        "log_files",
+        "log_path",
+        "may_repeat_outcomes",
+        "mission_id_prefix",
+        "missions",
+        "missions_path",
+        "require_signed",
+        "resume_policy",
+        "start_type_description_service",
+        "state_publish_rate_hz",
+        "use_sim_time",
+    }
+)
+
 #: Reads a value of the parameter that is named; ValueError says what is wrong with it.
 Reader = Callable[[str, Parameter, Any], Any]
+
+
+def carried_as(kind: Type) -> str:
+    """Return how a node has a parameter of a type: 'number', 'list of number', ...; '' where it cannot."""
+    if kind.kind == "record" and all(field.kind == "number" for field in kind.fields.values()):
+        return "list of number"
+    if kind.kind == "list" and kind.item is not None and kind.item.kind in _SCALARS:
+        return f"list of {kind.item.kind}"
+    return kind.kind if kind.kind in _SCALARS else ""
 
 
 def narrowed(spec: Parameter) -> Type:

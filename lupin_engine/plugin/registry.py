@@ -29,6 +29,7 @@ from lupin_engine.plugin.contract import (
     Reader,
 )
 from lupin_engine.plugin.discovery import GROUP, PROFILES, EntryPoint, entry_points, entry_points_by_group
+from lupin_engine.plugin.parameters import POSSIBLE_TYPES, RESERVED, carried_as
 from lupin_engine.plugin.profile import NO_PROFILE, OWN_VERBS, Profile
 from lupin_engine.plugin.shapes import misshapen
 from lupin_engine.plugin.types import BUILTIN_TYPES, UNITS, Type, convert, problems
@@ -346,6 +347,8 @@ def _problems(plugin: Plugin) -> Iterator[str]:
         for name in getattr(plugin, key):
             if name not in plugin.nodes:
                 yield f"{key} names {name!r}, which is none of its nodes; {nearest(name, plugin.nodes)}"
+    for name in RESERVED.intersection(plugin.parameters):
+        yield f"parameter {name!r}: the orchestrator has one of that name"
     for name, kind in plugin.types.items():
         if kind.name != name:
             yield f"type {name!r} calls itself {kind.name!r}"
@@ -483,6 +486,8 @@ def _unit_problems(where: str, unit: str) -> Iterator[str]:
 
 def _parameter_problems(where: str, parameter: Parameter) -> Iterator[str]:
     found = list(_type_problems(where, parameter.type))
+    if not found and not carried_as(parameter.type):
+        found.append(f"{where}: the type is {parameter.type}, but a parameter {POSSIBLE_TYPES}")
     mismatch = _mismatch(parameter.default, parameter.type)
     if mismatch:
         found.append(f"{where}: the default: {mismatch}")

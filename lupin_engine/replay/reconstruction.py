@@ -23,6 +23,7 @@ from lupin_engine.errors import UsageError
 from lupin_engine.machine.event import CLOCK, RESUMED, Start
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.builtin import TIME_ZONE
+from lupin_engine.plugin.mocks import contains
 from lupin_engine.plugin.profile import START, Publish
 from lupin_engine.replay.rebuilt import rebuilt
 from lupin_engine.replay.yaml_text import yaml_text
@@ -30,8 +31,7 @@ from lupin_engine.runtime.clock import UTC, calendar_of
 from lupin_engine.runtime.history import AttemptHistory, History
 from lupin_engine.runtime.record import read_step
 from lupin_engine.runtime.setup import check_parameters
-from lupin_engine.sim.scenario import Missions, Scenario, load_scenario_text
-from lupin_engine.sim.scripted import contains
+from lupin_engine.sim.scenario import Missions, Scenario, load_scenario_text, mission_name
 from lupin_engine.sim.simulation import NEW_YEAR, Run, is_named, label_of
 
 #: To how many digits times are written: the first that makes the run come out the same will do.
@@ -40,11 +40,12 @@ _DIGITS = (3, 6, 12)
 
 @dataclass(frozen=True)
 class RunRecord:
-    """The recorded steps of a run, and its settings and seed, as far as they are known."""
+    """The recorded steps of a run, its settings, seed and mission's file, as far as they are known."""
 
     steps: tuple[Step, ...]
     parameters: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
+    file: str = ""
 
     @property
     def values(self) -> list[str]:
@@ -92,7 +93,8 @@ def read_steps(text: str, name: str) -> RunRecord:
         parameters, seed = whole.get("parameters") or {}, whole.get("seed") or 0
         if not isinstance(parameters, dict) or not isinstance(seed, int):
             raise UsageError(f"{name}: 'parameters' must be an object and 'seed' a whole number")
-        return replace(_checked(whole["steps"], name), parameters=parameters, seed=seed)
+        file = str(whole.get("file") or "")
+        return replace(_checked(whole["steps"], name), parameters=parameters, seed=seed, file=file)
     raise UsageError(f"{name}: expected the output of 'lupin simulate --json', or steps, one a line")
 
 
@@ -428,7 +430,9 @@ class _Maker:
         self._promise = promise
         self._file = file
         self._missions = missions
-        self._mission = missions.file(recording.mission, file)
+        known = Path(recording.file)
+        self._mission = known if known.is_file() else missions.file(recording.mission, file)
+        self._called = mission_name(self._mission, file, missions)
 
     def text(self) -> str:
         """Return the scenario, with as few digits and live values as will do."""
@@ -446,7 +450,7 @@ class _Maker:
 
     def _parts(self, recording: RunRecord, digits: int) -> dict[str, Any]:
         chart = self._missions.chart(self._mission)
-        return script_of(recording, self._mission.stem, self._promise, chart, digits)
+        return script_of(recording, self._called, self._promise, chart, digits)
 
     def _run(self, parts: Mapping[str, Any]) -> Run:
         text = yaml_text({**parts, "expect": {}})

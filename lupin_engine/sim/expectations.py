@@ -9,6 +9,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import Act, Cancel, Command, Start
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.step import Step, View
+from lupin_engine.plugin.mocks import contains
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.plugin.types import converted
 from lupin_engine.runtime.history import AttemptHistory
@@ -25,7 +26,6 @@ from lupin_engine.sim.scenario_file import (
     ScenarioNode,
     VisitNode,
 )
-from lupin_engine.sim.scripted import contains
 from lupin_engine.sim.simulation import End, Happening, MomentView, Run, is_named
 from lupin_engine.verify.properties import INVARIANTS
 

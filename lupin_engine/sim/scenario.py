@@ -7,7 +7,9 @@ what happened around it.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,7 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.chart.source import Map, parse, read
 from lupin_engine.chart.validation import validate
-from lupin_engine.errors import ChartError, UsageError
+from lupin_engine.errors import ChartError, LupinError, UsageError
 from lupin_engine.machine.scope import World
 from lupin_engine.missions.folders import (
     MISSIONS,
@@ -166,7 +168,7 @@ def load_scenario_text(text: str, file: Path, missions: Missions) -> Scenario:
 
 
 def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -> Scenario:
-    node = validate(raw, ScenarioNode, findings, lenient=True) if isinstance(raw, Map) else None
+    node = validate(raw, ScenarioNode, findings) if isinstance(raw, Map) else None
     if node is None:
         raise ChartError(findings.all)
     mission = missions.file(node.mission, path)
@@ -182,6 +184,14 @@ def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -
     if findings.errors:
         raise ChartError(findings.errors)
     return Scenario(path, node.scenario, mission, chart, script, parameters, node, missions, properties)
+
+
+def mission_name(mission: Path, file: Path, missions: Missions) -> str:
+    """Return what a scenario calls a mission: its name where that is enough, else the way to its file."""
+    with suppress(LupinError):
+        if missions.file(mission.stem, file).resolve() == mission.resolve():
+            return mission.stem
+    return Path(os.path.relpath(mission.resolve(), file.resolve().parent)).as_posix()
 
 
 def _folders(scenario: Path) -> list[Path]:

@@ -185,7 +185,8 @@ class ScenarioNames:
             if name in self.properties or name in WATCHED_ALWAYS:
                 problem = f"there is a property {name!r} already"
                 self.findings.add(place, "conflicting-definition", f"properties.{name}", problem, "rename it")
-            read = read_property(name, one, place, scope, self.findings) if scope else None
+            mission = next(iter(self.chart.missions), "")
+            read = read_property(name, one, place, scope, self.findings, mission) if scope else None
             if read is not None:
                 found[name] = read
         self.properties |= node.properties.keys()

@@ -7,7 +7,6 @@ comes at once unless the script says otherwise.
 from __future__ import annotations
 
 import enum
-import math
 import random
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -16,11 +15,8 @@ from typing import Any
 from lupin_engine.machine.scope import World
 from lupin_engine.plugin.builtin import MISSING, READY
 from lupin_engine.plugin.contract import Operation, Outlet
+from lupin_engine.plugin.mocks import contains
 from lupin_engine.sim.agenda import Agenda
-
-#: Two numbers are the same when they differ by less than this share, or by so little beside 0: nobody writes
-#: sixteen digits, and what is computed is seldom exactly 0.
-SAME, SAME_AS_ZERO = 1e-6, 1e-9
 
 
 class OnCancel(enum.Enum):
@@ -105,20 +101,6 @@ class Rule:
         if operation != self.operation or (self.target is not None and self.target != target):
             return False
         return contains(arguments, self.arguments)
-
-
-def contains(whole: Any, part: Any) -> bool:
-    """Say whether `whole` has everything that `part` names; what was computed is compared to six digits.
-
-    Records need only contain the fields that are given; lists have as many elements as they are given.
-    """
-    if isinstance(part, Mapping) and isinstance(whole, Mapping):
-        return all(name in whole and contains(whole[name], value) for name, value in part.items())
-    if isinstance(part, list) and isinstance(whole, list):
-        return len(whole) == len(part) and all(map(contains, whole, part))
-    if isinstance(whole, float) and isinstance(part, float):
-        return math.isclose(whole, part, rel_tol=SAME, abs_tol=SAME_AS_ZERO)
-    return bool(whole == part)
 
 
 def drawn(outcome: MockOutcome | AnyOf, dice: random.Random) -> MockOutcome:

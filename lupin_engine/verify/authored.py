@@ -40,6 +40,8 @@ def watched(rule: TemporalProperty) -> Property:
     """Return a property as a watcher."""
 
     def watch(state: Remembered, passage: Passage) -> tuple[Remembered, Verdict]:
+        if rule.mission and passage.after.mission != rule.mission:
+            return (), NOT_ABOUT
         env, now = passage.scope.at("", passage.step.time), passage.step.time
         if rule.eventually is not None:
             return _comes(rule, rule.eventually, state, env, now)

@@ -19,7 +19,7 @@ from lupin_engine.machine.event import Start
 from lupin_engine.machine.step import Step
 from lupin_engine.replay.reconstruction import RunRecord, duration, script_of
 from lupin_engine.replay.yaml_text import yaml_text
-from lupin_engine.sim.scenario import Missions, load_scenario_text
+from lupin_engine.sim.scenario import Missions, load_scenario_text, mission_name
 from lupin_engine.sim.simulation import (
     Ask,
     ComeBack,
@@ -318,17 +318,3 @@ def _expected(run: Run, name: str) -> dict[str, Any]:
     broken = [] if name == INVARIANTS else [invariant for _, invariant in run.history.broken]
     found = {"refused": refused, "broken": broken}
     return {key: value for key, value in found.items() if value}
-
-
-def mission_name(mission: Path, file: Path, missions: Missions) -> str:
-    """Return what a scenario calls a mission: its name where that is enough, else the way to its file."""
-    with suppress(LupinError):
-        if missions.file(mission.stem, file).resolve() == mission.resolve():
-            return mission.stem
-    # Not `relative_to`, which knows no way up.
-    return Path(_way(file.resolve().parent, mission.resolve())).as_posix()
-
-
-def _way(start: Path, end: Path) -> str:
-    common = next(parent for parent in (start, *start.parents) if parent in end.parents)
-    return "/".join([".."] * len(start.relative_to(common).parts) + [end.relative_to(common).as_posix()])

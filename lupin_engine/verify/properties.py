@@ -332,7 +332,8 @@ def _closed_once(passage: Passage) -> str | None:
     visited = {visit.target for name, visit in visits if visit.closed or name in passage.before.begun}
     # What is published outside of a visit is about a target that has none.
     if not sum(1 for command in told if command.target in visited) <= newly <= len(told):
-        return f"{', '.join(c.target for c in told)} reported, but {newly} closed"
+        beside = "; what has a visit is published by closing that, not beside it" if newly < len(told) else ""
+        return f"{', '.join(c.target for c in told)} reported, but {newly} closed{beside}"
     return ""
 
 

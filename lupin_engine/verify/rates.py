@@ -227,7 +227,7 @@ def read_rates(file: Path, chart: Chart) -> Rates:
     """
     findings = Findings()
     raw = read(file, findings)
-    node = validate(raw, CampaignNode, findings, lenient=True) if isinstance(raw, Map) else None
+    node = validate(raw, CampaignNode, findings) if isinstance(raw, Map) else None
     if node is None:
         raise ChartError(findings.all)
     words = ScenarioNames(chart, findings)

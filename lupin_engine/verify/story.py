@@ -17,7 +17,7 @@ from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.runtime.history import History
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.narration import StepLine, short_name, tell
-from lupin_engine.sim.scenario import Missions, load_scenario_text
+from lupin_engine.sim.scenario import Missions, load_scenario_text, mission_name
 from lupin_engine.sim.simulation import Run
 from lupin_engine.verify.outcomes import OUTCOMES
 from lupin_engine.verify.proof import Proven
@@ -84,7 +84,7 @@ def failing_scenario(
     record = RunRecord(broken.steps, dict(parameters))
     chart = missions.chart(mission)
     for digits in _DIGITS if not broken.of_the_graph else _DIGITS[-1:]:
-        parts = script_of(record, mission.stem, broken.says, chart, digits)
+        parts = script_of(record, mission_name(mission, file, missions), broken.says, chart, digits)
         own = len(parts.get("mocks", ()))
         parts |= _after(broken, chart, parts)
         text = yaml_text(parts)

@@ -24,6 +24,7 @@ from lupin_engine.errors import Severity
 from lupin_engine.missions.folders import LIFECYCLE
 from lupin_engine.missions.load import check_chart, forget, inspect_chart, load_chart, load_files
 from lupin_engine.plugin.contract import OnHold
+from lupin_engine.plugin.mocks import MockCases
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import BOOL, COUNT, LENGTH, NUMBER, POSE, TEXT, Type, list_of
 from lupin_engine.sim.simulation import Script, simulate
@@ -175,7 +176,9 @@ def test_missions_see_it_like_any_plugin(survey: Binding) -> None:
         ("no_field", "there is no field", 2)
     ]
     assert (operation.uses, operation.on_hold) == (("base", "arm"), OnHold.CANCEL)
-    assert (operation.mock.after, operation.mock.result) == (0.5, {"values": [1.5], "first": 1.5, "cells": 1})
+    usual = {"values": [1.5], "first": 1.5, "cells": 1}
+    assert isinstance(operation.mock.result, MockCases)
+    assert (operation.mock.after, operation.mock.result.usual) == (0.5, usual)
     assert survey.calls["ask"].endpoint.deadline == 120.0
 
 
@@ -205,13 +208,24 @@ def test_it_is_simulated(catalog: Catalog) -> None:
     assert [(step.time, step.event.data["result"]["first"]) for step in ended] == [(0.5, 1.5)]
 
 
+@pytest.mark.parametrize(("reach", "cells"), [("2 m", 1), ("1 m", 4)])
+def test_what_it_is_asked_may_change_the_simulated_answer(
+    reach: str, cells: int, folder: Path, catalog: Catalog
+) -> None:
+    mission = folder / "survey_mission.yaml"
+    text = mission.read_text(encoding="utf-8")
+    mission.write_text(text.replace("{sensor: co2,", f"{{sensor: co2, reach: {reach},"), encoding="utf-8")
+    run = simulate(load_chart(folder / LIFECYCLE, [mission], catalog), Script("Survey", {}))
+    ended = [step.event.data["result"] for step in run.steps if step.event.name == "attempt.done"]
+    assert [(result["first"], result["cells"]) for result in ended] == [(1.5, cells)]
+
+
 def test_a_simulated_answer_comes_at_once_when_nothing_is_said(folder: Path, catalog: Catalog) -> None:
     """The result must be written, the time need not."""
     binding = folder / "bindings" / "survey.yaml"
     binding.write_text(binding.read_text(encoding="utf-8").replace("after: 500 ms, ", ""), encoding="utf-8")
     chart = load_chart(folder / LIFECYCLE, [folder / "survey_mission.yaml"], catalog)
-    mock = chart.catalog.operations["survey.ask"].mock
-    assert (mock.after, mock.result["first"]) == (0.0, 1.5)
+    assert chart.catalog.operations["survey.ask"].mock.after == 0.0
 
 
 def test_the_same_files_are_the_same_chart(folder: Path, catalog: Catalog) -> None:

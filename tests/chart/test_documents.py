@@ -163,11 +163,13 @@ def told(text: str, kind: str = "mission") -> list[str]:
         ),
         (
             "invoke: {do: nav.dock, timeout: 5 s}",
-            "37: error: states.A.invoke.timeout: expected {after: DURATION, code: CODE} or never, got '5 s'",
+            "37: error: states.A.invoke.timeout: expected {after: DURATION, code: CODE} or never, got '5 s'; "
+            "write 'timeout: {after: 5 s, code: CODE}'",
         ),
         (
             "budget: 5 s",
-            "13: error: states.A.budget: expected {after: DURATION, code: CODE, target: STATE}, got '5 s'",
+            "13: error: states.A.budget: expected {after: DURATION, code: CODE, target: STATE}, got '5 s'; "
+            "write 'budget: {after: 5 s, code: CODE, target: STATE}'",
         ),
         (
             "on_done: {after: 1 s}",

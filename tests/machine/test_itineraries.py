@@ -426,3 +426,15 @@ def test_the_report_tells_the_tries() -> None:
     walk(bench, "close")
     (report,) = bench.send("sum").commands
     assert [one["tries"] for one in report.visits] == [{}, {}, {}]  # type: ignore[union-attr]
+
+
+def test_a_target_that_is_not_there_is_told_as_that() -> None:
+    """And not as what a function of a plugin does with nothing."""
+    read = ("set", {"seen": lambda env: env["target"]["id"]})
+    bench = Bench(
+        chart({"W": {"itinerary": {"items": []}, "entry": [read]}, "FAULT": {}}, context={"seen": 0})
+    )
+    assert bench.leaves == ["FAULT"]
+    assert bench.machine.view.detail.endswith(
+        "there is no target here: the itinerary is empty, or at its end"
+    )

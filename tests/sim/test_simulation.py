@@ -8,9 +8,10 @@ import pytest
 
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Start
+from lupin_engine.plugin.mocks import contains
 from lupin_engine.runtime import engine
 from lupin_engine.sim.narration import short_name, shorten, tell
-from lupin_engine.sim.scripted import MockOutcome, Rule, contains
+from lupin_engine.sim.scripted import MockOutcome, Rule
 from lupin_engine.sim.simulation import Ask, Happening, Run, Script, Tell, simulate
 from tests import shipped
 

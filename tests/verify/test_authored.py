@@ -12,12 +12,16 @@ from lupin_engine.chart.compose.timeless import WATCHED_ALWAYS
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.model import TemporalProperty
 from lupin_engine.errors import ChartError
+from lupin_engine.missions.folders import lifecycle_of
+from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.types import DURATION
+from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scenario import load_scenario
 from lupin_engine.verify.authored import properties_of, told, watched
 from lupin_engine.verify.outcomes import OUTCOMES
+from lupin_engine.verify.proof import ProofVerdict, prove
 from lupin_engine.verify.properties import BUILT_IN, STANDSTILL, Glance, Passage, Verdict, due
-from lupin_engine.verify.situations.explorer import NO_EXCEPTION
+from lupin_engine.verify.situations.explorer import NO_EXCEPTION, Bounds
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH
 from tests import shipped
 from tests.machine.charts import PLACE, Bench, chart, expression, fails
@@ -169,3 +173,38 @@ def test_a_scenario_tells_what_is_wrong_with_them(tmp_path: Path) -> None:
         "[conflicting-definition]",
         "11:34: error: expect.violated: unknown property 'halt'; did you mean 'halts'? [unknown-name]",
     ]
+
+
+#: Rests where that was asked for.
+WAITS = """\
+mission: Waits
+request: {slowly: {type: bool, default: false}}
+properties:
+  only_slowly: {never: "in_state('RESTING') and not request.slowly"}
+initial: GOING
+states:
+  GOING: {after: {2 s: [{target: RESTING, guard: request.slowly}, {target: done}]}}
+  RESTING: {after: {5 s: done}}
+  done: {type: final}
+"""
+
+
+@pytest.mark.parametrize(("guard", "broken"), [("request.slowly", False), ("not request.slowly", True)])
+def test_a_property_reads_the_request(guard: str, broken: bool, tmp_path: Path) -> None:
+    """It is about the runs of its mission; a proof keeps apart what it reads, and its scenario fails."""
+    mission = tmp_path / "waits.yaml"
+    mission.write_text(WAITS.replace("guard: request.slowly", f"guard: {guard}"), encoding="utf-8")
+    chart = load_chart(lifecycle_of(mission), [mission], shipped.catalog())
+    assert chart.properties["only_slowly"].mission == "Waits"
+    proof = prove(make_world(chart, {}), Bounds(targets=0, restarts=False))
+    (found,) = [one for one in proof.properties if one.name == "only_slowly"]
+    assert (found.verdict is ProofVerdict.BROKEN) == broken
+    scenario = tmp_path / "rest.scenario.yaml"
+    scenario.write_text(
+        "scenario: it rests or not\nmission: waits.yaml\nrequest: {slowly: false}\n"
+        "properties: {also: {never: \"in_state('RESTING') and not request.slowly\"}}\n"
+        "expect: {}\n",
+        encoding="utf-8",
+    )
+    run = load_scenario(scenario, shipped.catalog()).run()
+    assert {name for _, name, _ in run.violated} == ({"only_slowly", "also"} if broken else set())

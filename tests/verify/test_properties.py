@@ -200,7 +200,12 @@ DEFECTS: dict[str, tuple[str, Way, Callable[[pytest.MonkeyPatch], None], str]] =
         eager,
         "nav.go (a2) is started and cancelled in the same step",
     ),
-    "a visit is closed twice": ("closed_once", walk, closes_again, "1 reported, but 0 closed"),
+    "a visit is closed twice": (
+        "closed_once",
+        walk,
+        closes_again,
+        "1 reported, but 0 closed; what has a visit is published by closing that, not beside it",
+    ),
     "the rest is not closed": (
         "all_closed",
         walk,

@@ -249,8 +249,8 @@ class _Chance:
         return {"set": self._dice.choice(self._actions)}
 
 
-def random_mission(seed: int, folder: Path) -> Chart:
-    """Return the chart of a mission by chance, written into a folder.
+def random_mission(seed: int, folder: Path, declared: str = "") -> Chart:
+    """Return the chart of a mission by chance, written into a folder; it may have `declared` more.
 
     Raises:
         ChartError: the checker refuses it.
@@ -258,5 +258,5 @@ def random_mission(seed: int, folder: Path) -> Chart:
     lifecycle, mission = folder / "lifecycle.yaml", folder / "chance.yaml"
     lifecycle.write_text(LIFECYCLE, encoding="utf-8")
     states = json.dumps(_Chance(seed).states())  # JSON is YAML
-    mission.write_text(f"{HEAD}states: {states}\n", encoding="utf-8")
+    mission.write_text(f"{HEAD}{declared}states: {states}\n", encoding="utf-8")
     return load_chart(lifecycle, [mission], shipped.catalog())

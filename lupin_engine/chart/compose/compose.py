@@ -294,6 +294,10 @@ class _Composer:
         if any(asked.type.kind == "list" for each in self._requests.values() for asked in each.values()):
             found[MAX_TARGETS] = self._catalog.parameters[MAX_TARGETS]
         found.update(self._declared.parameters)
+        for file in (self._lifecycle, *self._missions, *self._parts.values()):
+            for name in file.params.keys() & self._declared.parameters.keys():
+                kind, place = self._declared.parameters[name].type, file.key_at("params", name)
+                self._declarer.check_settable(name, kind, file.params[name], place)
         return found
 
     # -- missions ------------------------------------------------------------------------------------------
@@ -360,7 +364,7 @@ class _Composer:
                     self._findings.add(place, "conflicting-definition", path, problem, "rename it")
                 elif self._is_new("property", name, place, path, found):
                     with self._at_all_times(file, "property", node.place, path) as scope:
-                        read = read_property(name, node, place, scope, self._findings)
+                        read = read_property(name, node, place, scope, self._findings, file.name)
                     if read is not None:
                         found[name] = read
         return found
@@ -380,7 +384,8 @@ class _Composer:
     def _at_all_times(self, file: FileNode, what: str, place: Place, path: str) -> Iterator[Scope]:
         """Give what such a condition sees; it may not read what every use of its part sets otherwise."""
         usage = Usage()
-        yield replace(timeless(self._scope_of(file), what), usage=usage)
+        mission = file.name if isinstance(file, MissionNode) else ""
+        yield replace(timeless(self._scope_of(file, mission), what), usage=usage)
         for family in ("parameters", "functions", "inputs"):
             getattr(self._usage, family).update(getattr(usage, family))
         given = set().union(*self._bound.get(file.title, []))

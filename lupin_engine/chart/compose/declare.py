@@ -31,6 +31,7 @@ from lupin_engine.chart.nodes import Node
 from lupin_engine.chart.records import same_meaning
 from lupin_engine.errors import Place, Severity, declared_as, meant, nearest, or_else
 from lupin_engine.plugin.contract import Code, Parameter
+from lupin_engine.plugin.parameters import POSSIBLE_TYPES, RESERVED, carried_as
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import (
     BOOL,
@@ -200,6 +201,16 @@ class Declarer:
         if isinstance(value, (int, float)):
             self.check_range(node, "default", value, low, high, path)
         return Parameter(kind, value, node.summary, low, high)
+
+    def check_settable(self, name: str, kind: Type, node: ParameterNode, place: Place) -> None:
+        """Find what the orchestrator cannot declare as a parameter; `place` is that of its name."""
+        path = f"params.{name}"
+        if name in RESERVED:
+            problem = f"every orchestrator has a parameter {name!r} already"
+            self._findings.add(place, "bad-name", path, problem, "rename yours")
+        if not carried_as(kind):
+            problem = f"the orchestrator can have no parameter of type {str(kind)!r}"
+            self._findings.add(node.at("type"), "wrong-type", path, problem, f"a parameter {POSSIBLE_TYPES}")
 
     def measured(self, node: Node, kind: str, unit: str | None, path: str) -> Type | None:
         """Read the `type` and `unit` of a node; a plain number with a unit is one of that dimension."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 from lupin_engine.chart.compose.declare import CLOCK, input_type
 from lupin_engine.chart.documents import PropertyNode
+from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.units import one
 from lupin_engine.chart.expressions.values import read_guard, read_key
@@ -24,14 +26,19 @@ WATCHED_ALWAYS = frozenset(
     | {"refusals_have_reasons", "time_goes_on", "no_exception", "resources_exclude", "outcomes"}
     | {"home_again", "silence_is_told", "abort_stops", "no_zeno", "no_livelock"}
 )
+_REQUEST = re.compile(r"(?<![\w.'\"])request\b")
 _KINDS = ("always", "never", "eventually")
 
 
 def timeless(scope: Scope, what: str) -> Scope:
-    """Return a scope without what comes and goes, with the engine's own holds; `what` is written in it."""
+    """Return a scope without what comes and goes, with the engine's own holds; `what` is written in it.
+
+    A property may read the request where there is one: it is about that mission's runs then.
+    """
     verb = "holds at" if what == "invariant" else "is about"
     for name in _MOMENTARY:
-        scope = scope.without(name, f"{one(what)} {verb} every moment, with and without a mission")
+        if (what, name) != ("property", "request") or name not in scope.names:
+            scope = scope.without(name, f"{one(what)} {verb} every moment, with and without a mission")
     return replace(scope, holds=(*scope.holds, *OWN_HOLDS))
 
 
@@ -43,14 +50,18 @@ def scope_of(chart: Chart) -> Scope:
         **{name: variable.type for name, variable in chart.context.items()},
         "clock": CLOCK,
     }
+    if len(chart.missions) == 1:
+        (mission,) = chart.missions.values()
+        fields = {name: field.type for name, field in mission.request.items()}
+        names["request"] = Type("record", "request", fields=fields)
     states = tuple(name for name in chart.states if name)
     return timeless(Scope(names, chart.catalog.functions, states, tuple(chart.holds)), "property")
 
 
 def read_property(
-    name: str, node: PropertyNode, place: Place, scope: Scope, findings: Findings
+    name: str, node: PropertyNode, place: Place, scope: Scope, findings: Findings, mission: str = ""
 ) -> TemporalProperty | None:
-    """Read a property; None after findings."""
+    """Read a property, of a mission if there is one; None after findings."""
     path, known = f"properties.{name}", len(findings.errors)
     _check_shape(node, path, findings)
     keys = (*_KINDS, "after", "until")
@@ -60,7 +71,9 @@ def read_property(
     within = read_key(node, "within", DURATION, scope, findings, path)
     if len(findings.errors) > known:
         return None
-    return TemporalProperty(name, place, within=within, summary=node.summary, **said)
+    sources = [each.source for each in (*said.values(), within) if isinstance(each, Expression)]
+    about = mission if any(map(_REQUEST.search, sources)) else ""
+    return TemporalProperty(name, place, within=within, summary=node.summary, mission=about, **said)
 
 
 def _check_shape(node: PropertyNode, path: str, findings: Findings) -> None:

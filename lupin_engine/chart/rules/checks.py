@@ -24,7 +24,7 @@ from lupin_engine.chart.rules.unused import (
     unused_parameter,
     unused_variable,
 )
-from lupin_engine.chart.rules.visits import visits
+from lupin_engine.chart.rules.visits import published_twice, visits
 from lupin_engine.chart.rules.walks import begins_anew, untold_rest
 from lupin_engine.chart.rules.ways import (
     dead_end,
@@ -81,6 +81,7 @@ GLOBAL: tuple[Rule, ...] = (
     regions_clash,
     region_leak,
     visits,
+    published_twice,
     begins_anew,
     untold_rest,
     event_field,
@@ -89,9 +90,15 @@ GLOBAL: tuple[Rule, ...] = (
 UNUSED: tuple[Rule, ...] = (unheard_event, unused_code, unused_input, unused_variable, unused_field)
 
 
-def check_composed(composed: Composed, findings: Findings) -> None:
-    """Run every rule that still makes sense after what has been found so far."""
+def check_composed(composed: Composed, findings: Findings, whole: bool = True) -> None:
+    """Run every rule that still makes sense after what has been found so far.
+
+    Where it is not the `whole` chart, something was left out of which nobody knows what it says.
+    """
     rules = [*LOCAL]
+    if not whole:
+        findings.extend(found for rule in rules for found in rule(Index(composed)))
+        return
     if not findings.has(*_BROKEN_WAYS):
         rules += GLOBAL
     if not findings.has(*_BROKEN_READS):

@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import takewhile
 
-from lupin_engine.chart.expressions.guards import Condition, condition_of, fact, negate, possible
+from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
+from lupin_engine.chart.expressions.guards import Condition, Every, condition_of, fact, negate, possible
+from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import ActionCall, Kind, State, Transition, every_call
 from lupin_engine.chart.rules.index import OF_ONE_STATE, Index, always_taken, condition, local, understood
 from lupin_engine.chart.semantics import matches
@@ -39,8 +41,25 @@ def visits(index: Index) -> Iterator[Diagnostic]:
                 for state in inside
                 if state is not walker
             )
-            refused = list(_VisitAnalysis(index, walker, inside).refused()) if followed else []
+            analysis = _VisitAnalysis(index, walker, inside) if followed else None
+            refused = [] if analysis is None else [*analysis.refused(), *analysis.refused_at_once()]
             yield from refused or _never_closed(index, walker)
+            if analysis is not None and _may_be_empty(index, walker):
+                yield from analysis.read_without_target()
+
+
+def published_twice(index: Index) -> Iterator[Diagnostic]:
+    """Find what is published of a target beside its visit, which publishes when it is closed."""
+    for written in index.calls:
+        publication = index.chart.catalog.profile.publications.get(written.action.name)
+        lineage = index.lineage[written.state.name]
+        if publication is None or all(index.chart.states[name].itinerary is None for name in lineage):
+            continue
+        target = written.action.arguments.get(publication.target[0])
+        if isinstance(target, Expression) and _TARGET.search(target.source):
+            problem = "a visit publishes what was read when it is closed, so this target is published twice"
+            hint = f"hand it over there: 'itinerary.close: {{status: {publication.outcome}, reading: ...}}'"
+            yield warning(written.action.place, "double-close", written.path, problem, hint)
 
 
 def _never_closed(index: Index, walker: State) -> Iterator[Diagnostic]:
@@ -99,7 +118,8 @@ class _VisitAnalysis:
 
     def __init__(self, index: Index, walker: State, inside: Sequence[State]) -> None:
         self._index = index
-        self._walker = walker
+        assert walker.itinerary is not None
+        self._walker, self._items = walker, walker.itinerary.items
         self._inside = {state.name: state for state in inside}
         leaving = {state.name: list(_walking(f"{state.name}.exit", state.on_exit)) for state in inside}
         self._leaving = {name: calls for name, calls in leaving.items() if calls}
@@ -120,6 +140,68 @@ class _VisitAnalysis:
                     if before == _REFUSED.get(call.action.name) and id(call.action) not in told:
                         told.add(id(call.action))
                         yield _told(leaf, call)
+
+    def refused_at_once(self) -> Iterator[Diagnostic]:
+        """Tell what the machine would refuse as soon as the walk begins, although not later."""
+        first, walker = frozenset([OPEN]), local(self._walker.name)
+        reached = self._along(self._entries(self._walker.name), first)[0]
+        for _, steps in self._at_once(_FIRST, first):
+            for step in steps:
+                reached += [one for one in self._along(step.calls, first)[0] if one[0] in step.calls]
+        for call, before in reached:
+            if call.action.name == "itinerary.advance" and before == first:
+                problem = f"{walker!r} begins with its first target, whose visit is open: refused at once"
+                hint = "let 'initial' name the state that works on a target, and advance when it is closed"
+                yield Diagnostic(call.action.place, "open-visit", call.path, problem, hint)
+                return
+
+    def read_without_target(self) -> Iterator[Diagnostic]:
+        """Tell where a target is read before it is asked whether there is one."""
+        entered = [self._inside[name] for name in self._index.entered(self._walker.name)]
+        resting = [leaf for leaf, steps in self._at_once(_EMPTY, frozenset([CLOSED])) if not steps]
+        around = dict.fromkeys(name for leaf in resting for name in self._index.lineage[leaf])
+        waiting = [self._inside[name] for name in around if name in self._inside]
+        for said in self._index.sayings:
+            word = said.words[1] if len(said.words) > 1 else ""
+            at_once = said.state in entered if word == "entry" else word == "invoke" and said.state in waiting
+            if at_once and isinstance(said.value, Expression) and _TARGET.search(said.value.source):
+                hint = "leave before: 'always: {target: ..., guard: itinerary.total == 0}'"
+                if word == "entry":
+                    hint = "do this in a state that is entered only where 'itinerary.total > 0'"
+                if getattr(self._items, "source", "").startswith("request."):
+                    hint += ", or refuse such a request with 'not_empty: CODE'"
+                problem = f"there is no target where the itinerary of {local(self._walker.name)!r} is empty"
+                path = ".".join(filter(None, said.words))
+                yield warning(said.value.place, "no-target", path, problem, hint)
+                return
+
+    def _at_once(self, given: Condition, visit: Visit) -> Iterator[tuple[str, list[_VisitStep]]]:
+        """Yield the innermost states that are entered as the walk begins, with the steps taken at once.
+
+        It goes no further than what the itinerary alone decides, and the visit stays as it is.
+        """
+        waiting, seen = [name for name in self._index.entered(self._walker.name) if name in self._at], set()
+        while waiting:
+            leaf = waiting.pop()
+            steps = None if leaf in seen else self._taken_at_once(leaf, given)
+            seen.add(leaf)
+            if steps is not None:
+                yield leaf, steps
+                follow = (step for step in steps if self._along(step.calls, visit)[1] == visit)
+                waiting += [name for step in follow if not step.vague for name in step.leaves]
+
+    def _taken_at_once(self, leaf: str, given: Condition) -> list[_VisitStep] | None:
+        """Return the steps without an event that may be the one taken; None where something else decides."""
+        found, so_far = [], [given]
+        for step in self._steps[leaf]:
+            asked = condition(step.transition)
+            if step.transition.event or not possible(*so_far, asked):
+                continue
+            if step.transition.guard is not None and _OTHER_NAMES.search(step.transition.guard.source):
+                return None
+            found.append(step)
+            so_far.append(negate(asked))
+        return found
 
     # -- ways ----------------------------------------------------------------------------------------------
 
@@ -278,11 +360,16 @@ class _VisitAnalysis:
             else:
                 begins.append(name)
         for name in begins:
-            yield from self._entered(name, frozenset([OPEN]))
+            yield from self._entered(name, self._along(self._entries(name), frozenset([OPEN]))[1])
         for name in self._index.lineage[self._walker.name][1:]:
             for child in self._index.chart.states[name].children:
                 if self._index.chart.states[child].kind is Kind.HISTORY:
                     yield from self._resumed(self._index.chart.states[child])
+
+    def _entries(self, name: str) -> list[_VisitCall]:
+        """Return what entering a state calls."""
+        begun = [self._inside[inner] for inner in self._index.entered(name)]
+        return [call for state in begun for call in _walking(f"{state.name}.entry", state.on_entry)]
 
     def _entered(self, name: str, visit: Visit) -> Iterator[tuple[str, Visit]]:
         return ((leaf, visit) for leaf in self._index.entered(name) if leaf in self._at)
@@ -302,6 +389,36 @@ class _VisitAnalysis:
             before.append(condition(transition))
             yield from self._entered(transition.target or "", visit)
         yield from self._entered(state.name, _those(_EITHER, tuple(map(negate, before))))
+
+
+#: What is known of an itinerary that has just been entered: of any, and of an empty one.
+_FIRST = Every((fact("itinerary.open", True), fact("itinerary.closed", 0), fact("itinerary.sweep", 1)))
+_NO_COUNT = (fact(f"itinerary.{name}", value=0) for name in ("total", "remaining", "closed"))
+_EMPTY = Every((*_NO_COUNT, fact("itinerary.open", value=False)))
+#: Words of a condition that ask for something else than the itinerary.
+_OTHER_NAMES = re.compile(r"(?<![\w.])(?!(?:and|or|not|true|false)\b|itinerary\.)[A-Za-z_]")
+_TARGET = re.compile(r"(?<![\w.'\"])target\b")
+
+
+def _may_be_empty(index: Index, walker: State) -> bool:
+    """Tell whether a list may come without elements, and nothing in the chart asks for that."""
+    assert walker.itinerary is not None
+    source = getattr(walker.itinerary.items, "source", "")
+    root, _, name = source.rpartition(".")
+    mission = index.chart.missions.get(walker.mission)
+    if root == "request" and mission is not None and name in mission.request:
+        asked = mission.request[name]
+        empty = asked.not_empty is None and (asked.default is None or _is_empty(asked.default))
+    elif root == "":
+        variable = index.chart.context.get(name)
+        empty = variable is not None and _is_empty(variable.default)
+    else:
+        empty = root == "input" and name.isidentifier()
+    return empty and not any(read.condition and source in read.expression.source for read in index.reads)
+
+
+def _is_empty(value: Value | None) -> bool:
+    return isinstance(value, Constant) and value.value == []
 
 
 #: What the visit must not be, all ways considered.

@@ -177,8 +177,10 @@ def _remarks(run: Run, code: int) -> Iterable[str]:
 
 def record(run: Run, lanes: Timeline, seed: int) -> dict[str, Any]:
     """Return a run as JSON data."""
+    mission = run.chart.missions.get(run.view.mission)
     return {
         "mission": run.view.mission,
+        "file": "" if mission is None else mission.file,
         "seconds": run.seconds,
         "seed": seed,
         "parameters": dict(run.parameters),

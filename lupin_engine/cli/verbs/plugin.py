@@ -131,8 +131,10 @@ def _installed_or_bound(name: str) -> tuple[Plugin, str]:
     from lupin_engine.bindings.catalog import bound_catalog
     from lupin_engine.chart.findings import Findings
 
-    bound = bound_catalog([file.parent.parent], load_catalog(), {}, Findings())
-    if bound is None or file.stem not in bound.bindings:
+    findings = Findings()
+    bound = bound_catalog([file.parent.parent], load_catalog(), {}, findings)
+    wrong = any(Path(found.place.file).resolve() == file.resolve() for found in findings.errors)
+    if wrong or bound is None or file.stem not in bound.bindings:
         raise UsageError(f"the binding {file} has errors; to see them: lupin check {file}")
     return bound.bindings[file.stem].plugin, str(file)
 

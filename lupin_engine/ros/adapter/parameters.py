@@ -24,7 +24,7 @@ from structlog.typing import FilteringBoundLogger
 
 from lupin_engine.errors import LupinError, PluginError, nearest
 from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.parameters import named, narrowed, sorted_out
+from lupin_engine.plugin.parameters import carried_as, named, narrowed, sorted_out
 from lupin_engine.plugin.types import MAX_INTEGER, Type
 
 _ROS_TYPES = {
@@ -32,12 +32,10 @@ _ROS_TYPES = {
     "integer": RosParameter.Type.INTEGER,
     "number": RosParameter.Type.DOUBLE,
     "text": RosParameter.Type.STRING,
-}
-_ROS_LIST_TYPES = {
-    "bool": RosParameter.Type.BOOL_ARRAY,
-    "integer": RosParameter.Type.INTEGER_ARRAY,
-    "number": RosParameter.Type.DOUBLE_ARRAY,
-    "text": RosParameter.Type.STRING_ARRAY,
+    "list of bool": RosParameter.Type.BOOL_ARRAY,
+    "list of integer": RosParameter.Type.INTEGER_ARRAY,
+    "list of number": RosParameter.Type.DOUBLE_ARRAY,
+    "list of text": RosParameter.Type.STRING_ARRAY,
 }
 
 
@@ -47,12 +45,9 @@ def ros_type(name: str, kind: Type) -> RosParameter.Type:
     Raises:
         PluginError: ROS has no parameter type for it.
     """
-    if kind.kind == "record" and all(f.kind == "number" for f in kind.fields.values()):
-        return RosParameter.Type.DOUBLE_ARRAY
-    if kind.kind == "list" and kind.item is not None and kind.item.kind in _ROS_LIST_TYPES:
-        return _ROS_LIST_TYPES[kind.item.kind]
-    if kind.kind in _ROS_TYPES:
-        return _ROS_TYPES[kind.kind]
+    carried = carried_as(kind)
+    if carried:
+        return _ROS_TYPES[carried]
     raise PluginError(f"parameter {name!r}: type {kind} cannot be a ROS parameter")
 
 

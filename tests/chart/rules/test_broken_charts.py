@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
 
-from lupin_engine.chart.findings import RULES
+from lupin_engine.chart.findings import RULES, SUBJECTS
 from lupin_engine.chart.source import head
 from lupin_engine.errors import Severity
 from lupin_engine.missions.folders import LIFECYCLE, mission_files
@@ -96,3 +97,27 @@ def test_warnings_do_not_keep_a_chart_from_loading(catalog: Catalog) -> None:
     chart, found = check_chart(MINI / LIFECYCLE, [BROKEN / "shadowed_state.yaml"], catalog)
     assert [d.severity for d in found] == [Severity.WARN]
     assert chart is not None
+
+
+#: What is found of each piece by itself, or of what stands side by side.
+_OF_PIECES = (
+    "Files and their shape",
+    "Types, units and expressions",
+    "Names of states, events, operations and the rest",
+)
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case.is_file()], ids=lambda case: case.stem)
+def test_a_wrong_shape_hides_nothing_elsewhere(case: Path, catalog: Catalog, tmp_path: Path) -> None:
+    """Every mistake at once: one place that cannot be read keeps no other from being checked."""
+    text = case.read_text(encoding="utf-8")
+    if not text.startswith("mission:") or "\nproperties:" in text:
+        return
+    rules = {rule for subject in _OF_PIECES for rule in SUBJECTS[subject]}
+    expected = {
+        (f.place[1:], f.rule) for f in check_chart(MINI / LIFECYCLE, [case], catalog)[1] if f.rule in rules
+    }
+    damaged = shutil.copytree(BROKEN / "parts", tmp_path / "parts").with_name(case.name)
+    damaged.write_text(f"{text.rstrip()}\nproperties: {{p: 3}}\n", encoding="utf-8")
+    found = {(f.place[1:], f.rule) for f in check_chart(MINI / LIFECYCLE, [damaged], catalog)[1]}
+    assert expected <= found

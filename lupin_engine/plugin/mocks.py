@@ -1,0 +1,42 @@
+"""Mocks that depend on what an operation is asked, as data: for which arguments they give what."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+#: Two numbers are the same when they differ by less than this share, or by so little beside 0: nobody writes
+#: sixteen digits, and what is computed is seldom exactly 0.
+SAME, SAME_AS_ZERO = 1e-6, 1e-9
+
+
+@dataclass(frozen=True)
+class MockCases:
+    """What a mock gives: `usual`, and over it what the first case has that covers the arguments.
+
+    A case is what the arguments must contain, and what is given then.
+    """
+
+    usual: Mapping[str, Any]
+    cases: tuple[tuple[Mapping[str, Any], Mapping[str, Any]], ...]
+
+    def __call__(self, arguments: Mapping[str, Any], _: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return what is given for some arguments; parameters make no difference."""
+        found = (given for wanted, given in self.cases if contains(arguments, wanted))
+        return {**self.usual, **next(found, {})}
+
+
+def contains(whole: Any, part: Any) -> bool:
+    """Say whether `whole` has everything that `part` names; what was computed is compared to six digits.
+
+    Records need only contain the fields that are given; lists have as many elements as they are given.
+    """
+    if isinstance(part, Mapping) and isinstance(whole, Mapping):
+        return all(name in whole and contains(whole[name], value) for name, value in part.items())
+    if isinstance(part, list) and isinstance(whole, list):
+        return len(whole) == len(part) and all(map(contains, whole, part))
+    if isinstance(whole, float) and isinstance(part, float):
+        return math.isclose(whole, part, rel_tol=SAME, abs_tol=SAME_AS_ZERO)
+    return bool(whole == part)
