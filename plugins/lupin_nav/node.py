@@ -1,9 +1,10 @@
-"""The node `nav_watchdog`: ends what navigation drives for an orchestrator that is silent, or under a stop.
+"""The node `nav_watchdog`: ends what navigation drives for a node that is silent, or under a stop.
 
 Nav2 follows a goal to its end, whoever sent it and whether that client still lives; a stop only interrupts
 it, and it would drive on at the release. So while a stop is engaged every goal is cancelled, again and again,
-also those that come meanwhile. It runs beside the simulated base as well. This node belongs on the computer
-of Nav2: from any other one a broken link silences the watchdog too.
+also those that come meanwhile. It listens to the orchestrator while a mission is under way, and to the
+gateway, which cannot cancel what its pages drive when it was killed. It runs beside the simulated base as
+well. This node belongs on the computer of Nav2: from any other one a broken link silences the watchdog too.
 """
 
 from __future__ import annotations
@@ -12,19 +13,23 @@ from collections.abc import Sequence
 
 from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
+from std_msgs.msg import Bool
 
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import DURATION, ROS_NAME
 from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode
+from lupin_greenhouse.mission import is_under_way
 from lupin_greenhouse.node import watchdog
 from lupin_greenhouse.node.estop import StopListener
-from lupin_greenhouse.node.watchdog import OrchestratorWatchdog
-from lupin_greenhouse.stops import StopState
+from lupin_greenhouse.node.watchdog import SilenceWatchdog
+from lupin_greenhouse.stops import PAGES_TOPIC, StopState
 from lupin_msgs.msg import MissionState
 
 #: Seconds between two cancels, and how long the answer to one may take.
 PERIOD_S = 0.5
+#: Seconds of silence after which the gateway, which speaks five times a second, counts as gone.
+GATEWAY_TIMEOUT_S = 1.5
 #: The status of goals that nobody has agreed to end.
 _DRIVING = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING)
 
@@ -54,7 +59,12 @@ class NavWatchdog:
         self._action = values["nav_action_name"]
         self._cancel = ros.service(CancelGoal, f"{self._action}/_action/cancel_goal")
         self._cancelling = Repeater(ros.steady_timer, PERIOD_S, self._send)
-        self._watchdog = OrchestratorWatchdog(ros.steady_timer, values[watchdog.TIMEOUT], self._end_goals)
+        every, timeout = ros.steady_timer, values[watchdog.TIMEOUT]
+        self._watchdog = SilenceWatchdog(every, timeout, self._end_goals, watchdog.ORCHESTRATOR)
+        self._gateway = SilenceWatchdog(
+            every, min(timeout, GATEWAY_TIMEOUT_S), self._on_silent_gateway, "the gateway of the pages"
+        )
+        self._mission_drives = False
         self._stopped = False
         #: Until when goals that end were accepted; all zeros: until now.
         self._until = CancelGoal.Request().goal_info.stamp
@@ -65,9 +75,20 @@ class NavWatchdog:
             MissionState,
             "/mission/state",
             Qos.LATCHED,
-            lambda message: self._watchdog.heard(message.lifecycle_state),
+            self._on_mission,
         )
+        ros.subscribe(Bool, PAGES_TOPIC, Qos.LATCHED, lambda _: self._gateway.heard(True))
         StopListener(ros, values["estop_topic"], values["estop_timeout_s"], self._on_stop)
+
+    def _on_mission(self, message: MissionState) -> None:
+        is_one = is_under_way(message.lifecycle_state)
+        self._mission_drives = is_one and not message.paused
+        self._watchdog.heard(is_one)
+
+    def _on_silent_gateway(self, reason: str) -> None:
+        """End what its pages drive: it does that itself, and leaves the graph, when it ends as it should."""
+        if self._ros.node.count_publishers(PAGES_TOPIC) and not self._mission_drives:
+            self._end_goals(reason)
 
     def _on_stop(self, state: StopState) -> None:
         before, self._stopped = self._stopped, state.engaged

@@ -14,7 +14,7 @@ from mirte_msgs.srv import SetServoOffset
 from lupin_arm.node.serving import ArmRequestRefused
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_greenhouse.mission import SILENCE_S, is_under_way
-from lupin_greenhouse.node.watchdog import OrchestratorWatchdog
+from lupin_greenhouse.node.watchdog import SilenceWatchdog
 from lupin_msgs.msg import MissionState
 
 #: Where the vendor's servos have their services and topics.
@@ -51,7 +51,7 @@ class HardwareGate:
 class MissionGate:
     """Listens to the orchestrator; `began(reason)` is called when a mission has begun."""
 
-    def __init__(self, ros: RosNode, topic: str, watchdog: OrchestratorWatchdog) -> None:
+    def __init__(self, ros: RosNode, topic: str, watchdog: SilenceWatchdog) -> None:
         """`watchdog` is told all that is heard."""
         self._ros = ros
         self._watchdog = watchdog
@@ -72,7 +72,7 @@ class MissionGate:
         return None
 
     def _on_state(self, message: MissionState) -> None:
-        self._watchdog.heard(message.lifecycle_state)
+        self._watchdog.heard(is_under_way(message.lifecycle_state))
         before = self.refusal()
         self._state, self._heard = message.lifecycle_state, self._ros.elapsed()
         now = self.refusal()

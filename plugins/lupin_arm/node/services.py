@@ -14,7 +14,7 @@ from lupin_arm.node.library import serve_library
 from lupin_arm.node.operator_services import serve_presets, serve_sliders, serve_torque
 from lupin_arm.node.settings import PARAMETERS
 from lupin_engine.ros.adapter.node import RosNode
-from lupin_greenhouse.node.watchdog import TIMEOUT, OrchestratorWatchdog
+from lupin_greenhouse.node.watchdog import ORCHESTRATOR, TIMEOUT, SilenceWatchdog
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -33,7 +33,7 @@ def serve_all(ros: RosNode) -> Arm:
     serve_presets(ros, arm, values["preset_duration"])
     serve_sliders(ros, arm, values["init_duration"])
     serve_torque(ros, arm)
-    watchdog = OrchestratorWatchdog(ros.steady_timer, values[TIMEOUT], arm.halt)
+    watchdog = SilenceWatchdog(ros.steady_timer, values[TIMEOUT], arm.halt, ORCHESTRATOR)
     mission = MissionGate(ros, values["mission_state_topic"], watchdog)
     serve_library(ros, arm, mission, values["library_path"])
     serve_calibration(ros, arm, Gates(hardware, mission), values)

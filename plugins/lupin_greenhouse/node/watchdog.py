@@ -1,4 +1,4 @@
-"""The orchestrator as heard by who moves the robot for it: while a mission is under way it must speak."""
+"""Who moves the robot for somebody listens whether that one still speaks."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from collections.abc import Callable
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import number_in
 from lupin_engine.ros.adapter.host import Every, Repeater
-from lupin_greenhouse.mission import is_under_way
 
 #: Looks for a state within the timeout: silence is noticed at most one of them later.
 LOOKS = 8
+
+#: What the node is called that a mission's movers listen to.
+ORCHESTRATOR = "the orchestrator"
 
 #: The parameter of every node that has a watchdog.
 TIMEOUT = "orchestrator_timeout_s"
@@ -25,24 +27,25 @@ PARAMETERS = {
 }
 
 
-class OrchestratorWatchdog:
-    """Tells that the orchestrator has fallen silent with a mission under way; once for each silence.
+class SilenceWatchdog:
+    """Reports that a node has fallen silent while it must speak; once for each silence.
 
-    It is killed, hung, or on the far side of a broken link: nobody would cancel what it has begun. Real
-    time, also where the robot's is simulated, because the state is told by real time.
+    It was killed, hangs, or is on the far side of a broken link: it would not cancel what it has begun. Real
+    time, also where the robot's is simulated, because what is listened to is published by real time.
     """
 
-    def __init__(self, every: Every, timeout: float, lost: Callable[[str], None]) -> None:
+    def __init__(self, every: Every, timeout: float, lost: Callable[[str], None], node: str) -> None:
         """`every` starts a repeating timer; `lost(reason)` comes after `timeout` s of silence; 0: never."""
         self._timeout = timeout
         self._lost = lost
+        self._node = node
         self._missed = 0
         self._looking = Repeater(every, timeout / LOOKS, self._look)
 
-    def heard(self, lifecycle_state: str) -> None:
-        """Take a published state."""
+    def heard(self, must_speak: bool) -> None:
+        """Take a message; `must_speak`: another one has to follow."""
         self._missed = 0
-        if self._timeout and is_under_way(lifecycle_state):
+        if self._timeout and must_speak:
             self._looking.start()
         else:
             self._looking.stop()
@@ -52,4 +55,4 @@ class OrchestratorWatchdog:
         self._missed += 1
         if self._missed > LOOKS:
             self._looking.stop()
-            self._lost(f"the orchestrator is silent for {self._timeout:g} s")
+            self._lost(f"{self._node} is silent for {self._timeout:g} s")

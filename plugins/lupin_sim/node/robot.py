@@ -30,9 +30,10 @@ from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, number_in
 from lupin_engine.plugin.wire import time_fields
 from lupin_engine.ros.adapter.host import Repeater
 from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
+from lupin_greenhouse.mission import is_under_way
 from lupin_greenhouse.node import watchdog
 from lupin_greenhouse.node.estop import StopListener
-from lupin_greenhouse.node.watchdog import OrchestratorWatchdog
+from lupin_greenhouse.node.watchdog import SilenceWatchdog
 from lupin_greenhouse.poses import heading
 from lupin_msgs.msg import MissionState
 from lupin_sim.faults import Faults, InjectedFault
@@ -132,7 +133,8 @@ class SimNode:
         self._beats = 0
         self._next_pose = ros.elapsed()
         self._next_look = ros.elapsed()
-        self._watchdog = OrchestratorWatchdog(ros.steady_timer, values[watchdog.TIMEOUT], self._lost)
+        timeout = values[watchdog.TIMEOUT]
+        self._watchdog = SilenceWatchdog(ros.steady_timer, timeout, self._lost, watchdog.ORCHESTRATOR)
         self._connect()
         self._senses = Senses(ros, layout, values, self._publish_transforms)
         ros.subscribe(MissionState, "/mission/state", Qos.LATCHED, self._on_mission)
@@ -203,7 +205,7 @@ class SimNode:
         self._settle()
 
     def _on_mission(self, message: MissionState) -> None:
-        self._watchdog.heard(message.lifecycle_state)
+        self._watchdog.heard(is_under_way(message.lifecycle_state))
         self._senses.hear_mission(message.mission_id)
 
     @property

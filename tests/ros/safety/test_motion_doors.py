@@ -339,6 +339,22 @@ def test_what_a_page_drives_ends_with_a_stop(robot: Bystander, page: Callable[[]
     assert robot.rest(WATCHED_S) < STANDING_M
 
 
+@pytest.mark.parametrize("door", ["goal", "click"])
+def test_what_a_page_drives_ends_when_its_gateway_is_killed(
+    robot: Bystander, page: Callable[[], Page], door: str
+) -> None:
+    """Nobody is left who could cancel it but the watchdog of navigation, which hears the gateway no more."""
+    one = page()
+    getattr(one, door)()
+    robot.drives()
+    robot.world.processes["lupin_gateway"].kill()
+    before = robot.metres
+    robot.stands()
+    assert robot.metres - before < 2.0 * SPEED * (2.0 + BUSY_S)
+    reason = "reason='the gateway of the pages is silent for 1.5 s'"
+    assert reason in robot.world.log("nav_watchdog").read_text()
+
+
 def test_while_a_mission_has_the_base_pages_do_not_drive(robot: Bystander, page: Callable[[], Page]) -> None:
     """While it is held somebody may take the base, and who resumes gets it back before the mission drives."""
     one, other = page(), page()

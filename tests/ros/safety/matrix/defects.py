@@ -128,7 +128,7 @@ DEFECTS = (
         "no_watchdog",
         "nobody notices that the orchestrator is silent",
         "lupin_greenhouse.node.watchdog",
-        "OrchestratorWatchdog.heard = lambda self, state: None",
+        "SilenceWatchdog.heard = lambda self, must_speak: None",
         "mission",
         "orchestrator_dead",
         DURING,

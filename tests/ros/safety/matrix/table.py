@@ -240,6 +240,13 @@ RULES = (
         letter="m",
         allowed=PARTS,
     ),
+    Rule(
+        "the base drives to the point that was clicked: nobody can cancel it but by a stop",
+        ("goal_pose",),
+        ("link_gone",),
+        letter="g",
+        allowed=PARTS,
+    ),
     Rule("the way home on a low battery", OF_MISSION, ("battery",), letter="h", allowed=PARTS),
     Rule(
         "the release of `restarted` alone under `continue`",
