@@ -2,7 +2,7 @@
 import { computed, effect } from "@preact/signals";
 import { isFault, missions, state, steps } from "./mission/mission";
 import { mode, texts } from "./page";
-import { stops } from "./story/log";
+import { sources, stops } from "./story/log";
 import { moment } from "./time/past";
 
 export interface Alert {
@@ -21,8 +21,9 @@ export const alerts = computed<readonly Alert[]>(() => {
   const at = mode.value === "recording" ? moment.value : null;
   const view = steps.past.at(at)?.value.view;
   const names = stopNames(at);
+  const others = (sources.past.at(at)?.value.stops ?? []).flatMap((each) => (each === "robot" || each === "hmi" ? [t.sources[each]] : []));
   const found: Alert[] = [];
-  if (names.length || state.past.at(at)?.value.estop_engaged) found.push({ kind: "stop", text: t.stop(names.join(", ")), isSaid: names.length > 0 });
+  if (names.length || state.past.at(at)?.value.estop_engaged) found.push({ kind: "stop", text: t.stop([...names, ...others].join(", ")), isSaid: names.length > 0 && others.length === 0 });
   if (view && isFault(view.lifecycle)) {
     const label = missions.past.at(at)?.value.codes[view.code]?.label ?? view.code;
     found.push({ kind: "fault", text: t.fault(view.lifecycle, [label, view.detail].filter(Boolean).join(": ")) });

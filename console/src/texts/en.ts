@@ -22,6 +22,7 @@ export const en = {
   },
   alerts: {
     stop: (names: string) => (names ? `STOPPED by ${names}` : "STOPPED: e-stop engaged"),
+    sources: { robot: "the robot's own e-stop", hmi: "another operator panel" },
     fault: (state: string, why: string) => (why ? `${state}: ${why}` : state),
     question: (text: string) => `The mission asks: ${text}`,
   },

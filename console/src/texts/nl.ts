@@ -24,6 +24,7 @@ export const nl: Texts = {
   },
   alerts: {
     stop: (names) => (names ? `GESTOPT door ${names}` : "GESTOPT: noodstop ingedrukt"),
+    sources: { robot: "de noodstop van de robot", hmi: "een ander bedieningspaneel" },
     fault: (state, why) => (why ? `${state}: ${why}` : state),
     question: (text) => `De missie vraagt: ${text}`,
   },

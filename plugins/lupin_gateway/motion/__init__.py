@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from lupin_gateway.motion.names import absolute, any_of
 
@@ -102,6 +103,11 @@ class MotionGate:
         """Whether a service is one by which the mission is commanded."""
         return bool(self._commands.fullmatch(absolute(service)))
 
-    def state(self) -> Mapping[str, str]:
-        """Return what pages can show."""
-        return {"taken_by": self.taken_by, "hindrance": self.hindrance, "reason": self._reason}
+    def state(self) -> Mapping[str, Any]:
+        """Return what pages can show; `stops` are the sources that hold the robot."""
+        return {
+            "taken_by": self.taken_by,
+            "hindrance": self.hindrance,
+            "reason": self._reason,
+            "stops": list(self._stops),
+        }

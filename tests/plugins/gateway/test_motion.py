@@ -100,7 +100,7 @@ def test_the_base_is_the_missions_until_that_is_held_and_a_page_takes_it() -> No
     assert gate.state()["taken_by"] == "a"
     gate.hear_mission(DRIVING, 2.0)  # somebody resumed
     assert gate.settle(False, 2.0)
-    assert gate.state() == {"taken_by": "", "hindrance": "mission", "reason": gate.refusal("a")}
+    assert gate.state() == {"taken_by": "", "hindrance": "mission", "reason": gate.refusal("a"), "stops": []}
 
 
 def test_a_stop_ends_the_taking() -> None:

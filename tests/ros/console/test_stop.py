@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -99,6 +100,18 @@ def test_it_is_always_in_the_same_place_and_nothing_lies_over_it(console: Page) 
             places.add((x, y))
             assert console.evaluate(f"document.elementFromPoint({x}, {y}).id") == "stop"
         assert len(places) == 1
+
+
+def test_who_else_stops_the_robot_is_named(console: Page, listener: Robot) -> None:
+    """An HMI beside the gateway, and the robot, which repeats it; 2 s after its last word it is over."""
+    panel = listener.ros.publisher(Bool, ESTOP, Qos.EVENT)
+    end = time.monotonic() + 10.0
+    alert = console.locator(".alert", has_text="another operator panel")
+    while not alert.count():
+        assert time.monotonic() < end, console.locator(".alert").all_inner_texts()
+        panel.publish(Bool(data=True))
+        console.wait_for_timeout(300)
+    expect(alert).to_have_count(0, timeout=10_000)
 
 
 def test_its_texts_are_in_the_language_of_the_page(console: Page, listener: Robot) -> None:

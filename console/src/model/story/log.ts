@@ -22,6 +22,14 @@ export const stops = recordTopic<Stops>("/lupin/hmi/stops", {
   same: (one, other) => one.stopped === other.stopped && one.stops.map(({ name }) => name).join() === other.stops.map(({ name }) => name).join(),
 });
 
+/** Which sources hold the robot, by their names: `robot`, `pages`, `hmi`. */
+export const sources = recordTopic<{ readonly stops: readonly string[] }>("/lupin/hmi/base", {
+  keep: 1000,
+  always: true,
+  read: (record) => (Array.isArray(record.stops) ? record : undefined),
+  same: (one, other) => one.stops.join() === other.stops.join(),
+});
+
 /** How the connection of this page was. */
 const links = new Past<LinkState>(1000);
 

@@ -264,7 +264,14 @@ RULES = (
     ),
     Rule(
         "what an operator or a program explicitly moves while the mission is held",
-        ("base_taken", "plain_goal", "plain_twist", "arm_preset"),
+        ("plain_twist",),  # each message asks anew
+        ("orchestrator_dead",),
+        letter="x",
+        allowed=PARTS,
+    ),
+    Rule(
+        "what an operator or a program explicitly moves while the mission is held",
+        ("base_taken", "plain_goal", "arm_preset"),
         ("orchestrator_dead",),
         (BEFORE,),
         letter="x",
