@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -44,6 +45,19 @@ def test_interface_packages_are_built_with_the_same_tools() -> None:
     first, *others = [build_requirements(folder) for folder in INTERFACES.values()]
     assert len(first) > 10
     assert all(other == first for other in others)
+
+
+@pytest.mark.parametrize("package", INTERFACES)
+def test_what_is_built_upon_is_installed_for_the_build(package: str) -> None:
+    # An environment that was made before hides a missing one: only a fresh machine compiles the interfaces.
+    cmake = (INTERFACES[package] / "CMakeLists.txt").read_text(encoding="utf-8")
+    found = {*re.findall(r"^find_package\((\w+)", cmake, re.MULTILINE)}
+    manifest = ElementTree.parse(INTERFACES[package] / "package.xml").getroot()
+    depended = {str(one.text) for one in manifest if one.tag in ("depend", "buildtool_depend")}
+    installed = build_requirements(INTERFACES[package])
+    assert len(found) > 1
+    assert found <= depended
+    assert [name for name in depended if f'"ros-jazzy-{name.replace("_", "-")}",' not in installed] == []
 
 
 @pytest.mark.parametrize("package", INTERFACES)
