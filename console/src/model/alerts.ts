@@ -2,7 +2,7 @@
 import { computed, effect } from "@preact/signals";
 import { isFault, missions, state, steps } from "./mission/mission";
 import { mode, texts } from "./page";
-import { sources, stops } from "./story/log";
+import { base, stops } from "./story/log";
 import { moment } from "./time/past";
 
 export interface Alert {
@@ -21,7 +21,7 @@ export const alerts = computed<readonly Alert[]>(() => {
   const at = mode.value === "recording" ? moment.value : null;
   const view = steps.past.at(at)?.value.view;
   const names = stopNames(at);
-  const others = (sources.past.at(at)?.value.stops ?? []).flatMap((each) => (each === "robot" || each === "hmi" ? [t.sources[each]] : []));
+  const others = (base.past.at(at)?.value.stops ?? []).flatMap((each) => (each === "robot" || each === "hmi" ? [t.sources[each]] : []));
   const found: Alert[] = [];
   if (names.length || state.past.at(at)?.value.estop_engaged) found.push({ kind: "stop", text: t.stop([...names, ...others].join(", ")), isSaid: names.length > 0 && others.length === 0 });
   if (view && isFault(view.lifecycle)) {

@@ -243,6 +243,10 @@ export const en = {
       stopped: "The robot is stopped.",
       unknown: "The orchestrator does not say whether a mission runs.",
       mission: (reason: string) => `Not during a mission (${reason}).`,
+      held: "A mission is held: take the base first. Resume the mission to give it back.",
+      others: (page: string) => `${page} has taken the base.`,
+      take: "Take the base",
+      giveBack: "Give the base back",
     },
   },
   log: {

@@ -245,6 +245,10 @@ export const nl: Texts = {
       stopped: "De robot is gestopt.",
       unknown: "De orchestrator zegt niet of er een missie loopt.",
       mission: (reason) => `Niet tijdens een missie (${reason}).`,
+      held: "Een missie wordt vastgehouden: neem eerst het onderstel over. Hervat de missie om het terug te geven.",
+      others: (page) => `${page} heeft het onderstel overgenomen.`,
+      take: "Onderstel overnemen",
+      giveBack: "Onderstel teruggeven",
     },
   },
   log: {

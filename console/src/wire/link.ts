@@ -46,6 +46,13 @@ const DEAD_AFTER_MS = 2500;
 /** A connection that does not come about for so long is tried anew. */
 const CONNECT_WITHIN_MS = 5000;
 
+/** Go and log in where the gateway answers and lets this page in no more. */
+async function logInAnew(): Promise<void> {
+  const asked = { headers: { accept: "text/html" }, redirect: "manual", cache: "no-store" } as const;
+  const answer = await fetch("/", asked).catch(() => undefined);
+  if (answer?.type === "opaqueredirect") location.assign("/login");
+}
+
 export class Link {
   readonly state = signal<LinkState>("connecting");
   /** What the gateway had to say about something that it did not do, newest last. */
@@ -60,6 +67,7 @@ export class Link {
   private triedAt = 0;
   private askedAt: number | undefined;
   private socket: WebSocket | undefined;
+  private isLetIn = false;
   private tryAfter = FIRST_TRY_MS;
   private count = 0;
   private readonly subscriptions = new Map<string, Subscription>();
@@ -112,8 +120,10 @@ export class Link {
     const socket = new WebSocket(this.address);
     this.socket = socket;
     this.triedAt = performance.now();
+    this.isLetIn = false;
     socket.onopen = () => {
       if (this.socket !== socket) return;
+      this.isLetIn = true;
       for (const [id, subscription] of this.subscriptions) this.sendSubscription(id, subscription);
       this.ask();
     };
@@ -123,7 +133,9 @@ export class Link {
       this.receive(JSON.parse(data as string) as Frame);
     };
     socket.onclose = () => {
-      if (this.socket === socket) this.lose();
+      if (this.socket !== socket) return;
+      if (!this.isLetIn) void logInAnew();
+      this.lose();
     };
   }
 

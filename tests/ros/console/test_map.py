@@ -22,6 +22,7 @@ from tf2_msgs.msg import TFMessage
 from websockets.sync.client import ClientConnection, connect
 
 from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_engine.ros.names import COMMAND_SERVICE
 from lupin_greenhouse.readings import SENSOR_UNITS
 from lupin_msgs.msg import FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
 from tests.ros.console.conftest import PATIENCE_MS, Served
@@ -225,6 +226,27 @@ def test_during_a_mission_nobody_drives_by_the_map(greenhouse: MapCanvas, wire: 
     page.get_by_role("button", name="Cancel").click()
     page.get_by_role("button", name="Drive to a place…").click(force=True)
     expect(page.get_by_text("Press on the map")).to_have_count(0)
+
+
+def test_an_operator_takes_the_base_of_a_mission_that_is_held(greenhouse: MapCanvas, wire: Wire) -> None:
+    page, why = greenhouse.page, greenhouse.page.locator("#map-drive-why")
+    take = page.get_by_role("button", name="Take the base")
+    expect(take).to_have_count(0)
+    assert wire.call(COMMAND_SERVICE, verb="pause")["accepted"]
+    expect(why).to_have_text("A mission is held: take the base first. Resume the mission to give it back.")
+    take.click()
+    page.get_by_role("button", name="Drive to a place…").click()
+    greenhouse.press(0.8, 0.9)
+    page.get_by_role("button", name="Drive", exact=True).click()
+    expect(page.locator(".map-drive [role=status]")).to_contain_text("Sent to x")
+    greenhouse.until_colour(0.8, 0.9, ROBOT)
+    page.get_by_role("button", name="Give the base back").click()
+    expect(why).to_contain_text("take the base first")
+    take.click()
+    expect(page.get_by_role("button", name="Give the base back")).to_be_visible()
+    assert wire.call(COMMAND_SERVICE, verb="resume")["accepted"]
+    expect(why).to_contain_text("Not during a mission (")
+    expect(page.get_by_role("button", name="Give the base back")).to_have_count(0)
 
 
 # --- what the simulated greenhouse never does; its mission goes on meanwhile --------------------------------

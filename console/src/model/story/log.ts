@@ -8,7 +8,7 @@ import { isFault, observations, state, steps } from "../mission/mission";
 import { mode, texts } from "../page";
 import { Past, type Known } from "../time/past";
 import { StepStory, type Entry, type Span, type Words } from "./story";
-import { recordTopic } from "../topics";
+import { alike, recordTopic } from "../topics";
 
 interface Stops {
   readonly stopped: boolean;
@@ -22,12 +22,21 @@ export const stops = recordTopic<Stops>("/lupin/hmi/stops", {
   same: (one, other) => one.stopped === other.stopped && one.stops.map(({ name }) => name).join() === other.stops.map(({ name }) => name).join(),
 });
 
-/** Which sources hold the robot, by their names: `robot`, `pages`, `hmi`. */
-export const sources = recordTopic<{ readonly stops: readonly string[] }>("/lupin/hmi/base", {
+interface Base {
+  /** Which sources hold the robot: `robot`, `pages`, `hmi`. */
+  readonly stops: readonly string[];
+  /** Why no page may move it: `stop`, `mission`, `held` (a mission that is held, from which a page may take it). */
+  readonly hindrance?: string;
+  /** The page that has taken it. */
+  readonly taken_by?: string;
+}
+
+/** Who may move the robot, as the gateway has it. */
+export const base = recordTopic<Base>("/lupin/hmi/base", {
   keep: 1000,
   always: true,
   read: (record) => (Array.isArray(record.stops) ? record : undefined),
-  same: (one, other) => one.stops.join() === other.stops.join(),
+  same: alike,
 });
 
 /** How the connection of this page was. */

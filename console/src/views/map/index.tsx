@@ -9,7 +9,7 @@ import { measured, sensorName } from "../../model/robot/sensors";
 import { twin } from "../../model/robot/twin";
 import { clockTime } from "../../parts/format";
 import { Panel } from "../../parts/panel";
-import { aim, choosing, driven, drive, driveRefusal, endChoosing } from "./driving";
+import { aim, choosing, driven, drive, driveRefusal, endChoosing, isTaken, mayTake, takeBase } from "./driving";
 import { field, fieldAt, followField, sensor } from "./field";
 import { cellAt } from "./grid";
 import { FieldChoice, Layers, Legend } from "./legend";
@@ -124,6 +124,11 @@ function Drive() {
         >
           {choosing.value ? t.end : t.begin}
         </button>
+        {(mayTake.value || isTaken.value) && (
+          <button aria-pressed={isTaken.value} onClick={() => void takeBase(!isTaken.value)}>
+            {isTaken.value ? t.giveBack : t.take}
+          </button>
+        )}
         <span id="map-drive-why" class="soft">
           {refusal || (choosing.value && !to ? t.how : "")}
         </span>
