@@ -41,6 +41,9 @@ from lupin_greenhouse.stops import HMI_TOPIC, PAGES_TOPIC
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 #: The request that `on_link_lost: pause` sends, and how long its answer may take, in seconds.
 PAUSE, PAUSE_S = "pause", 5.0
+#: Seconds for which a stop that an earlier gateway has left is told at least. Others take a dead gateway for
+#: alive for up to 3 s (the discovery lease).
+TAKEN_OVER_S = 4.0
 
 PARAMETERS = {
     "open": Parameter(
@@ -140,7 +143,7 @@ def house_rules(ros: RosNode, side: NodeSide, values: Mapping[str, Any]) -> Hous
     shown = ros.publisher(String, STOPS_TOPIC, Qos.LATCHED)
     base = ros.publisher(String, BASE_TOPIC, Qos.LATCHED)
     hands = Hands(
-        tell_stop=_telling_stop(ros, values["shared_false"]),
+        tell_stop=_telling_stop(ros, values["shared_false"], stops.stopped),
         tell_state=lambda state: shown.publish(String(data=state)),
         pause=_pausing(side, catalog),
         keep=lambda kept: stops_file.keep(asdict(kept)),
@@ -168,17 +171,21 @@ def _absolute(file: str) -> str:
     return str(Path(file).absolute()) if file else ""
 
 
-def _telling_stop(ros: RosNode, shared_false: bool) -> Callable[[bool], None]:
+def _telling_stop(ros: RosNode, shared_false: bool, is_taken_over: bool) -> Callable[[bool], None]:
     """Return what publishes the stop of all pages: on a topic of our own, and on the one that HMIs share.
+
+    A stop that `is_taken_over` from an earlier gateway is told for some seconds at least: a release counts
+    for those who have heard the stop of this gateway, and take the earlier one for alive no more.
 
     Who keeps the last word of the shared one, as the bridge of today's robot does, needs a false when our
     stop is released; one that is repeated would release the stops of other HMIs there.
     """
     own, shared = ros.publisher(Bool, PAGES_TOPIC, Qos.LATCHED), ros.publisher(Bool, HMI_TOPIC, Qos.EVENT)
-    was_stopped = False
+    was_stopped, stays_until = False, time.monotonic() + TAKEN_OVER_S * is_taken_over
 
     def tell(stopped: bool) -> None:
         nonlocal was_stopped
+        stopped = stopped or time.monotonic() < stays_until
         own.publish(Bool(data=stopped))
         if stopped or was_stopped or shared_false:
             shared.publish(Bool(data=stopped))

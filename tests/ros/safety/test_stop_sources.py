@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import socket
 import time
@@ -13,7 +14,10 @@ from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.ros.adapter.node import Qos
-from tests.plugins.gateway.served import OpenPage
+from lupin_gateway.guard import RESET_STOP, STOPS_TOPIC
+from lupin_gateway.node.house import TAKEN_OVER_S
+from lupin_greenhouse.stops import PAGES_TOPIC
+from tests.plugins.gateway.served import OpenPage, until
 from tests.ros.gateway.conftest import free_port
 from tests.ros.world import Operator, World
 
@@ -149,6 +153,28 @@ def test_the_stop_of_a_page_outlives_what_others_say_and_its_gateway(hall: Hall,
     page.stop(False)
     hall.engaged(False, within=QUIET_S + BUSY_S)
     assert hall.ask("resume").success
+    page.close()
+
+
+def test_a_stop_that_a_gateway_has_taken_over_can_be_reset_at_once(hall: Hall) -> None:
+    """It is told for some seconds nevertheless: who has not heard it of this gateway would keep it."""
+    page = hall.open_gateway()
+    hall.drive()
+    page.stop(True)
+    hall.engaged(within=BUSY_S)
+    hall.kill_gateway()
+    told: list[tuple[float, bool]] = []
+    hall.ros.subscribe(
+        Bool, PAGES_TOPIC, Qos.EVENT, lambda message: told.append((time.monotonic(), message.data))
+    )
+    page = hall.open_gateway()
+    page.send({"op": "subscribe", "topic": STOPS_TOPIC})
+    shown = until(lambda: [each["msg"]["data"] for each in page.frames if each["op"] == "publish"], "stops")
+    (stop,) = json.loads(shown[0])["stops"]
+    assert page.call(RESET_STOP, name=stop["name"])["values"]["success"]
+    hall.engaged(False, within=TAKEN_OVER_S + BUSY_S)
+    first, released = told[0][0], next(moment for moment, stopped in told if not stopped)
+    assert released - first > TAKEN_OVER_S - BUSY_S
     page.close()
 
 
