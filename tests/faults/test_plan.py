@@ -112,6 +112,10 @@ def test_a_search_says_of_each_tag_that_it_saw_what_became_of_it() -> None:
         "1 targets have outcomes, and the mission had 2",
         "the twin has 5, which was not read",
     ]
+    damaged = replace(search, faults=(Fault("bit flip", 1.0, "mission_orchestrator", 0.3),))
+    assert "target 5 has no outcome" in problems(damaged, seen, PLACES)
+    seen.outcomes -= {Outcome("1", 0, (1, 0))}
+    assert not [text for text in problems(damaged, seen, PLACES) if "no outcome" in text]
     assert str(search).startswith("seed 0: search for 2 at 2 m/s")
 
 

@@ -100,7 +100,9 @@ def _of_outcomes(plan: Plan, seen: Seen) -> list[str]:
     told = Counter(outcome.tag for outcome in seen.outcomes)
     visited = {tag for tag in told if not tag.endswith(_SEEN)}
     targets = dict.fromkeys(tag.removesuffix(_SEEN) for tag in sorted(told)) if plan.search else plan.tags
-    if not seen.end.startswith("held"):
+    # A search of which the journal was damaged may not know what it found after the damage: it is closed then.
+    is_known = not plan.search or all(fault.kind != "bit flip" for fault in plan.faults)
+    if not seen.end.startswith("held") and (is_known or visited):
         found += [f"target {tag} has no outcome" for tag in targets if not told[tag]]
     if seen.total is not None and visited and len(visited) != seen.total:
         found.append(f"{len(visited)} targets have outcomes, and the mission had {seen.total}")
