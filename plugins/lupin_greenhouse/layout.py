@@ -4,8 +4,8 @@ Metres in frame `map`. The file is the one that the greenhouse simulator, the br
 read: `{"units": "m", "tags": {id: {"x", "y", "sensors", "facing"}}, "tables": {name: {"x0", "x1", "y0",
 "y1"}}}`. A file without `tags` is taken as the tag map itself. `facing` is optional: the axis of the map
 along which a tag's plate looks, "+x", "+y", "-x" or "-y". The bundled `greenhouse.json` is the layout of
-mdp-greenhouse 1.0.8 (29 tags, 10 tables, no tag 8). That has no `facing`: what stands there fits the places
-of the tags and the system of today, but nobody has looked in the greenhouse.
+mdp-greenhouse 1.0.8 (29 tags, 10 tables, no tag 8). That has no `facing`: what stands here is the guess of
+`lupin_nav.plates`, written down; nobody has looked in the greenhouse.
 """
 
 from __future__ import annotations
