@@ -1,9 +1,11 @@
 """The known layout of a greenhouse: where its tags and its tables are.
 
 Metres in frame `map`. The file is the one that the greenhouse simulator, the bridge and the world also
-read: `{"units": "m", "tags": {id: {"x", "y", "sensors"}}, "tables": {name: {"x0", "x1", "y0", "y1"}}}`.
-A file without `tags` is taken as the tag map itself. The bundled `greenhouse.json` is the layout of
-mdp-greenhouse 1.0.8 (29 tags, 10 tables, no tag 8).
+read: `{"units": "m", "tags": {id: {"x", "y", "sensors", "facing"}}, "tables": {name: {"x0", "x1", "y0",
+"y1"}}}`. A file without `tags` is taken as the tag map itself. `facing` is optional: the axis of the map
+along which a tag's plate looks, "+x", "+y", "-x" or "-y". The bundled `greenhouse.json` is the layout of
+mdp-greenhouse 1.0.8 (29 tags, 10 tables, no tag 8). That has no `facing`: what stands here is the guess of
+`lupin_nav.plates`, written down; nobody has looked in the greenhouse.
 """
 
 from __future__ import annotations
@@ -23,16 +25,22 @@ from lupin_engine.errors import LupinError, shortened
 from lupin_greenhouse.numbers import finite
 
 BUNDLED = Path(__file__).with_name("greenhouse.json")
+#: How a layout says where a plate faces, and the heading that it means.
+FACINGS = {"+x": 0.0, "+y": math.pi / 2, "-x": math.pi, "-y": -math.pi / 2}
 
 
 @dataclass(frozen=True)
 class Tag:
-    """A tag of the layout: position of its plate in metres, and the sensors that it answers for, in order."""
+    """A tag of the layout: position of its plate in metres, and the sensors that it answers for, in order.
+
+    `facing` is the heading of the plate's outward normal in radians, None where the layout does not say it.
+    """
 
     id: str
     x: float
     y: float
     sensors: tuple[str, ...] = ()
+    facing: float | None = None
 
 
 @dataclass(frozen=True)
@@ -136,7 +144,8 @@ def parse(data: Any) -> Layout:
     """Build a layout from parsed JSON; tables that are not four finite numbers are left out.
 
     Raises:
-        ValueError: `data` holds no tags, is not in metres, or a tag has no position or no list of sensors.
+        ValueError: `data` holds no tags, is not in metres, or a tag has no position, no list of sensors, or a
+            facing that is none of `FACINGS`.
     """
     if not isinstance(data, Mapping):
         raise ValueError(f"expected a JSON object, got {type(data).__name__}")
@@ -162,7 +171,19 @@ def _tag(tag_id: str, raw: Any) -> Tag:
     sensors = raw.get("sensors", [])
     if not isinstance(sensors, list) or not all(isinstance(name, str) for name in sensors):
         raise ValueError(f"the sensors of tag {tag_id!r} are no list of names, but {sensors!r}")
-    return Tag(tag_id, x, y, tuple(sensors))
+    return Tag(tag_id, x, y, tuple(sensors), _facing(tag_id, raw))
+
+
+def _facing(tag_id: str, raw: Mapping[str, Any]) -> float | None:
+    if "facing" not in raw:
+        return None
+    said = raw["facing"]
+    if not isinstance(said, str) or said not in FACINGS:
+        raise ValueError(
+            f"the facing of tag {tag_id!r} is {shortened(repr(said))}; write the axis of the map along which "
+            f"its plate looks, one of {', '.join(FACINGS)}, or leave it out if you do not know it"
+        )
+    return FACINGS[said]
 
 
 def _table(name: str, raw: Any) -> Table | None:

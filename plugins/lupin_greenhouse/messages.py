@@ -170,12 +170,19 @@ def observation_fields(published: Publish, value: Callable[[str], Any], stamp: F
         "tag_pose_in_map": _whole_pose({}, {}),
     }
     if published.status != "OK":
-        return {**fields, "status_detail": published.detail or published.code}
+        return {**fields, "status_detail": _reason(published)}
     fields["tag_reading"] = reading_fields(published.target, published.reading or {})
     place = place_of(published.target, value("places") or {}, value("robot"))
     if place is not None:
         fields["tag_pose_in_map"] = _whole_pose(place["position"], place["orientation"])
     return fields
+
+
+def _reason(published: Publish) -> str:
+    """Return why a visit failed: of a drive with its code, as in `last_error`; else in the server's words."""
+    if published.status == "UNREACHABLE" and published.code and published.detail:
+        return f"{published.code}: {published.detail}"
+    return published.detail or published.code
 
 
 def _whole_pose(position: Fields, orientation: Fields) -> Fields:

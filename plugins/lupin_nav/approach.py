@@ -1,7 +1,8 @@
 """Where the robot stands to read a tag.
 
 Metres and radians in frame `map`. The goal lies on the normal of the plate, because a camera reads no code
-from the side. Of a tag of the layout that is the normal of the table's side on which it hangs.
+from the side. Of a tag of the layout that is where the layout says that it faces, else a guess from its table
+(see `plates`).
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lupin_greenhouse.layout import Table
-from lupin_greenhouse.plates import Side, side_of
 from lupin_nav.overrides import Override
+from lupin_nav.plates import Side, side_of
 
 MIN_STANDOFF_M = 0.2
 MAX_STANDOFF_M = 1.5
@@ -94,21 +95,26 @@ def tables_of(tables: tuple[Table, ...]) -> Tables:
 
 @lru_cache(maxsize=1024)
 def approach(
-    tag: Point, tables: Tables, standoff: float, fallback_yaw: float, override: Override | None = None
+    tag: Point,
+    tables: Tables,
+    standoff: float,
+    fallback_yaw: float,
+    override: Override | None = None,
+    facing: float | None = None,
 ) -> Approach:
-    """Return where to stand for a tag of the known layout.
+    """Return where to stand for a tag of the known layout, which says where its plate faces, or None.
 
     A full override (goal_x, goal_y and yaw) is taken as it is. Else the goal lies `standoff` from the tag
-    along the normal of its plate, pulled back towards the tag until no table covers it. Without a table, or
-    where nothing is free, the goal is the tag itself (`fallback`). A partial override replaces single fields
-    of what the geometry gave, and leaves the others as they were.
+    along the normal of its plate, pulled back towards the tag until no table covers it. Without facing and
+    table, or where nothing is free, the goal is the tag itself (`fallback`). A partial override replaces
+    single fields of what the geometry gave, and leaves the others as they were.
     """
     own = override or Override()
     distance = clamp_standoff(standoff if own.standoff is None else own.standoff)
     if own.goal_x is not None and own.goal_y is not None and own.yaw is not None:
         return Approach(own.goal_x, own.goal_y, own.yaw, ApproachSource.OVERRIDE, None, distance)
-    side = side_of(tag, tables.all)
-    table = None if side is None else side.table.id
+    side = side_of(tag, tables.all, facing)
+    table = None if side is None else side.table
     clear = None if side is None else _clear_goal(tag, tables, side, distance)
     if clear is None:
         yaw = fallback_yaw if own.yaw is None else own.yaw

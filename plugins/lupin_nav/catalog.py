@@ -160,7 +160,7 @@ OPERATIONS: Mapping[str, Operation] = {
 
 FUNCTIONS: Mapping[str, Function] = {
     "approach": Function(
-        doc="The pose from which a tag is read: a standoff away from its table, facing the tag.",
+        doc="The pose from which a tag is read: a standoff before its plate, facing the tag.",
         returns=POSE,
         bind=bind_approach,
         arguments={"target": Argument(TAG, "the tag to stand in front of")},

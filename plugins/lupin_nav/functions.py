@@ -27,12 +27,14 @@ def bind_approach(parameters: Parameters) -> Callable[[TagRecord], Pose]:
     # Imported here because numpy takes longer to load than all catalogs together, and only runs need it.
     from lupin_nav.approach import approach, tables_of
 
-    tables = tables_of(layout.load(parameters["tag_locations_file"]).tables)
+    known = layout.load(parameters["tag_locations_file"])
+    tables, facings = tables_of(known.tables), {tag.id: tag.facing for tag in known.tags.values()}
     by_hand = overrides.load(parameters["approach_overrides_file"])
     standoff, yaw = parameters["approach_standoff_m"], parameters["approach_yaw"]
 
     def approach_target(target: TagRecord) -> Pose:
-        found = approach((target["x"], target["y"]), tables, standoff, yaw, by_hand.get(target["id"]))
+        place, tag_id = (target["x"], target["y"]), target["id"]
+        found = approach(place, tables, standoff, yaw, by_hand.get(tag_id), facings.get(tag_id))
         return {"x": found.x, "y": found.y, "yaw": found.yaw}
 
     return approach_target

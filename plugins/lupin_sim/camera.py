@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_greenhouse.layout import Tag
-from lupin_greenhouse.plates import LENGTH, WIDTH, side_of
+from lupin_greenhouse.layout import Table, Tag
+from lupin_greenhouse.plates import LENGTH, WIDTH
 from lupin_sim.floor import Point
 from lupin_sim.layout import Floorplan
 from lupin_sim.robot import FloorPose
@@ -24,6 +24,8 @@ Numbers = NDArray[np.float64]
 
 #: How far before its table a plate hangs.
 _BEFORE_M = 0.01
+#: A direction with less of an axis than this (a sine) leads along it.
+_ALONG = 1e-6
 #: The most oblique view, from the plate's normal, under which its code can still be read.
 MOST_OBLIQUE = math.radians(75.0)
 
@@ -88,17 +90,38 @@ class Camera:
 
 
 def plates_of(layout: Floorplan) -> tuple[Plate, ...]:
-    """Return how the tags hang: on the side of their table that they are at, and never behind a wall."""
-    return tuple(_plate(tag, layout) for tag in layout.tags)
+    """Return how the tags hang in the simulated greenhouse: as its own layout says.
+
+    Where that says nothing, a plate hangs on the side of its table that is nearest, of equally near ones on a
+    long side; without tables it looks at the middle of the floor. Whoever drives is not asked: a robot that
+    has another layout, or guesses, may be wrong.
+    """
+    return tuple(_plate(tag, layout.tables) for tag in layout.tags)
 
 
-def _plate(tag: Tag, layout: Floorplan) -> Plate:
-    place = tag.x, tag.y
-    side = side_of(place, layout.tables)
-    if side is None:
-        # It stands alone and looks at the middle of the floor.
-        return Plate(tag.id, *place, math.atan2(LENGTH / 2 - tag.y, WIDTH / 2 - tag.x), place)
-    return Plate(tag.id, *place, side.yaw, side.before(place, max(0.0, side.inside) + _BEFORE_M))
+def _plate(tag: Tag, tables: Sequence[Table]) -> Plate:
+    table = min(tables, key=lambda table: table.distance(tag.x, tag.y), default=None)
+    if table is None:
+        middle = math.atan2(LENGTH / 2 - tag.y, WIDTH / 2 - tag.x)
+        return Plate(tag.id, tag.x, tag.y, middle if tag.facing is None else tag.facing, (tag.x, tag.y))
+    yaw = _nearest_side(tag, table) if tag.facing is None else tag.facing
+    return Plate(tag.id, tag.x, tag.y, yaw, _face(tag, table, yaw))
+
+
+def _nearest_side(tag: Tag, table: Table) -> float:
+    wide = table.x1 - table.x0 >= table.y1 - table.y0
+    across = ((abs(table.y1 - tag.y), math.pi / 2), (abs(tag.y - table.y0), -math.pi / 2))
+    along = ((abs(table.x1 - tag.x), 0.0), (abs(tag.x - table.x0), math.pi))
+    return min(across + along if wide else along + across, key=lambda side: side[0])[1]
+
+
+def _face(tag: Tag, table: Table, yaw: float) -> tuple[float, float]:
+    """Return where a plate is seen: just before its tag, or before the table that the tag is on."""
+    dx, dy = math.cos(yaw), math.sin(yaw)
+    to_x, to_y = (table.x1 if dx > 0.0 else table.x0), (table.y1 if dy > 0.0 else table.y0)
+    ways = ((to_x - tag.x, dx), (to_y - tag.y, dy)) if table.distance(tag.x, tag.y) == 0.0 else ()
+    out = min((way / part for way, part in ways if abs(part) > _ALONG), default=0.0)
+    return tag.x + (out + _BEFORE_M) * dx, tag.y + (out + _BEFORE_M) * dy
 
 
 def facing(yaw: float) -> tuple[float, float, float, float]:

@@ -101,7 +101,7 @@ def _row(tag: TwinTag, now: float) -> tuple[str, ...]:
     pest = " pest" if tag.anomaly else ""
     blooms = str(len(tag.blooms)) if tag.blooms else ""
     readings = "  ".join(f"{name} {_value(name, value)}" for name, value in tag.readings.items())
-    age = "" if tag.last_observed is None else _duration(tag.stale_seconds(now))
+    age = "never read" if tag.last_observed is None else _duration(tag.stale_seconds(now))
     return tag.tag_id, place, f"{species}{pest}".strip(), blooms, readings, age
 
 

@@ -24,7 +24,7 @@ from lupin_twin.records import Anomaly, Bloom, BoxOutline, Corners, Discovery, F
 
 #: `Observation.kind` and `.status`; existing numbers never change.
 TAG_READING, FLOWER, ANOMALY = 0, 1, 2
-STATUS_OK = 0
+STATUS_OK, STATUSES = 0, range(4)
 
 #: No planter box is farther away or larger, in metres.
 FARTHEST_M = 1e6
@@ -49,11 +49,13 @@ def observed(message: Any, frame: str, now: float) -> Observed | None:
         now: seconds; the time of an observation that nobody stamped.
 
     Raises:
-        Dropped: the frame, the kind or the tag's id cannot be used.
+        Dropped: the frame, the kind, the status or the tag's id cannot be used.
     """
     reader = _READERS.get(message.kind)
     if reader is None:
         raise Dropped(f"observation of unknown kind {message.kind} dropped")
+    if message.status not in STATUSES:
+        raise Dropped(f"observation of unknown status {message.status} dropped")
     if message.status != STATUS_OK:
         return None
     origin = {

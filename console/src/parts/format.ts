@@ -48,8 +48,8 @@ export function span(seconds: number): string {
   return `${Math.floor(minutes / 60)} h ${two(minutes % 60)} min`;
 }
 
-export function ago(seconds: number | undefined): string {
-  return seconds === undefined ? texts.value.time.never : texts.value.time.ago(span(seconds));
+export function ago(seconds: number): string {
+  return texts.value.time.ago(span(seconds));
 }
 
 /** A number with at most so many digits after the point, and at least `least`; `–` where there is none. */

@@ -29,7 +29,6 @@ export const en = {
   confirm: { yes: "Yes", no: "No" },
   time: {
     ago: (text: string) => `${text} ago`,
-    never: "never",
   },
   sensors: {
     temperature: "temperature",
@@ -205,7 +204,7 @@ export const en = {
     noTags: "No tag is known yet.",
     noPlace: "place not known",
     noReadings: "nothing measured yet",
-    neverObserved: "never observed",
+    neverRead: "never read",
     observed: (ago: string, time: string) => `${ago} (${time})`,
     blooms: (count: number) => (count === 1 ? "1 bloom" : `${count} blooms`),
     bloomAt: (id: string) => `Bloom at tag ${id}`,

@@ -31,7 +31,6 @@ export const nl: Texts = {
   confirm: { yes: "Ja", no: "Nee" },
   time: {
     ago: (text) => `${text} geleden`,
-    never: "nooit",
   },
   sensors: {
     temperature: "temperatuur",
@@ -207,7 +206,7 @@ export const nl: Texts = {
     noTags: "Er is nog geen tag bekend.",
     noPlace: "plek niet bekend",
     noReadings: "nog niets gemeten",
-    neverObserved: "nooit waargenomen",
+    neverRead: "nooit gelezen",
     observed: (ago, time) => `${ago} (${time})`,
     blooms: (count) => (count === 1 ? "1 bloem" : `${count} bloemen`),
     bloomAt: (id) => `Bloem bij tag ${id}`,

@@ -83,7 +83,7 @@ LIVE = ("speed", "estop", "battery", "drain_per_s", "fault", "fault_count")
 _FAULTS = one_of(*(fault.value for fault in InjectedFault))
 
 PARAMETERS = {
-    "tag_locations_file": Parameter(TEXT, "", "layout of the greenhouse, JSON; empty: the bundled one"),
+    "tag_locations_file": Parameter(TEXT, "", "layout of the simulated greenhouse; empty: the bundled one"),
     "start_pose": Parameter(POSE, {"x": 0.5, "y": 0.5, "yaw": 0.0}, "where the robot stands at the start"),
     "speed": Parameter(number_in("m/s"), 0.5, "driving speed", minimum=0.01, maximum=10.0),
     "estop": Parameter(BOOL, False, "whether the emergency stop is engaged, besides those of pages and HMIs"),

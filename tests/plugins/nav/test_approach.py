@@ -15,6 +15,7 @@ from lupin_greenhouse.layout import Table
 from lupin_greenhouse.poses import pose_of
 from lupin_nav.approach import Approach, ApproachSource, Tables, approach, approach_discovered, clamp_standoff
 from lupin_nav.overrides import Override
+from lupin_nav.plates import Side, side_of
 from lupin_sim.camera import facing
 
 FACING_X = (0.0, math.sin(math.pi / 4), 0.0, math.cos(math.pi / 4))  # +Z of the plate along +X of the map
@@ -48,6 +49,26 @@ def test_of_equidistant_tables_the_first_id_wins_whatever_their_order() -> None:
     tables = [Table("B", 1.9, 2.1, -0.1, 0.1), Table("A", -2.1, -1.9, -0.1, 0.1)]
     assert approach((0.0, 0.0), Tables(tables), 0.5, 0.0).table == "A"
     assert approach((0.0, 0.0), Tables(tables[::-1]), 0.5, 0.0).table == "A"
+
+
+@pytest.mark.parametrize("tables", [Tables([]), ONE_TABLE])
+@pytest.mark.parametrize("facing", layout.FACINGS.values())
+def test_the_goal_is_where_the_layout_says_that_the_plate_faces(tables: Tables, facing: float) -> None:
+    """Also where the guess would be another side: of the nearest table, or of none."""
+    found = approach((0.7, 0.7), tables, 0.5, 0.3, facing=facing)
+    there = 0.7 + 0.5 * math.cos(facing), 0.7 + 0.5 * math.sin(facing)
+    assert where(found)[:2] == pytest.approx(there)
+    assert math.cos(found.yaw - facing) == pytest.approx(-1.0)
+    assert found.source is ApproachSource.GEOMETRY
+
+
+@pytest.mark.parametrize(
+    ("table", "facing"),
+    [(Table("T", 1.0, 3.7, 3.0, 4.0), math.pi / 2), (Table("T", 1.0, 2.0, 7.0, 7.9), 0.0)],
+)
+def test_at_a_corner_the_guess_turns_away_from_the_wall(table: Table, facing: float) -> None:
+    for x, y in ((table.x1, table.y1), (table.x1 - 0.05, table.y1), (table.x1, table.y1 - 0.05)):
+        assert side_of((x, y), [table]) == Side(facing, "T")
 
 
 def test_without_tables_the_goal_is_the_tag_with_the_fallback_heading() -> None:

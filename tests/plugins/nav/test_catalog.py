@@ -85,6 +85,16 @@ def test_functions_read_the_layout_of_the_parameters(tmp_path: Path) -> None:
     }
 
 
+def test_a_tag_is_approached_from_where_the_layout_says_that_its_plate_faces(tmp_path: Path) -> None:
+    file = tmp_path / "layout.json"
+    table = '"tables": {"T": {"x0": 0, "x1": 2, "y0": 0, "y1": 2}}'
+    for facing, pose in (("+x", (2.5, 2.0, math.pi)), ("+y", (2.0, 2.5, -math.pi / 2))):
+        file.write_text(f'{{"tags": {{"1": {{"x": 2, "y": 2, "facing": "{facing}"}}}}, {table}}}')
+        changed = {"tag_locations_file": str(file)}
+        found = bound("approach", **changed)(bound("tags.named", **changed)(["1"])[0])
+        assert (found["x"], found["y"], abs(found["yaw"])) == pytest.approx((*pose[:2], abs(pose[2])))
+
+
 def test_named_tags_keep_the_order_asked_for() -> None:
     assert [tag["id"] for tag in bound("tags.named")(["12", "3"])] == ["12", "3"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lupin_greenhouse import layout
 from lupin_greenhouse.layout import Table, Tag
 from lupin_greenhouse.plates import LENGTH, WIDTH
 from lupin_nav.approach import Quaternion, approach, approach_discovered, tables_of
@@ -182,7 +184,9 @@ def test_without_tags_nothing_is_seen() -> None:
         (Tag("g", 1.3, 3.5), math.pi),  # well inside
     ],
 )
-def test_a_plate_hangs_on_the_side_of_its_table_that_has_most_room(tag: Tag, heading: float) -> None:
+def test_where_the_layout_does_not_say_it_a_plate_hangs_on_the_nearest_side_of_its_table(
+    tag: Tag, heading: float
+) -> None:
     (plate,) = plates_of(Floorplan((TABLE,), (tag,)))
     assert math.cos(plate.yaw - heading) == pytest.approx(1.0)
     assert (plate.x, plate.y) == (tag.x, tag.y)
@@ -190,13 +194,22 @@ def test_a_plate_hangs_on_the_side_of_its_table_that_has_most_room(tag: Tag, hea
 
 
 @pytest.mark.parametrize(
-    ("table", "heading"),
-    [(Table("T", 1.0, 3.7, 3.0, 4.0), math.pi / 2), (Table("T", 1.0, 2.0, 7.0, 7.9), 0.0)],
+    ("table", "heading"), [(TABLE, math.pi / 2), (Table("T", 1.0, 2.0, 3.0, 6.0), 0.0)], ids=["wide", "long"]
 )
-def test_at_a_corner_a_plate_turns_away_from_the_wall(table: Table, heading: float) -> None:
-    for x, y in ((table.x1, table.y1), (table.x1 - 0.05, table.y1), (table.x1, table.y1 - 0.05)):
-        (plate,) = plates_of(Floorplan((table,), (Tag("1", x, y),)))
-        assert plate.yaw == heading
+def test_at_a_corner_it_hangs_on_the_long_side(table: Table, heading: float) -> None:
+    (plate,) = plates_of(Floorplan((table,), (Tag("1", table.x1, table.y1),)))
+    assert plate.yaw == heading
+
+
+@pytest.mark.parametrize("tables", [(), (TABLE,)])
+@pytest.mark.parametrize("yaw", layout.FACINGS.values())
+def test_a_plate_faces_as_its_own_layout_says(tables: tuple[Table, ...], yaw: float) -> None:
+    """It is seen from there, also a tag that the layout has in the middle of its table."""
+    tag = Tag("7", 2.0, 3.5, facing=yaw)
+    before, behind = ((2.0 + way * math.cos(yaw), 3.5 + way * math.sin(yaw)) for way in (1.6, -1.6))
+    eye = camera(tag, tables=tables)
+    assert names(eye.sees(FloorPose(*before, yaw + math.pi))) == ["7"]
+    assert names(eye.sees(FloorPose(*behind, yaw))) == []
 
 
 def test_a_tag_without_tables_looks_at_the_middle_of_the_floor() -> None:
@@ -223,13 +236,30 @@ def test_every_tag_of_the_greenhouse_can_be_seen_and_stood_before() -> None:
         assert plate in eye.sees(FloorPose(*path[-1], goal.yaw)), plate
 
 
-@pytest.mark.parametrize("tag", load_layout().tags, ids=lambda tag: tag.id)
-def test_a_robot_that_stands_where_an_inspection_drives_to_sees_its_tag(tag: Tag) -> None:
-    layout = load_layout()
-    stand = approach((tag.x, tag.y), tables_of(layout.tables), 0.5, 0.0)
-    path = Floor(layout.tables).path((0.5, 0.5), (stand.x, stand.y))
+def is_seen_from_its_stand(told: Tag, true: Tag, tables: tuple[Table, ...]) -> bool:
+    """Say whether a robot that is told of a tag sees it in a greenhouse where it is otherwise."""
+    stand = approach((told.x, told.y), tables_of(tables), 0.5, 0.0, facing=told.facing)
+    path = Floor(tables).path((0.5, 0.5), (stand.x, stand.y))
     assert path is not None
-    assert tag.id in names(Camera(layout, 1.0, 1.05).sees(FloorPose(*path[-1], stand.yaw)))
+    seen = Camera(Floorplan(tables, (true,)), 1.0, 1.05).sees(FloorPose(*path[-1], stand.yaw))
+    return names(seen) == [true.id]
+
+
+@pytest.mark.parametrize("tag", load_layout().tags, ids=lambda tag: tag.id)
+def test_a_robot_sees_a_tag_exactly_if_its_layout_is_right_about_it(tag: Tag) -> None:
+    true = {facing: replace(tag, facing=facing) for facing in layout.FACINGS.values()}
+    tables = load_layout().tables
+    seen = [facing for facing in true if is_seen_from_its_stand(tag, true[facing], tables)]
+    assert seen == [tag.facing]
+
+
+def test_a_robot_that_guesses_wrong_does_not_see_its_tag() -> None:
+    """A tag at the corner of its table, before which there is most room on the side that it is not on."""
+    tag, tables = next(tag for tag in load_layout().tags if tag.id == "4"), load_layout().tables
+    guessing, end = replace(tag, facing=None), replace(tag, facing=math.pi / 2)
+    assert is_seen_from_its_stand(guessing, tag, tables)
+    assert not is_seen_from_its_stand(guessing, end, tables)
+    assert is_seen_from_its_stand(end, end, tables)
 
 
 def test_pests_are_seen_like_tags_but_from_all_sides() -> None:

@@ -77,7 +77,7 @@ def test_show_lists_the_tags(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
         "tag at species blooms readings age",
         "5 1.00, 1.00 tulip_red 75% pest 1 temperature 21 °C soil_moisture 0.25 1 h 1 min",
         "6 2.00, 1.00 temperature 24 °C soil_moisture 0.25 1 h 1 min",
-        "10 2.00, 2.00",
+        "10 2.00, 2.00 never read",
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import re
@@ -9,12 +10,14 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 pytest.importorskip("playwright", reason="playwright is not installed here")
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Point32, Quaternion, TransformStamped
 from nav_msgs.msg import OccupancyGrid
 from playwright.sync_api import BrowserContext, Locator, Page, expect
@@ -395,6 +398,29 @@ def test_flowers_boxes_and_anomalies_tell_what_they_are(bare: tuple[MapCanvas, R
             seen.hover(x, y)
             expect(tip).to_contain_text(told)
         seen.until_colour(1.2, 1.2, (193, 18, 31))
+
+
+def test_a_tag_that_was_never_read_has_no_age(bare: tuple[MapCanvas, RosNode], tmp_path: Path) -> None:
+    """On the wire it is as old as the clock of UNIX; here, in the table and in its file it was never read."""
+    seen, node = bare
+    old = TwinTagState(tag_id="7", stale_seconds=1.8e9)
+    read = TwinTagState(tag_id="8", last_observed=Time(sec=1_800_000_000), stale_seconds=5.0)
+    states = node.publisher(TwinState, "/twin/state", Qos.LATCHED)
+    with telling(lambda: states.publish(TwinState(tags=[old, read]))):
+        listed = seen.page.locator(".map-tags")
+        expect(listed.locator("[data-tag='7']")).to_have_text("Tag 7 nothing measured yet · never read")
+        expect(listed.locator("[data-tag='8']")).not_to_contain_text("never read")
+        seen.page.evaluate("location.hash = 'twin'")
+        rows = seen.page.locator(".twin tbody tr")
+        expect(rows.first).to_contain_text("never read")
+        expect(rows.last).to_contain_text("ago")
+        with seen.page.expect_download() as saving:
+            seen.page.get_by_role("button", name="Export as CSV").click()
+    file = tmp_path / "tags.csv"
+    saving.value.save_as(file)
+    with file.open(encoding="utf-8", newline="") as opened:
+        told = [(row["tag"], row["observed"]) for row in csv.DictReader(opened)]
+    assert told == [("7", "never read"), ("8", "2027-01-15T08:00:00Z")]
 
 
 def test_a_twin_that_falls_silent_has_grey_tags(bare: tuple[MapCanvas, RosNode]) -> None:

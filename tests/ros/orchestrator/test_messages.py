@@ -111,10 +111,27 @@ def test_pages_of_a_simulation_get_every_field_as_on_the_wire() -> None:
 def test_a_failed_observation_carries_its_tag_and_reason_but_no_reading_and_no_pose() -> None:
     failed = published("UNREACHABLE", code="nav_status_6", detail="aborted")
     message = observation(failed, robot=HERE)
-    assert (message.status, message.status_detail) == (Observation.STATUS_UNREACHABLE, "aborted")
+    assert (message.status, message.status_detail) == (
+        Observation.STATUS_UNREACHABLE,
+        "nav_status_6: aborted",
+    )
     assert (message.tag_reading.tag_id, list(message.tag_reading.readings)) == ("5", [])
     assert message.tag_reading.stamp.sec == NOW["sec"], "tables sort by it"
     assert message.tag_pose_in_map.orientation.w == 0.0
+
+
+@pytest.mark.parametrize(
+    ("status", "code", "detail", "told"),
+    [
+        ("UNREACHABLE", "nav_timeout", "", "nav_timeout"),
+        ("UNREACHABLE", "", "too far", "too far"),
+        ("SCAN_FAILED", "visual_confirm_missed", "tag '5' not discovered", "tag '5' not discovered"),
+    ],
+)
+def test_of_a_drive_the_code_comes_first_and_a_scan_is_told_in_its_servers_words(
+    status: str, code: str, detail: str, told: str
+) -> None:
+    assert observation(published(status, code=code, detail=detail)).status_detail == told
 
 
 def test_a_code_is_the_reason_where_there_is_no_detail() -> None:

@@ -239,6 +239,20 @@ def test_goals_that_are_rejected_make_a_tag_unreachable(world: World, operator: 
     assert operator.observations[0].status == Observation.STATUS_UNREACHABLE
 
 
+def test_a_drive_that_failed_is_told_by_its_code_wherever_it_is_told(
+    world: World, operator: Operator
+) -> None:
+    """Who compares codes finds them in the observation as in the state, also where there is a detail."""
+    world.start_all()
+    operator.in_state("READY")
+    operator.hit(2, "abort")
+    assert operator.start("1").accepted
+    operator.until_done(published=1)
+    assert outcomes(operator) == [("1", UNREACHABLE)]
+    assert operator.observations[0].status_detail == "nav_status_6: ABORTED: fault: abort"
+    assert operator.state.last_error == "nav_status_6: ABORTED: fault: abort"
+
+
 def test_a_low_battery_docks_waits_and_goes_on(world: World, operator: Operator) -> None:
     """The divert keeps the itinerary; resume is refused until the battery has recovered."""
     world.start_all(speed=4.0)

@@ -233,15 +233,17 @@ def test_what_cannot_be_used_is_dropped_and_told_once(scene: Scene, warnings: li
         reading("", {"temperature": 20.0}),
         reading("5", {"temperature": 20.0}, header=header(frame="odom")),
         reading("5", {}, pose(1.0, 2.0), status=Observation.STATUS_SKIPPED),
+        reading("5", {"temperature": 20.0}, pose(1.0, 2.0), status=9),
     )
     scene.discovered.publish(discovered(("5", pose()), frame="odom"))
     scene.boxes.publish(String(data="nonsense"))
-    scene.until(lambda: len(warnings) == 5)
+    scene.until(lambda: len(warnings) == 6)
     assert "5" not in scene.tags()
     assert sorted(warnings) == [
         "box geometry dropped: JSONDecodeError: Expecting value: line 1 column 1 (char 0)",
         "discovered tags in frame 'odom' dropped, expected 'map'",
         "observation of unknown kind 9 dropped",
+        "observation of unknown status 9 dropped",
         "tag reading in frame 'odom' dropped, expected 'map'",
         "tag reading without a tag id dropped",
     ]

@@ -72,7 +72,7 @@ export function thingAt(scene: Scene, camera: Camera, size: Size, at: Point, onM
 
 function age(at: number | undefined): string {
   const t = texts.value.map;
-  if (at === undefined) return t.neverObserved;
+  if (at === undefined) return t.neverRead;
   const passed = Math.max(0, (shownNow.value - at) / 1000);
   return t.observed(ago(passed), passed < SAME_DAY_S ? clockTime(at) : dateTime(at));
 }

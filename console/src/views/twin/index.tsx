@@ -69,6 +69,7 @@ function TagRow({ row }: { row: Row }) {
   const { tag, age, visit } = row;
   const id = tag.tag_id;
   const old = age === undefined || age > FRESH_S;
+  const seen = age === undefined ? texts.value.map.neverRead : ago(age);
   const isPicked = picking.value !== undefined && picked.value.includes(id);
   return (
     <tr class={`${old ? "old" : ""} ${isPicked ? "picked" : ""}`}>
@@ -87,7 +88,7 @@ function TagRow({ row }: { row: Row }) {
         </button>
       </th>
       <td>
-        {old ? <Pill>{ago(age)}</Pill> : ago(age)}
+        {old ? <Pill>{seen}</Pill> : seen}
       </td>
       <td>{visit ? <Pill tone={TONES[visit.outcome]} title={visit.detail}>{t.outcomes[visit.outcome]}</Pill> : "–"}</td>
       <td>

@@ -109,7 +109,7 @@ export function exported(all: readonly Row[]): (string | number | boolean | unde
       const place = placeOf(tag);
       const { tag_id, species, species_confidence: confidence, anomaly, flowers, observedAt } = tag;
       const looked = [species, species ? (confidence ?? undefined) : undefined, anomaly, flowers.length];
-      const times = [observedAt && isoTime(observedAt), visit && isoTime(visit.at), visit?.outcome, visit?.detail];
+      const times = [observedAt === undefined ? "never read" : isoTime(observedAt), visit && isoTime(visit.at), visit?.outcome, visit?.detail];
       return [tag_id, place?.x, place?.y, ...looked, ...times, ...sensors.value.map((name) => valueOf(tag, name))];
     }),
   ];
