@@ -2,7 +2,7 @@
 
 Its source is written from the shape of the message: neighbouring numbers become one `struct`, nested
 structures included, and lists of numbers arrays of numpy over the bytes as they are. Making the objects of
-rclpy, and reading those, takes several times as long (docs/design.md).
+rclpy, and reading those, takes several times as long (docs/decisions/ros.md).
 """
 
 from __future__ import annotations
