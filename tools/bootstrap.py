@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -286,8 +287,17 @@ def build_wheels(executable: str, mode: str, folders: List[str], target: Path) -
                 os.rename(partial + "/wheels", str(target))
 
 
+def check_domain() -> None:
+    """A run would refuse the shell's ROS domain, but only after minutes of installing."""
+    advice = runpy.run_path(str(ROOT / "lupin_engine" / "plugin" / "domain.py"))["domain_advice"]()
+    if advice:
+        raise Problem("ROS_DOMAIN_ID is {!r}: {}".format(os.environ["ROS_DOMAIN_ID"], advice))
+
+
 def bring_up_to_date(purpose: str) -> None:
     """Do what is missing, and nothing else."""
+    if purpose == "run":
+        check_domain()
     mode, finished = requested_mode(), finished_state()
     wanted = wanted_state(mode, purpose, finished)
     afresh = must_start_afresh(finished, wanted)
