@@ -30,6 +30,8 @@ VERSIONS = ((3, 12), (3, 13), (3, 11), (3, 10))
 SUBSETS = ("nav2", "tf2", "control", "mirte")
 FOLDERS = ["lupin_msgs", *map("interfaces/{}_msgs".format, ("lupin_engine", *SUBSETS))]
 INTERFACE_FILES = (".msg", ".srv", ".action", ".xml", ".txt", ".toml", ".cmake")
+#: What the verbs of the README need; the extra `ros` has the same and ROS 2.
+RUN_EXTRAS = {"wheels": "ros", "apt": "diagram,editor,hmi,record,sim"}
 GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 CHECK = """
 import sys; sys.dont_write_bytecode = False  # what is tried leaves bytecode, so that later starts are fast
@@ -326,7 +328,7 @@ def bring_up_to_date(purpose: str) -> None:
     compiling = threads.submit(build_wheels, python["executable"], mode, folders, wheels)
     if outdated & {"engine", "purpose"}:
         say("Installing the engine and its needs" + ", while the ROS 2 interfaces are compiled" * building)
-        extras = {"wheels": "ros", "apt": "hmi,record,sim"}[mode] + ",dev" * (wanted["purpose"] == "dev")
+        extras = RUN_EXTRAS[mode] + ",dev" * (wanted["purpose"] == "dev")
         wait(threads.submit(install, mode, "--editable", f"{ROOT}[{extras}]"), LOG)
     if folders:
         say("Installing the ROS 2 interfaces")

@@ -218,3 +218,10 @@ def test_a_domain_that_a_run_would_refuse_is_told_before_anything_is_installed(
     monkeypatch.setenv("ROS_DOMAIN_ID", "214")
     assert bootstrap.main(purpose) == code
     assert capsys.readouterr().err == told
+
+
+def test_a_run_has_the_same_packages_wherever_its_ros_comes_from(bootstrap: ModuleType) -> None:
+    """Those for pictures as PNG and for editors, which the README's list of verbs shows, are among them."""
+    wanted = bootstrap.RUN_EXTRAS["apt"]
+    assert f'ros = [\n  "lupin-engine[{wanted}]",\n' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert {"diagram", "editor"} <= set(wanted.split(","))
