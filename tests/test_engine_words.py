@@ -94,6 +94,17 @@ def test_no_word_of_the_greenhouse_stands_in_the_engine() -> None:
     assert [breach for file in FILES for breach in breaches(file)] == []
 
 
+def test_no_text_of_the_engine_names_a_state_of_the_lifecycle() -> None:
+    """Another profile has others; FAULT is where the engine itself leads."""
+    stages = PROFILE.stages
+    labels = {*stages.starting, *stages.ready, *stages.returning, *stages.ended, *stages.faulted} - {"FAULT"}
+    for file in ENGINE.rglob("*.py"):
+        for token in tokenize.generate_tokens(io.StringIO(file.read_text(encoding="utf-8")).readline):
+            if token.type not in (tokenize.OP, tokenize.NAME):
+                said = {*_NAME.findall(re.sub(r"\{[^{}]*\}", "", token.string))}
+                assert not said & labels, f"{file}:{token.start[0]}: {said & labels}"
+
+
 @pytest.mark.parametrize(
     ("text", "word"),
     [

@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -29,6 +30,8 @@ VERSIONS = ((3, 12), (3, 13), (3, 11), (3, 10))
 SUBSETS = ("nav2", "tf2", "control", "mirte")
 FOLDERS = ["lupin_msgs", *map("interfaces/{}_msgs".format, ("lupin_engine", *SUBSETS))]
 INTERFACE_FILES = (".msg", ".srv", ".action", ".xml", ".txt", ".toml", ".cmake")
+#: What the verbs of the README need; the extra `ros` has the same and ROS 2.
+RUN_EXTRAS = {"wheels": "ros", "apt": "diagram,editor,hmi,record,sim"}
 GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 CHECK = """
 import sys; sys.dont_write_bytecode = False  # what is tried leaves bytecode, so that later starts are fast
@@ -286,8 +289,17 @@ def build_wheels(executable: str, mode: str, folders: List[str], target: Path) -
                 os.rename(partial + "/wheels", str(target))
 
 
+def check_domain() -> None:
+    """A run would refuse the shell's ROS domain, but only after minutes of installing."""
+    advice = runpy.run_path(str(ROOT / "lupin_engine" / "plugin" / "domain.py"))["domain_advice"]()
+    if advice:
+        raise Problem("ROS_DOMAIN_ID is {!r}: {}".format(os.environ["ROS_DOMAIN_ID"], advice))
+
+
 def bring_up_to_date(purpose: str) -> None:
     """Do what is missing, and nothing else."""
+    if purpose == "run":
+        check_domain()
     mode, finished = requested_mode(), finished_state()
     wanted = wanted_state(mode, purpose, finished)
     afresh = must_start_afresh(finished, wanted)
@@ -316,7 +328,7 @@ def bring_up_to_date(purpose: str) -> None:
     compiling = threads.submit(build_wheels, python["executable"], mode, folders, wheels)
     if outdated & {"engine", "purpose"}:
         say("Installing the engine and its needs" + ", while the ROS 2 interfaces are compiled" * building)
-        extras = {"wheels": "ros", "apt": "hmi,record,sim"}[mode] + ",dev" * (wanted["purpose"] == "dev")
+        extras = RUN_EXTRAS[mode] + ",dev" * (wanted["purpose"] == "dev")
         wait(threads.submit(install, mode, "--editable", f"{ROOT}[{extras}]"), LOG)
     if folders:
         say("Installing the ROS 2 interfaces")

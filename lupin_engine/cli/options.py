@@ -9,9 +9,9 @@ from typing import Any, TypeVar
 import click
 
 from lupin_engine.cli.exit_codes import not_done
+from lupin_engine.plugin.files import read_domain
 from lupin_engine.plugin.profile import RequestField
 from lupin_engine.plugin.registry import load_profiles
-from lupin_engine.ros.launch.environment import HIGHEST_DOMAIN
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -118,9 +118,7 @@ opened = click.option(
     "--open", "opened", is_flag=True, help="With --hmi: to other machines too; asks for TLS files and tokens."
 )
 domain = click.option(
-    "--domain",
-    type=click.IntRange(min=0, max=HIGHEST_DOMAIN),
-    help="ROS domain; default: ROS_DOMAIN_ID, else 0.",
+    "--domain", type=read_domain, metavar="NUMBER", help="ROS domain; default: ROS_DOMAIN_ID, else 0."
 )
 journal = click.option(
     "--journal",

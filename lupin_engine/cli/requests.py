@@ -30,6 +30,25 @@ def check_fields(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
     problems.tell()
 
 
+def check_complete(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
+    """Check that the request of the first mission has every field that it must have.
+
+    Raises:
+        UsageError: one is not given; the text says how to give it.
+    """
+    # Imported here: other verbs need no machine, and its import takes longer than their work.
+    from lupin_engine.machine.requests import described, lacking
+
+    mission, problems = loaded.chart.missions[loaded.names[0]], Problems(UsageError)
+    for field in lacking(mission, carried(loaded.chart, request)):
+        known = loaded.chart.profile.request.get(field.name)
+        hint = f"a scenario that says 'request: {{{field.name}: ...}}' gives it"
+        if known is not None and known.option:
+            hint = f"write {known.option} {known.metavar or str(field.type).upper()}"
+        problems.add(f"{mission.name} needs {described(field)}; {hint}")
+    problems.tell()
+
+
 def carried(chart: Chart, request: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options that were given, of those that a request of the chart's missions has a field for."""
     return {name: value for name, value in given_fields(request).items() if name in chart.profile.request}
@@ -40,10 +59,9 @@ def check_request(loaded: LoadedMissions, given: Mapping[str, Any], request: Map
 
     Raises:
         UsageError: it would not, and the text is the one that the service would answer; it has no field
-            for what is given (see `check_fields`); or a parameter leads nowhere (for example: a file
-            that is absent). The text has everything that is wrong.
+            for what is given (see `check_fields`), or lacks one (see `check_complete`); or a parameter leads
+            nowhere (for example: a file that is absent). The text has everything that is wrong.
     """
-    # Imported here: other verbs need no machine, and its import takes longer than their work.
     from lupin_engine.machine.memory import Memory
     from lupin_engine.machine.requests import read_request
     from lupin_engine.machine.scope import EvaluationScope
@@ -53,6 +71,7 @@ def check_request(loaded: LoadedMissions, given: Mapping[str, Any], request: Map
     with problems.collecting():
         check_fields(loaded, request)
     with problems.collecting():
+        check_complete(loaded, request)
         world = make_world(loaded.chart, given)
         data = {"mission_type": loaded.names[0], **carried(loaded.chart, request)}
         _, refusal = read_request(world, data, EvaluationScope(world, Memory()).at("", 0.0))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import logging
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO, TypeVar
@@ -207,6 +208,7 @@ def serve(catalog: Catalog, stdout: BinaryIO) -> None:
     gc.collect()
     gc.freeze()
     gc.disable()
+    logging.getLogger("pygls.protocol.json_rpc").addFilter(_is_no_refusal)
     make_server(catalog).start_io(stdout=stdout)
 
 
@@ -343,6 +345,12 @@ def _or_refuse(work: Callable[[], _T]) -> _T:
         return work()
     except Refused as reason:
         raise JsonRpcException(str(reason), lsp.LSPErrorCodes.RequestFailed) from reason
+
+
+def _is_no_refusal(said: logging.LogRecord) -> bool:
+    """Keep out of the log what the client shows; pygls logs every error of a request with its traceback."""
+    error = said.exc_info[1] if said.exc_info else None
+    return not isinstance(getattr(error, "__cause__", None), Refused)
 
 
 async def _watch_files(server: LupinServer) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Environment, UnknownValue
 from lupin_engine.chart.expressions.names import names_read
-from lupin_engine.chart.model import Field, Invariant, Prompt, Transition, UsedMission
+from lupin_engine.chart.model import Field, Invariant, Mission, Prompt, Transition, UsedMission
 from lupin_engine.chart.semantics import ENGINE_EVENTS
 from lupin_engine.errors import guessed, nearest, reason, shortened
 from lupin_engine.machine.event import NO_TRIGGER, Event, Trigger
@@ -254,6 +254,9 @@ def read_request(
     mission = world.chart.missions.get(data.get("mission_type", ""))
     if mission is None:
         return {}, _unknown_mission(world, shortened(data.get("mission_type", "")))
+    told = ", ".join(map(described, lacking(mission, data)))
+    if told:
+        return {}, Refusal(BAD_REQUEST, f"{mission.name} needs {told}")
     values: dict[str, Any] = {}
     for asked in mission.request.values():
         value, refusal = _read_field(world, asked, data.get(asked.name), env)
@@ -261,6 +264,16 @@ def read_request(
             return {}, refusal
         values[asked.name] = value
     return values, None
+
+
+def lacking(mission: Mission, given: Mapping[str, Any]) -> list[Field]:
+    """Return the fields that a request must have, and that are not given."""
+    return [one for one in mission.request.values() if one.default is None and given.get(one.name) is None]
+
+
+def described(field: Field) -> str:
+    """Return what a field of a request is called, and what it holds."""
+    return f"{field.name} ({field.type}{f': {field.summary}' if field.summary else ''})"
 
 
 def _unknown_mission(world: World, name: str) -> Refusal:

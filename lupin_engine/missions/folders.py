@@ -6,13 +6,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import lupin_engine
 from lupin_engine.bindings.catalog import LUPIN_FILE
 from lupin_engine.chart.source import head
-from lupin_engine.errors import UsageError, meant, nearest
+from lupin_engine.errors import LupinError, UsageError, meant, nearest
 
 #: What the file around the missions of a folder is called.
 LIFECYCLE = "lifecycle.yaml"
@@ -22,11 +22,36 @@ MISSIONS = "missions"
 PARTS = "parts"
 #: How the name of a bundle ends: a mission with all that it is made of, in one file.
 BUNDLE = ".lupin"
+#: How many missions a folder may have, and how many bytes they and their parts: to understand more takes
+#: many seconds, in which no mission can be started.
+MAX_FILES, MAX_BYTES = 200, 1_000_000
 
 
 def mission_files(folder: Path) -> list[Path]:
     """Return the missions of a folder, sorted by name."""
     return sorted(filter(is_mission, folder.glob("*.yaml")))
+
+
+def check_sizes(folder: Path, files: Sequence[Path]) -> None:
+    """Refuse missions of a folder that are too much to be read together, before they are.
+
+    Raises:
+        LupinError: there are too many missions, or too many bytes.
+    """
+    if len(files) > MAX_FILES:
+        raise LupinError(
+            f"{len(files)} missions in {folder}; at most {MAX_FILES} are offered: "
+            "name some with -p missions:=[NAME, ...], or move others elsewhere"
+        )
+    sizes = {
+        file: file.stat().st_size for file in (*files, *folder.glob(f"{PARTS}/*.yaml")) if file.is_file()
+    }
+    if sum(sizes.values()) > MAX_BYTES:
+        largest = max(sizes, key=lambda file: sizes[file])
+        raise LupinError(
+            f"the missions and parts in {folder} have {sum(sizes.values())} bytes; at most {MAX_BYTES} are "
+            f"read; the largest is {largest.name} with {sizes[largest]}"
+        )
 
 
 def is_mission(path: Path) -> bool:

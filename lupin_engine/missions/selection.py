@@ -10,6 +10,7 @@ from lupin_engine.errors import Problems, UsageError
 from lupin_engine.missions.folders import (
     BUNDLE,
     MISSIONS,
+    check_sizes,
     default_missions_folder,
     find_mission,
     is_missions_folder,
@@ -37,6 +38,7 @@ def load_missions(names: Sequence[str], catalog: Catalog, *, reaching: bool = Fa
     Raises:
         UsageError: missions do not exist, or do not share a lifecycle.
         ChartError: with every error of every file.
+        LupinError: they are too many, or too large (see `check_sizes`).
     """
     bundles = [name for name in names if Path(name).suffix == BUNDLE]
     if bundles and len(names) > 1:
@@ -46,6 +48,8 @@ def load_missions(names: Sequence[str], catalog: Catalog, *, reaching: bool = Fa
     if len(lifecycles) > 1:
         raise UsageError(f"these missions have different lifecycles: {', '.join(map(str, lifecycles))}")
     lifecycle = next(iter(lifecycles.values()), lifecycle_in(folders()[0]))
+    if files:
+        check_sizes(files[0].parent, files)
     loaded = load_files(lifecycle, files, catalog, reaching=reaching)
     return replace(loaded, bundle=Path(bundles[0])) if bundles else loaded
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from lupin_engine.errors import UsageError
+from lupin_engine.plugin.domain import ADVICE, DOMAIN, is_domain
 
 
 def user_folder(variable: str, otherwise: str, environment: Mapping[str, str] = os.environ) -> Path:
@@ -26,8 +27,19 @@ def user_folder(variable: str, otherwise: str, environment: Mapping[str, str] = 
 
 def ros_domain(environment: Mapping[str, str] = os.environ) -> int:
     """Return the ROS domain of this process, of which some files have one each; 0 where none is set."""
-    text = environment.get("ROS_DOMAIN_ID", "").strip()
+    text = environment.get(DOMAIN, "").strip()
     return int(text) if text.isdecimal() else 0
+
+
+def read_domain(text: str) -> int:
+    """Read the number of a ROS domain, as it is given by an option.
+
+    Raises:
+        UsageError: there is no such domain.
+    """
+    if not is_domain(text):
+        raise UsageError(f"--domain {text!r}: {ADVICE}")
+    return int(text)
 
 
 def _home(variable: str) -> Path:

@@ -311,10 +311,10 @@ class Coverage:
 
     @property
     def percent(self) -> float:
-        """How much of all was reached."""
+        """How much of all was reached; nothing where no scenario was run."""
         tallies = [tally for part in self.parts for tally in part.tallies()]
         total = sum(tally.total for tally in tallies)
-        return 100.0 * sum(tally.taken for tally in tallies) / total if total else 100.0
+        return 100.0 * sum(tally.taken for tally in tallies) / total if total else 0.0
 
     def record(self) -> dict[str, Any]:
         """Return the sum as JSON data."""
@@ -356,7 +356,10 @@ _WIDTH = 16
 
 def coverage_lines(coverage: Coverage) -> Iterator[str]:
     """Yield a line for each mission and lifecycle, then every item that was not reached."""
-    width = max(len(part.title) for part in coverage.parts) if coverage.parts else 0
+    if not coverage.parts:
+        yield "nothing was reached: no scenario was run"
+        return
+    width = max(len(part.title) for part in coverage.parts)
     yield f"{'reached':{width}}" + "".join(f"{kind:>{_WIDTH}}" for kind in KINDS)
     for part in coverage.parts:
         yield f"{part.title:{width}}" + "".join(f"{_share(tally):>{_WIDTH}}" for tally in part.tallies())

@@ -66,11 +66,12 @@ class Curve:
 
 @dataclass(frozen=True)
 class Tick:
-    """Something that came from outside or was reported, at one moment; `refused`: or is an error."""
+    """Something that came from outside, or a code that was reported, at one moment."""
 
     time: float
     text: str
     refused: bool = False
+    is_error: bool = False
 
 
 @dataclass(frozen=True)
@@ -230,4 +231,4 @@ def _ticks(run: Run) -> Iterator[Tick]:
             yield Tick(step.time, name)
         for code in own_codes(step)[name == "timer.timeout" :]:
             if code.code not in lanes:
-                yield Tick(step.time, code.code, code.severity is Severity.ERROR)
+                yield Tick(step.time, code.code, is_error=code.severity is Severity.ERROR)

@@ -78,8 +78,13 @@ def lasting(seconds: float) -> str:
     return f"{seconds / 60:.1f} min" if seconds <= _IN_MINUTES else f"{seconds / 3600:.1f} h"
 
 
+def is_bad(tick: Tick) -> bool:
+    """Say whether an event is drawn in the colour of what went wrong."""
+    return tick.refused or tick.is_error
+
+
 def tick_text(tick: Tick) -> str:
-    """Return what came from outside, and how it was answered."""
+    """Return what came from outside, and that it was refused; or the code that was reported."""
     return f"{tick.text} refused" if tick.refused else tick.text
 
 

@@ -18,6 +18,7 @@ from lupin_engine.replay.timeline_rows import (
     axis_text,
     groups,
     inside,
+    is_bad,
     lasting,
     marks,
     placed,
@@ -119,7 +120,7 @@ class _SvgTimeline:
 
     def _events(self) -> Iterator[str]:
         for tick, row in self._ticks:
-            x, colour = self._x(tick.time), _COLOURS[FAILED] if tick.refused else _INK
+            x, colour = self._x(tick.time), _COLOURS[FAILED] if is_bad(tick) else _INK
             top = self._plot_top - 4 - (row or 0) * _TICK_ROW
             yield f"<g>{_title(f'{tick.time:.1f} s  {tick_text(tick)}')}"
             yield _line(x, top - 8, x, self._plot_bottom, colour, dashed=True)

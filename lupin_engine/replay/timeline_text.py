@@ -17,6 +17,7 @@ from lupin_engine.replay.timeline_rows import (
     TimelineRow,
     axis_text,
     groups,
+    is_bad,
     marks,
     placed,
     tick_text,
@@ -93,7 +94,7 @@ class _TextTimeline:
     def _event_row(self, ticks: list[tuple[Tick, int | None]], row: int) -> TonedLine:
         cells = [(" ", "")] * self._cells
         for tick, its in ticks:
-            tone = "refused" if tick.refused else "event"
+            tone = "refused" if is_bad(tick) else "event"
             sign, cell = self._signs.event, self._cell(tick.time)
             # An event without room for its label is at least seen, in the lowest row.
             shown = its == row and self._put(cells, cell, sign + tick_text(tick), tone)

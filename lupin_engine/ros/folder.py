@@ -24,6 +24,7 @@ from lupin_engine.missions.bundle import Bundle, check_signed, read_bundle, unpa
 from lupin_engine.missions.folders import (
     BUNDLE,
     PARTS,
+    check_sizes,
     default_missions_folder,
     find_mission,
     lifecycle_in,
@@ -39,9 +40,6 @@ LOOK_PERIOD_S = 1.0
 #: A file that was changed so lately, in seconds, is read: it may have been changed again within one tick of
 #: its file system's clock.
 SETTLED_S = 2.0
-#: How many missions a folder may have, and how many bytes they and their parts: to understand more takes
-#: many seconds, in which no mission can be started.
-MAX_FILES, MAX_BYTES = 200, 1_000_000
 
 #: What tells that files have changed: by name, when that was last, in nanoseconds, and their size.
 _Marks = Mapping[Path, tuple[int, int]]
@@ -124,7 +122,7 @@ class MissionsFolder:
         return bundle
 
     def _understood(self, folder: Path, files: Sequence[Path]) -> LoadedMissions:
-        _check_sizes(folder, files)
+        check_sizes(folder, files)
         loaded = load_files(lifecycle_in(folder), files, self._catalog, reaching=True)
         findings = Findings()
         for binding in loaded.bindings.values():
@@ -217,25 +215,3 @@ def _marks(folders: Iterable[Path]) -> _Marks:
                 continue  # it is not there, or was just removed
             found[file] = about.st_ctime_ns, about.st_size
     return found
-
-
-def _check_sizes(folder: Path, files: Sequence[Path]) -> None:
-    """Refuse what is too much to be read, before it is.
-
-    Raises:
-        LupinError: there are too many missions, or too many bytes.
-    """
-    if len(files) > MAX_FILES:
-        raise LupinError(
-            f"{len(files)} missions in {folder}; at most {MAX_FILES} are offered: "
-            "name some with -p missions:=[NAME, ...], or move others elsewhere"
-        )
-    sizes = {
-        file: file.stat().st_size for file in (*files, *folder.glob(f"{PARTS}/*.yaml")) if file.is_file()
-    }
-    if sum(sizes.values()) > MAX_BYTES:
-        largest = max(sizes, key=lambda file: sizes[file])
-        raise LupinError(
-            f"the missions and parts in {folder} have {sum(sizes.values())} bytes; at most {MAX_BYTES} are "
-            f"read; the largest is {largest.name} with {sizes[largest]}"
-        )

@@ -76,7 +76,8 @@ def shown_by(scenario: Scenario, name: str) -> Diagnostic | None:
         if one.name == name:
             if not scenario.failures(run):
                 return None
-            return _at(scenario.chart, (), run.steps[-1].configuration, name, one.why, hint)
+            why = one.named(scenario.chart.profile.stages).why
+            return _at(scenario.chart, (), run.steps[-1].configuration, name, why, hint)
     for step, violated, text in run.violated:
         if violated == name:
             taken = step.taken if step is not None else ()

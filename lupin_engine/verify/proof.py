@@ -23,7 +23,7 @@ from lupin_engine.verify.situations.explorer import (
     SituationExplorer,
 )
 from lupin_engine.verify.situations.found import Breach, ExplorationProgress, Explored
-from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph, broken
+from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph, GraphProperty, broken
 from lupin_engine.verify.situations.levels import explore
 from lupin_engine.verify.situations.moves import told_move
 from lupin_engine.verify.situations.relevance import reads
@@ -221,14 +221,19 @@ class _Judge:
         graph, chart = Graph(self._explored), self._explorer.chart
         labels = {state.label for state in chart.states.values()}
         begins = not labels.isdisjoint({*chart.profile.stages.ready, *chart.profile.stages.ended})
-        return {one.name: broken(graph, one) for one in OF_THE_GRAPH if begins or not one.of_missions}
+        return {one.name: broken(graph, one) for one in self._of_graph if begins or not one.of_missions}
+
+    @property
+    def _of_graph(self) -> list[GraphProperty]:
+        stages = self._explorer.chart.profile.stages
+        return [one.named(stages) for one in OF_THE_GRAPH]
 
     def of_graph(self) -> list[Proven]:
         """Judge the properties of the graph as a whole."""
         if not self._explored.complete:
-            return [Proven(one.name, one.says, ProofVerdict.NOT_PROVEN) for one in OF_THE_GRAPH]
+            return [Proven(one.name, one.says, ProofVerdict.NOT_PROVEN) for one in self._of_graph]
         found = []
-        for one in OF_THE_GRAPH:
+        for one in self._of_graph:
             situations = self.broken.get(one.name)
             if situations is None:
                 found.append(Proven(one.name, one.says, ProofVerdict.NOT_RELEVANT))

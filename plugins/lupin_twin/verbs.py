@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 import click
 
+from lupin_engine.plugin.files import read_domain
+
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 FORMATS = ("csv", "geojson")
@@ -31,7 +33,8 @@ def _store(command: Command) -> Command:
     )
     domain = click.option(
         "--domain",
-        type=click.IntRange(0, 232),
+        type=read_domain,
+        metavar="NUMBER",
         help="ROS domain of the twin; default: $ROS_DOMAIN_ID, else 0.",
     )
     return file(domain(command))

@@ -98,7 +98,7 @@ def test_everything_that_is_wrong_is_told_at_once(
         "--set: parameter 'battery_topic': expected ROS name, got 'a b', such as /camera/image_raw",
         "InspectionMission has no use for --goal: its request has no discovery_goal; it has tag_sequence",
         "no picture can be written to 'file': File exists",
-        "ROS_DOMAIN_ID is 'lab': use a number from 0 to 101",
+        "ROS_DOMAIN_ID is 'lab': use a number from 0 to 101 or from 215 to 232",
         "ROS_AUTOMATIC_DISCOVERY_RANGE is 'OFF': nodes do not find each other: unset it",
         "no logs can be written to 'file/logs': Not a directory",
     ]

@@ -26,7 +26,7 @@ from lupin_engine.cli.verbs.check import check, check_paths, watch_paths
 from lupin_engine.cli.watch import changes
 from lupin_engine.errors import Diagnostic, Place, Severity
 from lupin_engine.missions.folders import LIFECYCLE as LIFECYCLE_FILE
-from lupin_engine.missions.folders import default_missions_folder
+from lupin_engine.missions.folders import MAX_BYTES, MAX_FILES, default_missions_folder
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import load_catalog
 
@@ -583,3 +583,28 @@ def test_a_process_that_ends_at_once_looks_for_no_garbage(
     monkeypatch.setattr("sys.argv", ["lupin", "check", *words])
     assert main() == 0
     assert (asked == []) is looks
+
+
+@pytest.mark.parametrize(("verb", "code"), [("check", 1), ("up", 2)])
+def test_a_folder_that_no_orchestrator_would_take_is_refused(
+    verb: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the words of the orchestrator, before anything is read or started."""
+    folder = tmp_path / "missions"
+    folder.mkdir()
+    monkeypatch.chdir(tmp_path)
+    (folder / "large.yaml").write_text("mission: Large\n" + "#" * MAX_BYTES)
+    (folder / "m0.yaml").write_text("mission: M0\n")
+    assert main([verb]) == code
+    large = (folder / "large.yaml").stat().st_size
+    assert capsys.readouterr().err == (
+        f"lupin: the missions and parts in missions have {large + 12} bytes; at most {MAX_BYTES} are read; "
+        f"the largest is large.yaml with {large}\n"
+    )
+    for number in range(1, MAX_FILES):
+        (folder / f"m{number}.yaml").write_text(f"mission: M{number}\n")
+    assert main([verb]) == code
+    assert capsys.readouterr().err == (
+        "lupin: 201 missions in missions; at most 200 are offered: "
+        "name some with -p missions:=[NAME, ...], or move others elsewhere\n"
+    )

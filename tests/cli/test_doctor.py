@@ -65,8 +65,8 @@ def test_a_ros_that_was_not_sourced_is_told_so(
 @pytest.mark.parametrize(
     ("variable", "value", "topic", "advice"),
     [
-        ("ROS_DOMAIN_ID", "200", "ROS_DOMAIN_ID", "use a number from 0 to 101"),
-        ("ROS_DOMAIN_ID", "lab", "ROS_DOMAIN_ID", "use a number from 0 to 101"),
+        ("ROS_DOMAIN_ID", "200", "ROS_DOMAIN_ID", "use a number from 0 to 101 or from 215 to 232"),
+        ("ROS_DOMAIN_ID", "lab", "ROS_DOMAIN_ID", "use a number from 0 to 101 or from 215 to 232"),
         (
             "ROS_AUTOMATIC_DISCOVERY_RANGE",
             "OFF",

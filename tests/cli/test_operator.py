@@ -178,6 +178,15 @@ def test_what_an_orchestrator_does_not_tell_is_not_shown() -> None:
     assert list(lines(shown, VERBS)) == ["BOOT", "  doing      plugins.ready"]
 
 
+def test_a_mission_without_targets_has_none_to_count() -> None:
+    """The row of its counters is left out."""
+    without = {**VIEW, "total": 0, "counts": dict.fromkeys(VIEW["counts"], 0)}
+    assert list(lines(without, VERBS))[1:3] == [
+        "  mission    WaterMission lupin-1, for 01:23.4",
+        "  paused     paused by the operator",
+    ]
+
+
 def test_what_to_do_is_the_advice_of_the_holds_and_of_what_happened_last() -> None:
     """First that of the holds; then, while no mission is under way, also that of refused starts."""
     refused = [{"verb": "start", "code": "battery_low"}, {"verb": "pause", "code": "not_running"}]

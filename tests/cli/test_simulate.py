@@ -13,6 +13,7 @@ from click.testing import CliRunner, Result
 
 from lupin_engine.cli.main import main
 from lupin_engine.cli.terminal import outcome as verb
+from lupin_engine.cli.verbs.run import run
 from lupin_engine.cli.verbs.simulate import simulate
 from lupin_engine.errors import UsageError
 from lupin_engine.replay.debugger import Debugger
@@ -289,9 +290,7 @@ def test_expressions_that_fail_are_told(tmp_path: Path, monkeypatch: pytest.Monk
     for text in FAILED:
         assert " ".join(story.split()).count(f"error execution_error: {text}") == 1
         assert figures.count(f"error       {text}") == 1
-    assert figures.splitlines()[-1] == (
-        "DONE: nothing visited of 0 targets in 3.0 s of virtual time; 2 expressions or actions failed"
-    )
+    assert figures.splitlines()[-1] == ("DONE in 3.0 s of virtual time; 2 expressions or actions failed")
     told = json.loads(typed("failing.yaml", "--json").output)
     assert (told["exit_code"], list(told["summary"]["errors"].values())) == (2, [1, 1])
     assert typed("failing.yaml", "-q", "--until", "LOOKING").return_value == 2
@@ -513,3 +512,37 @@ def test_a_question_is_answered_by_hand(tmp_path: Path, monkeypatch: pytest.Monk
     assert "asked Go on? go_on Go on stay Stay" in seen
     assert "WORKING answer.go_on accepted" in seen
     assert "answer.stay REFUSED: the answer 'stay' is refused: nothing is asked" in seen
+
+
+SURVEY = """\
+mission: Survey
+states:
+  WORKING:
+    after: {2 s: {target: done, guard: len(request.tag_sequence) <= request.discovery_goal}}
+  done: {type: final}
+request:
+  tag_sequence: {type: list of tag, summary: where to go}
+  discovery_goal: {type: count}
+initial: WORKING
+"""
+
+
+def test_a_request_that_must_be_given_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every field at once, with what it holds and what to write; by hand the mission may be started later."""
+    shutil.copytree(MISSIONS, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "survey.yaml").write_text(SURVEY, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    for command in (simulate, run):
+        with pytest.raises(UsageError) as found:
+            command.main(["survey.yaml"], standalone_mode=False)
+        assert (found.value.exit_code, str(found.value)) == (
+            2,
+            "Survey needs tag_sequence (list of tag: where to go); write --tags 1,5,12\n"
+            "Survey needs discovery_goal (count); write --goal COUNT",
+        )
+    assert typed("survey.yaml", "--tags", "1", "--goal", "1", "-q").return_value == 0
+    by_hand = " ".join(typed("survey.yaml", "-i", typing="start\n").output.split())
+    assert (
+        "REFUSED: Survey needs tag_sequence (list of tag: where to go), discovery_goal (count) 0.0 s"
+        in by_hand
+    )

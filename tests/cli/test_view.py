@@ -250,3 +250,14 @@ def test_no_name_of_the_map_is_ever_broken(
             "",
             "everybody understands everybody",
         ]
+
+
+def test_a_mission_without_targets_says_nothing_of_targets(chart: Chart) -> None:
+    """Neither in the picture nor in a line nor in the last one."""
+    monitor = RunMonitor(PROFILE, MISSION_ID, 100.0)
+    none = {"targets_total": 0, "targets_completed": 0, "current_target": ""}
+    monitor.take(*state(**none), at=100.0)
+    assert "no targets" in drawn(view.picture(monitor, chart, 101.0))
+    assert view.plain_state(read_state(state(**none)[1]), PROFILE) == "INSPECTING NAVIGATING"
+    monitor.take(*state(lifecycle_state="DONE", mission_phase="", **none), at=110.0)
+    assert view.summary(monitor, 140.0).plain == "DONE in 10.0 s"

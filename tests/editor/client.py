@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 import queue
 import subprocess
+import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -26,8 +28,9 @@ class Client:
 
     def __init__(self, command: list[str], root: Path, capabilities: Message | None = None) -> None:
         self.root = root
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, cwd=root
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, cwd=root
         )
         self._numbers = itertools.count(1)
         self._versions: dict[str, int] = {}
@@ -103,6 +106,11 @@ class Client:
             self._incoming.put(json.loads(stream.read(length)))
         self._incoming.put(None)
 
+    @property
+    def errors(self) -> str:
+        """What the server has written to standard error."""
+        return os.pread(self._errors.fileno(), 1 << 20, 0).decode()
+
     def close(self) -> int:
         """End the server as editors do; return its exit code."""
         try:
@@ -112,7 +120,7 @@ class Client:
         finally:
             self._process.kill()
             self._process.wait()
-            for stream in (self._process.stdin, self._process.stdout):
+            for stream in (self._process.stdin, self._process.stdout, self._errors):
                 assert stream is not None
                 stream.close()
 

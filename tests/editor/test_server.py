@@ -179,6 +179,7 @@ def test_renames_in_all_files(opened: Client, missions: Path) -> None:
         opened.ask("rename", path, *here, newName="done")
     with pytest.raises(ServerError, match="only states can be renamed"):
         opened.ask("prepareRename", path, *at(text, "do: nav.|localize"))
+    assert opened.errors == ""
 
 
 def test_gives_the_outline(opened: Client, missions: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import re
@@ -191,3 +192,36 @@ def test_what_is_sourced_later_goes_before_the_subset(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     shown = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert shown.stdout.strip() == "True", shown.stderr
+
+
+@pytest.mark.parametrize("file", ["tools/bootstrap.py", "lupin_engine/plugin/domain.py"])
+def test_python_3_6_can_read_it(file: str) -> None:
+    ast.parse((ROOT / file).read_text(encoding="utf-8"), feature_version=(3, 6))
+
+
+@pytest.mark.parametrize(
+    ("purpose", "code", "told"),
+    [("run", 1, "\nROS_DOMAIN_ID is '214': use a number from 0 to 101 or from 215 to 232\n"), ("dev", 0, "")],
+)
+def test_a_domain_that_a_run_would_refuse_is_told_before_anything_is_installed(
+    bootstrap: ModuleType,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    purpose: str,
+    code: int,
+    told: str,
+) -> None:
+    """Tests have domains of their own."""
+    state = {"root": "r", "mode": "wheels", "purpose": "dev", "python": "", "engine": "e", "interfaces": "i"}
+    monkeypatch.setattr(bootstrap, "finished_state", lambda: state)
+    monkeypatch.setattr(bootstrap, "wanted_state", lambda *_: state)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "214")
+    assert bootstrap.main(purpose) == code
+    assert capsys.readouterr().err == told
+
+
+def test_a_run_has_the_same_packages_wherever_its_ros_comes_from(bootstrap: ModuleType) -> None:
+    """Those for pictures as PNG and for editors, which the README's list of verbs shows, are among them."""
+    wanted = bootstrap.RUN_EXTRAS["apt"]
+    assert f'ros = [\n  "lupin-engine[{wanted}]",\n' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert {"diagram", "editor"} <= set(wanted.split(","))

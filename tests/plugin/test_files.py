@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from lupin_engine.cli.main import main
 from lupin_engine.errors import UsageError
+from lupin_engine.plugin.domain import is_domain
 from lupin_engine.plugin.files import ros_domain, user_folder, write_atomically
 
 
@@ -86,3 +88,27 @@ def test_who_has_no_home_is_told_what_to_set(monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.parametrize(("said", "domain"), [("42", 42), (" 7 ", 7), ("", 0), ("lab", 0), ("-1", 0)])
 def test_the_domain_is_a_number_or_0(said: str, domain: int) -> None:
     assert ros_domain({"ROS_DOMAIN_ID": said}) == domain
+
+
+def test_a_domain_has_ports_that_nobody_else_gets() -> None:
+    """Those of its first fifty participants are ports, and Linux hands none of them out to anybody."""
+    handed_out = range(32768, 61000)
+    for number in range(300):
+        ports = [7400 + 250 * number + offset for offset in range(110)]
+        alone = ports[-1] < 65536 and not any(port in handed_out for port in ports)
+        assert is_domain(str(number)) is alone, number
+
+
+@pytest.mark.parametrize("said", ["", "lab", "-1", "1.0", "²", "010", "0x10", "1 2", "9" * 5000])
+def test_what_ros_would_read_otherwise_is_no_domain(said: str) -> None:
+    """Rcl reads a number that begins with 0 as octal or hexadecimal."""
+    assert not is_domain(said)
+
+
+@pytest.mark.parametrize("words", [["graph"], ["record"], ["state"], ["twin", "show"], ["invite", "anna"]])
+def test_every_verb_has_the_same_domains(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """102 and 214 are none, for nobody."""
+    for number in ("102", "214"):
+        assert main([*words, "--domain", number]) == 2
+        told = f"lupin: --domain '{number}': use a number from 0 to 101 or from 215 to 232\n"
+        assert capsys.readouterr().err == told

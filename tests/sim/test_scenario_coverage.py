@@ -176,10 +176,10 @@ def test_lifecycles_are_shared_between_missions(tmp_path: Path) -> None:
     assert coverage.percent > before
 
 
-def test_nothing_to_reach_is_all_of_it() -> None:
-    """No scenario, no percent to miss."""
-    assert Coverage().percent == 100.0
-    assert list(coverage_lines(Coverage()))[-1] == "100.0 % of all"
+def test_of_no_scenario_nothing_was_reached() -> None:
+    """Which is not all of it."""
+    assert Coverage().percent == 0.0
+    assert list(coverage_lines(Coverage())) == ["nothing was reached: no scenario was run"]
 
 
 def test_reached_reads_steps(tmp_path: Path) -> None:

@@ -80,6 +80,22 @@ def test_coverage_is_told_and_can_be_asked_for(tmp_path: Path) -> None:
     assert typed(tmp_path, "--min-coverage", 10).return_value == 0
 
 
+def test_scenarios_that_cannot_be_read_reach_nothing(tmp_path: Path) -> None:
+    """All of nothing is not enough."""
+    written(tmp_path, "a", "")
+    result = typed(tmp_path, "--coverage", "--min-coverage", 50)
+    assert (result.return_value, result.output.splitlines()[-5:]) == (
+        1,
+        [
+            "",
+            "nothing was reached: no scenario was run",
+            "",
+            "1 of 1 scenario failed",
+            "less than 50 % was reached",
+        ],
+    )
+
+
 WAIT = "mission: Wait\nstates:\n  WAITING: {after: {1 s: done}}\n  done: {type: final}\n"
 
 

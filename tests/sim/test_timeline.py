@@ -9,9 +9,10 @@ import pytest
 
 from lupin_engine.replay.summary import summarise
 from lupin_engine.replay.timeline import Bar, Curve, Lane, Tick, Timeline, timeline
-from lupin_engine.replay.timeline_rows import axis_text, lasting, marks, placed
+from lupin_engine.replay.timeline_rows import axis_text, is_bad, lasting, marks, placed, tick_text
 from lupin_engine.replay.timeline_svg import svg
 from lupin_engine.replay.timeline_text import ASCII, UNICODE, text
+from lupin_engine.sim.scenario import load_scenario
 from lupin_engine.sim.scripted import MockOutcome, Rule
 from lupin_engine.sim.simulation import Ask, Happening, Run, Script, Tell, simulate
 from tests import shipped
@@ -288,3 +289,13 @@ def test_a_pixel_picture_needs_no_font_of_the_machine(tmp_path: Path) -> None:
     from lupin_engine.diagram.png import png
 
     assert png(svg(timeline(eventful()))).startswith(b"\x89PNG")
+
+
+def test_an_error_is_no_refusal() -> None:
+    """The code of an error stands as it is, in the colour of what went wrong; only requests are refused."""
+    scenario = Path(__file__).parents[2] / "examples" / "night_watch" / "scenarios" / "frost.scenario.yaml"
+    lanes = timeline(load_scenario(scenario, shipped.catalog()).run())
+    (frost,) = (tick for tick in lanes.ticks if tick.text == "frost")
+    assert (tick_text(frost), frost.refused, is_bad(frost)) == ("frost", False, True)
+    (piece,) = (piece for line in text(lanes, 120) for piece in line if "frost" in piece[0])
+    assert piece == ("▼frost", "refused")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.verbs.table import FOLDER, MISSION, RUN
+from tests.verbs.table import FOLDER, MISSION, OWN_PROFILE, RUN
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "missions"
@@ -47,7 +47,8 @@ BROKEN = "mission: Broken\nstates:\n  A: {after: {1 s: B}}\n  - no mapping\n"
 class Case:
     """A folder and the mission in it, `wrong` where there is none to work with.
 
-    `run` is what is simulated, where a mission alone is `refused` with that text.
+    `run` is what is simulated, where a mission alone is `refused` with that text. `server` is the program
+    that serves its bindings.
     """
 
     folder: Path
@@ -55,6 +56,7 @@ class Case:
     wrong: str = ""
     run: str = ""
     refused: str = ""
+    server: Path | None = None
 
     def words(self, words: Iterable[str]) -> list[str]:
         """Return the words of a call with this mission in them."""
@@ -80,10 +82,10 @@ def _shipped(name: str) -> Callable[[Path], Case]:
     return lambda folder: Case(folder, name)
 
 
-def _example(name: str, mission: str) -> Callable[[Path], Case]:
+def _example(name: str, server: str) -> Callable[[Path], Case]:
     def make(folder: Path) -> Case:
         _copied(folder, ROOT / "examples" / name, "missions", "lupin.yaml")
-        return Case(folder, f"missions/{mission}.yaml")
+        return Case(folder, f"missions/{name}.yaml", server=ROOT / "examples" / name / server)
 
     return make
 
@@ -115,7 +117,9 @@ def _part(folder: Path) -> Case:
 def _own_profile(folder: Path) -> Case:
     _copied(folder, ROOT / "tests" / "warehouse", "missions", "scenarios", "lupin.yaml")
     scenario = "scenarios/fetch.scenario.yaml"
-    return Case(folder, "missions/fetch.yaml", run=scenario, refused="the order names no shelf")
+    picker = ROOT / "tests" / "ros" / "warehouse" / "picker.py"
+    refused = "the order names no shelf"
+    return Case(folder, "missions/fetch.yaml", run=scenario, refused=refused, server=picker)
 
 
 def _empty(folder: Path) -> Case:
@@ -127,16 +131,14 @@ def _empty(folder: Path) -> Case:
 CASES: dict[str, Callable[[Path], Case]] = {
     "inspection": _shipped("inspection"),
     "exploration": _shipped("exploration"),
-    "binding": _example("watering", "watering"),
-    "question": _example("photo_round", "photo_round"),
+    "binding": _example("watering", "valve.py"),
+    "question": _example("photo_round", "camera.py"),
     "part": _part,
     "missions in missions": _cookbook("evening", "rows"),
     "parallel": _text("missions/both.yaml", PARALLEL),
     "non-ASCII": _text("Wände/größe é.yaml", PARALLEL),
     "blanks": _text("my missions/round trip.yaml", PARALLEL),
-    "own profile": _own_profile,
+    OWN_PROFILE: _own_profile,
     "empty": _empty,
     "broken": _text("missions/broken.yaml", BROKEN, "broken"),
 }
-#: What stands for itself: its package is installed for it.
-OWN_PROFILE = "own profile"

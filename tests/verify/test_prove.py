@@ -124,6 +124,7 @@ MISSIONS: dict[str, tuple[Path, dict[str, Any]]] = {
         name: (ROOT / "examples" / name / "missions" / f"{name}.yaml", {})
         for name in ("watering", "photo_round", "night_watch")
     },
+    **{name: (ROOT / "docs" / "cookbook" / f"{name}.yaml", {}) for name in ("evening", "worst", "carry")},
 }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -25,11 +26,11 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def lupin(site: Path, *arguments: str, code: int = 0) -> str:
+def lupin(site: Path, *arguments: str, code: int = 0, folder: Path = HERE) -> str:
     """Run `lupin` beside the missions; return what it prints, which has no word of another profile."""
     done = subprocess.run(
         [sys.executable, "-m", "lupin_engine.cli.main", *arguments],
-        cwd=HERE,
+        cwd=folder,
         env={**os.environ, "PYTHONPATH": str(site), "COLUMNS": "200", "NO_COLOR": "1"},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -66,7 +67,17 @@ def test_a_shelf_that_is_empty_counts(site: Path) -> None:
 
 def test_an_empty_order_is_refused(site: Path) -> None:
     """As on the robot."""
-    assert lupin(site, "simulate", "fetch", code=2).splitlines()[-1].endswith("; the order names no shelf")
+    last = lupin(site, "simulate", "fetch", code=2).splitlines()[-1]
+    assert last == "IDLE in 0.0 s of virtual time; the order names no shelf"
+
+
+def test_a_proof_names_the_states_of_this_lifecycle(site: Path, tmp_path: Path) -> None:
+    """Its FAULT is never left, which is where it says so."""
+    shutil.copytree(HERE / "missions", tmp_path / "missions")
+    options = ("--no-restarts", "--targets", "1", "-j", "1")
+    told = lupin(site, "prove", "fetch", *options, code=1, folder=tmp_path)
+    assert "home_again: From every situation, IDLE or PARKED can be reached if servers answer." in told
+    assert "home_again: no answer, request or deadline certainly leads to IDLE or PARKED\n" in told
 
 
 def test_the_counters_are_the_profiles(site: Path) -> None:

@@ -64,15 +64,20 @@ def _number(value: Any) -> Any:
     return value
 
 
-def _text(value: Any, unit: str, digits: int | None) -> str:
-    """Return a value as a text tells it; what has no unit in its type is told as it is."""
+def _text(value: Any, unit: str, digits: int | None, computed: str) -> str:
+    """Return a value as a text tells it; what has no unit in its type is told as it is.
+
+    What a sensor tells may be infinite; what was `computed`, which is its source or '', may not.
+    """
     if isinstance(value, (list, tuple)):
-        return ", ".join(_text(each, unit, digits) for each in value)
+        return ", ".join(_text(each, unit, digits, computed) for each in value)
     if isinstance(value, bool):
         return str(value).lower()
     if not isinstance(value, (int, float)):
         return str(value)
     number = in_unit(value, unit) if unit in UNITS else value
+    if not math.isfinite(number) and (computed or math.isfinite(value)):
+        raise OverflowError(f"{computed or f'{value:g}'} makes {number:g}{unit and f' {unit}'}")
     shown = f"{number:.6g}" if digits is None and isinstance(number, float) else f"{number:.{digits or 0}f}"
     return f"{shown} {unit}" if unit else shown
 

@@ -18,6 +18,8 @@ from lupin_engine.chart.source import Text
 from lupin_engine.plugin.types import ANY, TEXT, UNITS, Type, innermost, units_of
 
 _FORMAT = re.compile(r"\s*(?:\.([0-9])f)?\s*([A-Za-z°%][A-Za-z0-9/]*)?\s*")
+#: What is more than the name of a value.
+_COMPUTES = re.compile(r"[-+*/%(]")
 _EXAMPLE = "write digits, a unit or both, such as ':.1f', ':min' or ':.1f cm'"
 
 
@@ -71,7 +73,8 @@ class _Told:
         told = unit or ("" if own == "*" else own)
         known = own in UNITS and UNITS[own][0] != own  # in a binding a number may be in another unit
         code = f"_in_base({typed.code}, {own!r})" if known else typed.code
-        return f"_text({code}, {told!r}, {digits})"
+        computed = self._source.strip() if _COMPUTES.search(self._source) else ""
+        return f"_text({code}, {told!r}, {digits}, {computed!r})"
 
     def _fits(self, kind: Type, digits: str | None, unit: str | None) -> bool:
         inner = innermost(kind)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from lupin_engine.chart.expressions.evaluation import Constant, Expression
-from lupin_engine.chart.model import ActionCall, Chart, State
+from lupin_engine.chart.model import ActionCall, Chart, State, TemporalProperty
 from lupin_engine.chart.records import Role, walk
 
 
@@ -71,7 +71,8 @@ def sayings_of(chart: Chart) -> list[Saying]:
         found += [Saying(mission.name, None, *said) for said in walk(mission, _ROLES)]
     for word in ("holds", "invariants", "properties", "inputs", "context"):
         for name, thing in getattr(chart, word).items():
-            found += [Saying("", None, *said) for said in walk(thing, _ROLES, (word, name))]
+            reader = thing.mission if isinstance(thing, TemporalProperty) else ""
+            found += [Saying(reader, None, *said) for said in walk(thing, _ROLES, (word, name))]
     return found
 
 

@@ -81,8 +81,9 @@ def _rows(standing: Mapping[str, Any], verbs: Mapping[str, str]) -> Iterator[tup
     if standing["mission_id"]:
         since = "" if standing["seconds"] is None else f", for {clock(standing['seconds'])}"
         yield "mission", [f"{standing['mission']} {standing['mission_id']}{since}"]
-        counts = [f"{count} {name}" for name, count in standing["counts"].items() if count]
-        yield "done", [f"{', '.join(counts) or 'none'} of {standing['total']} targets"]
+        counts = ", ".join(f"{count} {name}" for name, count in standing["counts"].items() if count)
+        total = standing["total"]
+        yield "done", [f"{counts or 'none'} of {total} targets"] if total else []
     yield "doing", [", ".join(standing["operations"])] if standing["operations"] else []
     yield "paused", [label or name for name, label in standing["holds"].items()]
     for asked in standing["asking"]:

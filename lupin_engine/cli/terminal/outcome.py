@@ -143,11 +143,12 @@ def verdict(run: Run) -> int:
 
 
 def last_line(run: Run) -> Text:
-    """Return how it ended, how many of each, how long it took."""
+    """Return how it ended, how many of each where there are targets, how long it took."""
     code = verdict(run)
     text = Text(run.view.lifecycle or "not started", ("bold green", "bold yellow", "bold red")[code])
-    counted = counts_text(run.chart.profile, Counter(visit.status for visit in run.visits))
-    text.append(f": {counted or 'nothing visited'} of {len(run.visits)} targets", "not bold")
+    if run.visits:
+        counted = counts_text(run.chart.profile, Counter(visit.status for visit in run.visits))
+        text.append(f": {counted or 'nothing visited'} of {len(run.visits)} targets", "not bold")
     text.append(f" in {run.seconds:.1f} s of virtual time", "not bold")
     for remark in _remarks(run, code):
         text.append(f"; {remark}", "not bold yellow")

@@ -223,6 +223,8 @@ def _resume(profile: Profile) -> str:
 def _progress(monitor: RunMonitor) -> RenderableType:
     if monitor.searching:
         return _measure(monitor.progress.found, monitor.progress.goal, "green", monitor.finds)
+    if not monitor.total:
+        return Text("no targets", "dim")
     return _measure(
         monitor.closed, monitor.total, "green", f"{_share(monitor.closed, monitor.total)} targets"
     )
@@ -360,18 +362,20 @@ def summary(monitor: RunMonitor, now: float) -> Text:
     """Return the last line of a run."""
     stage = monitor.lifecycle if monitor.ended else f"given up in {monitor.lifecycle or 'its beginning'}"
     text = Text(stage, _VERDICT_STYLES[monitor.verdict])
-    text.append(f": {_outcome(monitor)} in {monitor.elapsed(now):.1f} s", "not bold")
+    outcome = _outcome(monitor)
+    text.append(f"{f': {outcome}' if outcome else ''} in {monitor.elapsed(now):.1f} s", "not bold")
     if monitor.progress.error and monitor.verdict:
         text.append(f"; last: {monitor.progress.error}", "yellow")
     return text
 
 
 def _outcome(monitor: RunMonitor) -> str:
-    if monitor.searching:
-        return monitor.finds
+    """Say how many targets were found and visited; '' for a mission without targets."""
+    found = monitor.finds if monitor.progress.goal else ""
+    if monitor.searching or not monitor.total:
+        return found
     counts = counts_text(monitor.profile, monitor.progress.counts)
-    visited = f"{counts or 'none visited'} of {monitor.total} targets"
-    return f"{monitor.finds}, {visited}" if monitor.progress.goal else visited
+    return ", ".join(filter(None, (found, f"{counts or 'none visited'} of {monitor.total} targets")))
 
 
 def counts_text(profile: Profile, counts: Mapping[str, int]) -> str:
@@ -389,9 +393,9 @@ def plain_state(progress: Progress, profile: Profile, searching: bool = False) -
     parts = (
         f"{progress.lifecycle} {progress.phase}".strip(),
         f"{words.target} {progress.target}" if progress.target else "",
-        _share(closed, progress.total) + (f" {words.targets} found" if searching else ""),
+        _share(closed, progress.total) if progress.total else "",
     )
-    return "  ".join(part for part in parts if part)
+    return "  ".join(part for part in parts if part) + (f" {words.targets} found" if searching else "")
 
 
 def changed_key(progress: Progress) -> tuple[str, ...]:

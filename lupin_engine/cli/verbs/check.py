@@ -175,6 +175,7 @@ def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
     from lupin_engine.bindings.catalog import BINDINGS, bound_catalog
     from lupin_engine.chart.findings import Findings
     from lupin_engine.cli.terminal.findings import Checked
+    from lupin_engine.missions.folders import check_sizes
     from lupin_engine.missions.load import SAVED, inspect_chart
     from lupin_engine.missions.selection import folders
 
@@ -187,6 +188,8 @@ def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
     problems.tell()
     found: dict[Diagnostic, None] = {}
     for root, files in groups.items():
+        if files:
+            check_sizes(next(iter(files)).parent, list(files))
         inspection = inspect_chart(root, list(files), catalog)
         told = (d for d in inspection.found if not _is_elsewhere(d, root, files))
         found.update(dict.fromkeys([*told, *_misfits(inspection.bound)]))

@@ -93,7 +93,7 @@ def simulate(
     with problems.collecting():
         _check_picture(picture)
     with problems.collecting():
-        subject = _subject(problems, mission, request, settings, until)
+        subject = _subject(problems, mission, request, settings, until, started=not (interactive or hmi))
     with problems.collecting():
         _check_clock(clock)
     problems.tell()
@@ -167,13 +167,17 @@ def _subject(
     request: dict[str, Any],
     settings: tuple[str, ...],
     until: str | None,
+    *,
+    started: bool,
 ) -> SimulationTask:
     """Return what is to be simulated; `problems` gets what is wrong with options.
+
+    One that is `started` at once must have its whole request; else people start it, by hand or on a page.
 
     Raises:
         LupinError: there is no such mission or scenario, or it cannot be used.
     """
-    from lupin_engine.cli.requests import carried, check_fields
+    from lupin_engine.cli.requests import carried, check_complete, check_fields
     from lupin_engine.cli.settings import settings_in
     from lupin_engine.missions.selection import load_missions
     from lupin_engine.runtime.setup import make_world
@@ -196,6 +200,9 @@ def _subject(
         script = Script(loaded.names[0], carried(chart, request), limit=LIMIT)
         with problems.collecting():
             check_fields(loaded, request)
+        with problems.collecting():
+            if started:
+                check_complete(loaded, request)
         parameters, wrong = settings_in("--set", settings, chart.parameters)
         problems.add(*wrong)
     is_complete = is_scenario(mission) or any(request.values())

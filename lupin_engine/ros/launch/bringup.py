@@ -280,7 +280,9 @@ class Bringup:
         if RESTARTED not in self._view.get("held", ()):
             return ""
         of_before = f"{self._progress.mission} {self._progress.mission_id} was under way before"
-        return f"; {of_before}: `lupin up` brings it back, then `lupin resume` or `lupin abort`"
+        profile = self._settings.profile
+        then = [f"`lupin {profile.verbs[name]}`" for name in (profile.resume, profile.abort) if name]
+        return f"; {of_before}: `lupin up` brings it back" + (f", then {' or '.join(then)}" if then else "")
 
     def follow(self, monitor: RunMonitor, look: Callable[[], None] = lambda: None) -> None:
         """Follow a mission until it has ended, calling `look` again and again.
@@ -319,7 +321,8 @@ class Bringup:
         if self.owns_orchestrator and ORCHESTRATOR not in self.supervisor.names:
             return  # nobody is left to ask
         home = self._interrupts.at_leisure
-        text = "aborting the mission: the robot drives home; once more to stop it on the way"
+        then = " or ".join(self._settings.profile.stages.returning)
+        text = f"aborting the mission{f': {then} follows' if then else ''}; once more to stop it on the way"
         self._observer.note(text if home else "aborting the mission", Severity.WARN)
         # A robot that is already returning is not stopped by an abort.
         if not (home and monitor.returning) and not self._request_abort():

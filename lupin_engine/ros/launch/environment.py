@@ -6,15 +6,13 @@ import os
 from pathlib import Path
 
 from lupin_engine.errors import UsageError
+from lupin_engine.plugin.domain import DOMAIN, domain_advice
 from lupin_engine.plugin.files import ros_domain
 from lupin_engine.ros.adapter import environment
 from lupin_engine.ros.adapter.dds.profile import CLOSED, RANGE, close_the_range, is_closed, users_profile
 
-DOMAIN = "ROS_DOMAIN_ID"
 PEERS = "ROS_STATIC_PEERS"
 RMW = "RMW_IMPLEMENTATION"
-#: Ports of higher domains collide with those that Linux hands out to anybody.
-HIGHEST_DOMAIN = 101
 #: What a discovery range may be, where nodes are to find each other.
 RANGES = ("SUBNET", CLOSED, "SYSTEM_DEFAULT")
 
@@ -32,13 +30,6 @@ def close_the_doors(domain: int | None = None) -> None:
     problems = [f"{name} is {os.environ[name]!r}: {text}" for name, text in advice.items() if text]
     if problems:
         raise UsageError("\n".join(problems))
-
-
-def domain_advice() -> str:
-    """Say what to do about the domain that the shell has set; '' where nothing is wrong with it."""
-    text = os.environ.get(DOMAIN, "").strip()
-    fits = text.isascii() and text.isdecimal() and int(text) <= HIGHEST_DOMAIN
-    return "" if fits or not text else f"use a number from 0 to {HIGHEST_DOMAIN}"
 
 
 def range_advice() -> str:

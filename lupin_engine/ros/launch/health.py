@@ -22,6 +22,7 @@ from lupin_engine.missions.folders import lifecycle_in, mission_files
 from lupin_engine.missions.load import check_chart
 from lupin_engine.missions.selection import folders
 from lupin_engine.plugin.discovery import entry_points
+from lupin_engine.plugin.domain import DOMAIN, domain_advice
 from lupin_engine.plugin.files import ros_domain
 from lupin_engine.plugin.registry import load_catalog, load_profiles, verified_plugin
 from lupin_engine.ros.adapter import environment
@@ -29,10 +30,8 @@ from lupin_engine.ros.adapter.dds.profile import CLOSED, RANGE, users_profile
 from lupin_engine.ros.bindings.type_hashes import local_hash
 from lupin_engine.ros.launch.dds_discovery import exposed
 from lupin_engine.ros.launch.environment import (
-    DOMAIN,
     PEERS,
     current_domain,
-    domain_advice,
     open_to,
     peers_advice,
     range_advice,

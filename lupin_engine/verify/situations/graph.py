@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lupin_engine.plugin.profile import Stages
 from lupin_engine.verify.situations.found import Does, Explored, Is
 from lupin_engine.verify.situations.worlds import Mover, TimerName
 
@@ -29,7 +30,8 @@ _NOBODY = Mover(0)
 class GraphProperty:
     """Something that holds of the graph as a whole: `broken` gives the situations that break it.
 
-    One `of_missions` is about charts in which missions begin and end.
+    One `of_missions` is about charts in which missions begin and end. `{home}` in a text stands for the
+    states in which a mission could begin.
     """
 
     name: str
@@ -37,6 +39,11 @@ class GraphProperty:
     broken: Callable[[Graph], _Mask]
     why: str
     of_missions: bool = False
+
+    def named(self, stages: Stages) -> GraphProperty:
+        """Return this with the names that a profile's lifecycles have for `{home}`."""
+        home = " or ".join((*stages.ready, *stages.ended)) or "a state in which a mission could begin"
+        return replace(self, says=self.says.format(home=home), why=self.why.format(home=home))
 
 
 class Graph:
@@ -303,9 +310,9 @@ SILENCE, NO_ZENO = "silence_is_told", "no_zeno"
 OF_THE_GRAPH = (
     GraphProperty(
         "home_again",
-        "From every situation, READY or DONE can be reached if servers answer.",
+        "From every situation, {home} can be reached if servers answer.",
         _not_home,
-        "no answer, request or deadline certainly leads to READY or DONE",
+        "no answer, request or deadline certainly leads to {home}",
         of_missions=True,
     ),
     GraphProperty(

@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from lupin_engine.errors import UsageError, nearest
-from lupin_engine.plugin.files import ros_domain
+from lupin_engine.plugin.files import read_domain, ros_domain
 from lupin_gateway.doors import read_tokens
 from lupin_gateway.entry.invitations import GOOD_FOR_S, Invitations, ServedDoors, state_folder
 
@@ -23,7 +23,9 @@ ANSWER_S = 5.0
 @click.command()
 @click.argument("name")
 @click.option("--at", metavar="HOST", default="", help="Name or address of this machine in the link.")
-@click.option("--domain", type=click.IntRange(0, 232), help="ROS domain; default: $ROS_DOMAIN_ID, else 0.")
+@click.option(
+    "--domain", type=read_domain, metavar="NUMBER", help="ROS domain; default: $ROS_DOMAIN_ID, else 0."
+)
 def invite(name: str, at: str, domain: int | None) -> int:
     """Print a link and its QR code, by which a person logs in without typing a token.
 

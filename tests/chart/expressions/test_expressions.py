@@ -14,6 +14,7 @@ from lupin_engine.chart.expressions.checker import check_expression, compile_exp
 from lupin_engine.chart.expressions.evaluation import Compiled, Expression, UnknownInput
 from lupin_engine.chart.expressions.reader import MAX_CHARACTERS
 from lupin_engine.chart.expressions.scope import Fragment, Scope, Typed, Usage, fragment_of, literal
+from lupin_engine.chart.expressions.texts import read_text
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import text_at
 from lupin_engine.errors import Place
@@ -508,3 +509,26 @@ def test_only_a_whole_value_is_an_expression(text: str, source: str | None) -> N
     """A piece of a text is never computed."""
     fragment = fragment_of(text_at(text, PLACE))
     assert (fragment.source if fragment else None) == source
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("is ${ param.ratio + param.ratio }", r"^param.ratio \+ param.ratio makes inf$"),
+        ("is ${ param.ratio + param.ratio - param.ratio - param.ratio }", "makes inf"),
+        ("is ${ sum([param.ratio, param.ratio]) }", r"sum\(\[param.ratio, param.ratio\]\) makes inf"),
+        ("is ${ param.ratio * 10 }", r"1e\+308 and 10 make inf"),
+        ("is ${ param.far:.1f cm }", r"1e\+308 makes inf cm"),
+    ],
+)
+def test_a_text_tells_no_number_that_was_computed_beyond_all(text: str, told: str, scope: Scope) -> None:
+    """A sum, a product, a unit; what a sensor tells may be infinite, and is told as that."""
+    findings = Findings()
+    read = read_text(text_at(text, PLACE), scope, findings, "x")
+    assert read is not None, findings.all
+    large = environment(param={"ratio": 1e308, "far": 1e308})
+    with pytest.raises(OverflowError, match=told):
+        read.evaluate(large)
+    sensed = read_text(text_at("is ${ input.battery.value }", PLACE), scope, findings, "x")
+    assert sensed is not None
+    assert sensed.evaluate(environment(input={"battery": {"value": float("inf")}})) == "is inf"

@@ -753,7 +753,7 @@ def test_nothing_is_said_of_what_is_only_nearly_wrong(name: str, tmp_path: Path,
 
 
 def test_what_is_declared_counts_as_used_wherever_it_is_said(tmp_path: Path, catalog: Catalog) -> None:
-    """In what a part is given, in an event, in a text of an expression."""
+    """In what a part is given, in an event, in a text of an expression, in a property."""
     (tmp_path / "parts").mkdir()
     for path in (CHARTS / "mini" / LIFECYCLE, CHARTS / "good" / "parts" / "knock.yaml"):
         target = tmp_path / ("parts" if path.name == "knock.yaml" else "") / path.name
@@ -769,6 +769,9 @@ context:
   laps: {type: count, default: 0}
 request:
   pause: {type: duration, default: 1 s}
+  goal: {type: count, default: 1}
+properties:
+  enough: {always: request.goal > 0}
 initial: A
 states:
   A:

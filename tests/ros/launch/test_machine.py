@@ -107,9 +107,9 @@ def test_the_network_is_closed_unless_it_was_opened(monkeypatch: pytest.MonkeyPa
 @pytest.mark.parametrize(
     ("variable", "value", "told"),
     [
-        ("ROS_DOMAIN_ID", "lab", "ROS_DOMAIN_ID is 'lab': use a number from 0 to 101"),
-        ("ROS_DOMAIN_ID", "-1", "ROS_DOMAIN_ID is '-1': use a number from 0 to 101"),
-        ("ROS_DOMAIN_ID", "102", "ROS_DOMAIN_ID is '102': use a number from 0 to 101"),
+        ("ROS_DOMAIN_ID", "lab", "ROS_DOMAIN_ID is 'lab': use a number from 0 to 101 or from 215 to 232"),
+        ("ROS_DOMAIN_ID", "-1", "ROS_DOMAIN_ID is '-1': use a number from 0 to 101 or from 215 to 232"),
+        ("ROS_DOMAIN_ID", "102", "ROS_DOMAIN_ID is '102': use a number from 0 to 101 or from 215 to 232"),
         (
             "ROS_AUTOMATIC_DISCOVERY_RANGE",
             "HOME",

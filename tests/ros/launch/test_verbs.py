@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -12,7 +15,8 @@ import pytest
 from lupin_engine.cli import main as command_line
 from lupin_engine.cli.main import OPERATOR_VERBS, main
 from tests.ros.launch.processes import Lupin
-from tests.verbs.cases import CASES, OWN_PROFILE, Case
+from tests.verbs.cases import CASES, Case
+from tests.verbs.table import OWN_PROFILE
 from tests.warehouse.installed import install
 
 pytestmark = pytest.mark.timeout(240)
@@ -22,6 +26,21 @@ Start = Callable[..., Lupin]
 GOOD = [name for name in CASES if name not in ("empty", "broken")]
 #: Requests of the installed profiles: each is answered, yes or no.
 REQUESTS = [verb for verb in command_line._request_verbs() if verb not in OPERATOR_VERBS]
+
+
+@contextmanager
+def served(case: Case, domain: int) -> Iterator[None]:
+    """Run what serves the bindings of a case."""
+    if case.server is None:
+        yield
+        return
+    network = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    server = subprocess.Popen([sys.executable, str(case.server)], env={**os.environ, **network})
+    try:
+        yield
+    finally:
+        server.terminate()
+        server.wait(10.0)
 
 
 @pytest.fixture
@@ -45,10 +64,13 @@ def test_an_operator_is_answered(
     up = lupin(
         "up", case.mission, *(() if case.refused else ("--speed", "20"))
     )  # its robot is no simulated one
-    if (case.folder / "missions" / "bindings").is_dir():  # nobody serves what it calls
-        assert up.end() == 2, up.output
-        assert up.errors[-1].startswith("lupin: the orchestrator is in FAULT: ")
-        return
+    with served(case, up.domain):
+        _answered(case, up, lupin, monkeypatch, capfd)
+
+
+def _answered(
+    case: Case, up: Lupin, lupin: Start, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     up.until_line("Ctrl-C")
     monkeypatch.setenv("ROS_DOMAIN_ID", str(up.domain))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -62,6 +84,8 @@ def test_an_operator_is_answered(
         assert told.strip(), words
         return code
 
+    record = lupin("record", "--output", "run.mcap")
+    record.until_line("into run.mcap; Ctrl-C ends it")
     assert asked("state") == 0
     assert asked("graph") in (0, 1)
     assert asked("start", Path(case.mission).stem) in (0, 1)
@@ -70,9 +94,31 @@ def test_an_operator_is_answered(
     assert asked("state") == 0
     for words in (("missions",), ("why", "state"), ("replay",)):
         assert asked(*words) in (0, 1, 2)
+    record.process.send_signal(signal.SIGINT)
+    assert record.end() == 0, record.output
+    assert "Traceback" not in record.output
     up.process.send_signal(signal.SIGINT)
     assert up.end() == 0, up.output
     assert "Traceback" not in up.output
+
+
+@pytest.mark.parametrize("case", ["binding"], indirect=True)
+def test_nobody_serves_what_is_called(case: Case, lupin: Start) -> None:
+    """The orchestrator waits for it, and says what it has waited for."""
+    up = lupin("up", case.mission, "--speed", "20")
+    assert up.end() == 2, up.output
+    assert up.errors[-1].startswith("lupin: the orchestrator is in FAULT: ")
+
+
+@pytest.mark.parametrize("case", ["binding", "non-ASCII"], indirect=True)
+def test_a_policy_is_written(case: Case) -> None:
+    """Of every node of the mission, and of what its binding calls."""
+    words = [sys.executable, "-m", "lupin_engine.cli.main", "security", "policy", case.mission]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout.startswith("<?xml")
+    assert ("/valve" in done.stdout) is (case.server is not None)
 
 
 @pytest.mark.parametrize(

@@ -229,6 +229,7 @@ def test_an_interrupt_calls_the_order_off(run: Callable[..., Lupin]) -> None:
     fetched.until_line(f'"value": "{FAR}"')
     fetched.process.send_signal(signal.SIGINT)
     assert fetched.end() == 130, fetched.output
+    assert "aborting the mission: PARKING follows; once more to stop it on the way" in fetched.output
     (result,) = fetched.records("result")
     assert (result["lifecycle"], result["total"]) == ("PARKED", 2)
     assert result["counts"] == {"PICKED": 0, "MISSING": 0, "LEFT": 2}
