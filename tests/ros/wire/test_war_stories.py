@@ -54,27 +54,6 @@ def refusal(wire: Wire, request: str) -> str:
     return str(answer.message)
 
 
-def ask(wire: Wire, *requests: str) -> None:
-    """Ask for what must be accepted."""
-    for request in requests:
-        answer = wire.operator.ask(request)
-        assert answer.success, answer.message
-
-
-def until_docked(wire: Wire) -> None:
-    """Wait until the robot is at its dock, or has given it up, and waits for somebody who resumes."""
-    wire.until(
-        lambda: wire.operator.state.paused and wire.operator.state.lifecycle_state == "RETURNING", "docked"
-    )
-    assert not any(drive.drives for drive in wire.drives)
-
-
-def charge(wire: Wire) -> None:
-    """Have a full battery again."""
-    wire.battery(0.9)
-    wire.until(lambda: not wire.operator.state.battery_low, "charged")
-
-
 def release(wire: Wire) -> None:
     """Let the e-stop go, which moves nothing."""
     wire.estop(False)
@@ -96,7 +75,7 @@ def test_an_abort_while_localizing_is_no_fault(wire: Wire) -> None:
     wire.localize(variance=DRIFTED)
     mission = wire.start("1", "2")
     wire.operator.in_state("PREPARE", "LOCALIZING")
-    ask(wire, "abort")
+    wire.ask("abort")
     wire.until_done(mission)
     assert lifecycles(wire, mission) == ["PREPARE", "RETURNING", "DONE"]
     assert wire.outcomes(mission) == [("1", SKIPPED), ("2", SKIPPED)]
@@ -108,10 +87,10 @@ def test_a_battery_that_runs_low_while_localizing_docks_and_begins_there_again(w
     mission = wire.start("1")
     wire.operator.in_state("PREPARE", "LOCALIZING")
     wire.battery(0.1)
-    until_docked(wire)
+    wire.until_docked()
     wire.localize()
-    charge(wire)
-    ask(wire, "resume")
+    wire.charge()
+    wire.ask("resume")
     wire.until_done(mission)
     assert lifecycles(wire, mission)[:3] == ["PREPARE", "RETURNING", "PREPARE"]
     assert wire.outcomes(mission) == [("1", OK)]
@@ -126,13 +105,13 @@ def test_at_rest_a_stop_and_a_low_battery_refuse_the_start_and_leave_nothing_beh
     wire.until(lambda: not wire.operator.state.estop_engaged, "released")
     wire.until_quiet()
     assert wire.drives == []
-    ask(wire, "resume")  # a stop asks for a person also at rest
+    wire.ask("resume")  # a stop asks for a person also at rest
     wire.battery(0.1)
     wire.until(lambda: wire.operator.state.battery_low, "low")
     assert wire.operator.start("1").error_message == "start refused: battery low"
     wire.until_quiet()
     assert not wire.operator.state.paused
-    charge(wire)
+    wire.charge()
     wire.until_done(wire.start("1"))
 
 
@@ -145,7 +124,7 @@ def test_the_pose_of_a_localizer_that_is_gone_starts_nothing_and_a_reset_looks_a
     assert wire.operator.state.last_error.startswith("localization_failed")
     assert wire.drives == []
     wire.localize()
-    ask(wire, "reset")
+    wire.ask("reset")
     wire.operator.in_state("READY")
     wire.until_done(wire.start("2"))
     wire.until(lambda: wire.outcomes(mission) == [("1", SKIPPED)], "the outcome of the first mission")
@@ -159,7 +138,7 @@ def test_a_reset_does_not_make_a_low_battery_full(wire: Wire) -> None:
     wire.operator.in_state("FAULT")
     wire.battery(0.1)
     wire.until(lambda: wire.operator.state.battery_low, "low")
-    ask(wire, "reset")
+    wire.ask("reset")
     wire.operator.in_state("READY")
     assert wire.operator.start("1").error_message == "start refused: battery low"
     wire.until_quiet()
@@ -185,7 +164,7 @@ def test_an_abort_while_the_arm_folds_leaves_no_drive_behind(wire: Wire) -> None
     wire.base.plan.append(Drive.accept)
     mission = wire.start("1")
     wire.operator.in_state("INSPECTING", "NAVIGATING")
-    ask(wire, "abort")
+    wire.ask("abort")
     home = wire.until_driving()
     wire.until_later(settle + 0.2)
     assert (wire.drives, home.cancels) == ([home], [])
@@ -255,12 +234,12 @@ def test_a_pause_stops_the_dwell_and_what_was_read_cannot_be_skipped(wire: Wire)
     mission = wire.start("1")
     wire.until(lambda: wire.outcomes(mission), "the reading")
     assert refusal(wire, "skip_current").endswith("this target has its result already")
-    ask(wire, "pause")
+    wire.ask("pause")
     wire.until_held()
     wire.until_later(dwell + 0.2)
     assert len(wire.drives) == 1
     assert wire.operator.state.mission_phase == "SCANNING"
-    ask(wire, "resume")
+    wire.ask("resume")
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", OK)]
 
@@ -270,15 +249,15 @@ def test_a_dock_between_two_tags_publishes_none_twice(wire: Wire) -> None:
     wire.base.plan.append(Drive.accept)
     mission = wire.start("1", "2")
     wire.until_driving()
-    ask(wire, "pause", "skip_current")
+    wire.ask("pause", "skip_current")
     wire.until(lambda: wire.operator.state.mission_phase == "PUBLISHING", "between the tags")
     assert refusal(wire, "skip_current").endswith("this target has its result already")
-    ask(wire, "dock")
-    until_docked(wire)
+    wire.ask("dock")
+    wire.until_docked()
     assert refusal(wire, "skip_current") == (
         "skip_current is not possible in RETURNING; it is possible in INSPECTING or MONITORING"
     )
-    ask(wire, "resume")
+    wire.ask("resume")
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", SKIPPED), ("2", OK)]
 
@@ -288,10 +267,10 @@ def test_a_dock_while_reading_leaves_nothing_that_stops_the_mission_later(wire: 
     wire.bridge.plan.append(leave_open)
     mission = wire.start("1", "2")
     wire.until(lambda: wire.bridge.calls, "the question for a reading")
-    ask(wire, "dock")
-    until_docked(wire)
+    wire.ask("dock")
+    wire.until_docked()
     answer_reading(wire.bridge.calls[0])
-    ask(wire, "resume")
+    wire.ask("resume")
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", OK), ("2", OK)]
     assert len(wire.drives) == 5, "a tag, the dock, both tags, home"
@@ -318,10 +297,10 @@ def test_an_arrival_and_a_low_battery_at_once_lose_nothing(
     drive = wire.until_driving()
     wire.until(lambda: drive.asked, "the question for the result")
     at_once(wire, drive)
-    until_docked(wire)
+    wire.until_docked()
     wire.bridge.plan.clear()
-    charge(wire)
-    ask(wire, "resume")
+    wire.charge()
+    wire.ask("resume")
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", OK)]
     assert len(wire.drives) == 4, "the tag, the dock, the tag, home"
@@ -336,7 +315,7 @@ def test_a_skip_of_the_last_tag_drives_home_at_once(wire: Wire) -> None:
     mission = wire.start("1")
     wire.until_driving()
     asked = time.monotonic()
-    ask(wire, "skip_current")
+    wire.ask("skip_current")
     wire.until_done(mission)
     assert wire.drives[1].arrived - asked < AT_ONCE
     assert wire.outcomes(mission) == [("1", SKIPPED)]
@@ -349,7 +328,7 @@ def test_an_abort_whose_cancel_is_lost_comes_home_all_the_same(wire: Wire) -> No
     mission = wire.start("1")
     wire.until_driving()
     asked = time.monotonic()
-    ask(wire, "abort")
+    wire.ask("abort")
     wire.until_done(mission)
     assert CANCEL_DEADLINE <= wire.drives[1].arrived - asked < CANCEL_DEADLINE + AT_ONCE
 
@@ -359,9 +338,9 @@ def test_a_second_abort_ends_the_mission_where_the_robot_is(wire: Wire) -> None:
     wire.base.plan.extend([Drive.accept, Drive.accept])
     mission = wire.start("1", "2")
     wire.until_driving()
-    ask(wire, "abort")
+    wire.ask("abort")
     home = wire.until_driving(2)
-    ask(wire, "abort")
+    wire.ask("abort")
     wire.until_done(mission)
     wire.until(lambda: home.ended, "the robot stopped")
     wire.until_quiet()
@@ -376,17 +355,17 @@ def test_who_is_paused_is_sent_home_without_a_resume(wire: Wire, divert: str) ->
     wire.base.plan.append(Drive.accept)
     mission = wire.start("1")
     wire.until_driving()
-    ask(wire, "pause")
+    wire.ask("pause")
     wire.until_held()
     if divert == "battery":
         wire.battery(0.1)
     else:
-        ask(wire, divert)
+        wire.ask(divert)
     wire.until(lambda: len(wire.drives) == 2, "the drive home")
     if divert != "abort":
-        until_docked(wire)
-        charge(wire)
-        ask(wire, "resume")
+        wire.until_docked()
+        wire.charge()
+        wire.ask("resume")
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", SKIPPED if divert == "abort" else OK)]
 
@@ -402,9 +381,9 @@ def test_nothing_pauses_a_drive_to_the_charger(wire: Wire) -> None:
     wire.until_quiet()
     assert (home.drives, home.cancels) == (True, [])
     home.arrive()
-    until_docked(wire)
-    charge(wire)
-    ask(wire, "resume")
+    wire.until_docked()
+    wire.charge()
+    wire.ask("resume")
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", OK)]
 
@@ -422,12 +401,12 @@ def test_a_dock_that_fails_on_a_low_battery_keeps_the_run(wire: Wire, fails: Cal
     mission = wire.start("1")
     wire.until_driving()
     wire.battery(0.1)
-    until_docked(wire)
+    wire.until_docked()
     wire.until_quiet()
     assert wire.operator.state.last_error.startswith("dock_unreachable")
     assert len(wire.drives) == 1 + 1 + RETRIES
-    charge(wire)
-    ask(wire, "resume")
+    wire.charge()
+    wire.ask("resume")
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", OK)]
 
@@ -439,10 +418,10 @@ def test_a_battery_that_recovers_before_the_dock_fails_keeps_the_run(wire: Wire)
     wire.until_driving()
     wire.battery(0.1)
     home = wire.until_driving(2)
-    charge(wire)
+    wire.charge()
     home.end(GoalStatus.STATUS_ABORTED)
-    until_docked(wire)
-    ask(wire, "resume")
+    wire.until_docked()
+    wire.ask("resume")
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", OK)]
 
@@ -452,10 +431,10 @@ def test_a_dock_on_request_that_fails_keeps_the_run(wire: Wire) -> None:
     wire.base.plan.extend([Drive.accept, Drive.reject])
     mission = wire.start("1")
     wire.until_driving()
-    ask(wire, "dock")
-    until_docked(wire)
+    wire.ask("dock")
+    wire.until_docked()
     assert wire.operator.state.last_error.startswith("dock_unreachable")
-    ask(wire, "resume")
+    wire.ask("resume")
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", OK)]
 
@@ -465,11 +444,11 @@ def test_a_stop_on_the_way_home_sends_nothing_before_the_resume(wire: Wire) -> N
     wire.base.plan.extend([Drive.arrive_at_once, Drive.accept, Drive.accept])
     mission = wire.start("1")
     home = wire.until_driving(2)
-    ask(wire, "pause")
+    wire.ask("pause")
     wire.until(lambda: home.ended, "the robot stopped")
     wire.until_quiet()
     assert len(wire.drives) == 2
-    ask(wire, "resume")
+    wire.ask("resume")
     again = wire.until_driving(3)
     wire.estop(True)
     wire.until(lambda: again.ended, "the robot stopped")
@@ -477,7 +456,7 @@ def test_a_stop_on_the_way_home_sends_nothing_before_the_resume(wire: Wire) -> N
     release(wire)
     wire.until_quiet()
     assert len(wire.drives) == 3
-    ask(wire, "resume")
+    wire.ask("resume")
     wire.until_done(mission)
     assert len(wire.drives) == 4
 
@@ -487,17 +466,17 @@ def test_a_resume_on_the_way_to_the_dock_leads_to_the_dock(wire: Wire) -> None:
     wire.base.plan.extend([Drive.accept, Drive.accept, Drive.accept])
     mission = wire.start("1")
     wire.until_driving()
-    ask(wire, "dock")
+    wire.ask("dock")
     wire.until_driving(2)
     wire.estop(True)
     wire.until_held()
     release(wire)
-    ask(wire, "resume")
+    wire.ask("resume")
     again = wire.until_driving(3)
     assert (wire.operator.state.lifecycle_state, again.place) == ("RETURNING", wire.drives[1].place)
     again.arrive()
-    until_docked(wire)
-    ask(wire, "resume")
+    wire.until_docked()
+    wire.ask("resume")
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", OK)]
 
@@ -515,7 +494,7 @@ def test_what_is_mere_information_is_no_error_and_a_warning_is_one(wire: Wire) -
     wire.base.plan.append(Drive.accept)
     mission = wire.start("1", "2")
     wire.until_driving()
-    ask(wire, "pause", "skip_current")
+    wire.ask("pause", "skip_current")
     wire.until(lambda: wire.outcomes(mission), "the skip")
     wire.until_quiet()
     assert told() == ("", MissionState.SEVERITY_INFO, "")
@@ -523,7 +502,7 @@ def test_what_is_mere_information_is_no_error_and_a_warning_is_one(wire: Wire) -
     wire.until(lambda: wire.operator.state.estop_engaged, "stopped")
     assert told() == ("e-stop engaged", MissionState.SEVERITY_WARN, "estop_engaged")
     release(wire)
-    ask(wire, "resume")
+    wire.ask("resume")
     wire.until_done(mission)
 
 

@@ -320,6 +320,17 @@ class Wire:
         self.wanted[answer.mission_id] = list(tags)
         return str(answer.mission_id)
 
+    def ask(self, *requests: str) -> None:
+        """Ask the node for what it must accept."""
+        for request in requests:
+            answer = self.operator.ask(request)
+            assert answer.success, answer.message
+
+    def charge(self) -> None:
+        """Have a full battery again, and wait until the node knows."""
+        self.battery(0.9)
+        self.until(lambda: not self.operator.state.battery_low, "charged")
+
     def until(self, condition: Callable[[], Any], what: str) -> None:
         """Work until a condition holds."""
         self.operator.until(condition, what)
@@ -332,6 +343,14 @@ class Wire:
     def until_held(self) -> None:
         """Wait until the node says that it is held."""
         self.until(lambda: self.operator.state.paused, "held")
+
+    def until_docked(self) -> None:
+        """Wait until the robot is at its dock, or has given it up, and waits for somebody who resumes."""
+        self.until(
+            lambda: self.operator.state.paused and self.operator.state.lifecycle_state == "RETURNING",
+            "docked",
+        )
+        assert not any(drive.drives for drive in self.drives)
 
     def until_done(self, mission_id: str) -> None:
         """Wait until a mission has ended and its tags are told: two topics keep no order."""

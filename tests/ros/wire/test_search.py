@@ -1,0 +1,258 @@
+"""War stories of an exploration, on the running orchestrator; docs/war-stories.md links here."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from nav_msgs.msg import OccupancyGrid
+
+from lupin_engine.ros.adapter.node import Qos
+from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
+from lupin_msgs.srv import StartMission
+from tests.ros.wire.wire import AT_ONCE, OK, Drive, Wire
+
+pytestmark = pytest.mark.timeout(120)
+
+UNKNOWN, FREE, WALL = -1, 0, 100
+#: The edges of a map in metres; it begins at the origin.
+LENGTH, WIDTH = 6.0, 4.0
+#: What a planner keeps from walls, in metres.
+CLEARANCE = 0.35
+
+
+class Search(Wire):
+    """The wire of a search: a map, and the tags that were seen."""
+
+    def __init__(self, folder: Path, **parameters: Any) -> None:
+        super().__init__(folder, **parameters)
+        self._map = self.ros.publisher(OccupancyGrid, "/map", Qos.LATCHED)
+        self._seen = self.ros.publisher(DiscoveredTags, "/perception/discovered_tags", Qos.LATCHED)
+        self._sightings = 3
+
+    def draw(self, cell: Callable[[float, float], int], resolution: float = 0.1) -> list[tuple[float, float]]:
+        """Tell a map; return where its walls are."""
+        grid = OccupancyGrid()
+        grid.header.frame_id = "map"
+        grid.info.resolution = resolution
+        grid.info.width, grid.info.height = round(LENGTH / resolution), round(WIDTH / resolution)
+        grid.info.origin.orientation.w = 1.0
+        places = [
+            ((column + 0.5) * resolution, (row + 0.5) * resolution)
+            for row in range(grid.info.height)
+            for column in range(grid.info.width)
+        ]
+        grid.data = [cell(*place) for place in places]
+        self._map.publish(grid)
+        return [place for place, value in zip(places, grid.data, strict=True) if value == WALL]
+
+    def see(self, distances: Mapping[str, float]) -> None:
+        """Tell tags that were seen just now, so far from where the robot is."""
+        message = DiscoveredTags()
+        message.header.stamp = self.ros.stamp()
+        self._sightings += 1  # what was told just the same before a mission does not count
+        for name, distance in distances.items():
+            tag = DiscoveredTag(tag_id=name, sightings=self._sightings)
+            tag.pose_in_map.position.x = distance
+            tag.pose_in_map.orientation.w = 1.0
+            message.tags.append(tag)
+        self._seen.publish(message)
+
+    def explore(self, goal: int) -> str:
+        """Start an exploration; return its id."""
+        request = StartMission.Request(mission_type="ExplorationMission", discovery_goal=goal)
+        answer = self.operator.call(StartMission, "/mission/start", request)
+        assert answer.accepted, answer.error_message
+        return str(answer.mission_id)
+
+    def until_sweep(self, distances: Mapping[str, float]) -> str:
+        """Start an exploration and let it see all its tags on the first leg; return its id."""
+        self.base.plan.appendleft(Drive.accept)
+        mission = self.explore(len(distances))
+        self.until_driving()
+        self.see(distances)
+        self.until(lambda: self.operator.state.lifecycle_state == "MONITORING", "the sweep")
+        return mission
+
+    def visits(self, mission: str) -> list[tuple[str, int]]:
+        """Return the tags that were visited in sweeps, with their outcomes."""
+        told = [o for o in self.operator.observations if o.mission_id == mission]
+        return [(o.tag_reading.tag_id, o.status) for o in told if o.source == "MonitoringMission"]
+
+
+def half_open(x: float, y: float) -> int:
+    """Return a cell of a hall of which the far half is not known yet."""
+    return FREE if x < LENGTH / 2 else UNKNOWN
+
+
+def closed(x: float, y: float) -> int:
+    """Return a cell of a hall with walls all around."""
+    return FREE if 0.2 < x < LENGTH - 0.2 and 0.2 < y < WIDTH - 0.2 else WALL
+
+
+def two_aisles(x: float, y: float) -> int:
+    """Return a cell of a hall that goes on by an aisle of 0.8 m, and by one of 1.4 m."""
+    if x < 2.0:
+        return FREE
+    if 0.4 < y < 1.2 or 2.2 < y < 3.6:
+        return FREE if x < 3.0 else UNKNOWN
+    return WALL
+
+
+@pytest.fixture(scope="module")
+def running(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Search]:
+    """One node for all tests here: each leaves it with its mission ended."""
+    given = {"monitoring_sweeps": 1, "seed_climate_on_discovery": False}
+    wire = Search(tmp_path_factory.mktemp("wire"), **given)
+    wire.offer_base()
+    wire.offer_bridge()
+    wire.draw(half_open)
+    wire.start_node()
+    yield wire
+    wire.close()
+
+
+@pytest.mark.parametrize("divert", ["battery", "dock"])
+def test_a_sweep_that_was_interrupted_goes_on_where_it_was(wire: Search, divert: str) -> None:
+    """Stories 4, 8 and A9: it ended, stood still, or began anew."""
+    wire.base.plan.extend([Drive.arrive_at_once, Drive.accept])
+    mission = wire.until_sweep({"1": 1.0, "2": 2.0, "3": 3.0})
+    second = wire.until_driving(3)
+    if divert == "battery":
+        wire.battery(0.1)
+    else:
+        wire.ask("dock")
+    wire.until_docked()
+    wire.charge()
+    wire.ask("resume")
+    wire.until_done(mission)
+    wire.until(lambda: len(wire.visits(mission)) >= 3, "all visits")
+    assert wire.visits(mission) == [("1", OK), ("2", OK), ("3", OK)]
+    assert wire.drives[4].place == second.place
+    told = [state.lifecycle_state for state in wire.operator.states if state.mission_id == mission]
+    changes = [after for before, after in pairwise(told) if before != after]
+    assert changes == ["EXPLORING", "MONITORING", "RETURNING", "MONITORING", "RETURNING", "DONE"]
+
+
+def test_an_abort_at_the_dock_ends_a_sweep(wire: Search) -> None:
+    """Story 9: the callback crashed."""
+    wire.base.plan.extend([Drive.arrive_at_once, Drive.accept])
+    mission = wire.until_sweep({"1": 1.0, "2": 2.0})
+    wire.until_driving(3)
+    wire.ask("dock")
+    wire.until_docked()
+    wire.ask("abort")
+    wire.until_done(mission)
+    assert wire.visits(mission) == [("1", OK)]
+    wire.until_done(wire.start("1"))
+
+
+#: As texts they are in this order.
+FIVE = {"15": 4.0, "18": 5.0, "2": 1.0, "3": 2.0, "5": 3.0}
+NEAREST = ["2", "3", "5", "15", "18"]
+
+
+def test_a_sweep_visits_the_nearest_first_and_ends(wire: Search) -> None:
+    """Story 16: in the order of texts, for ever."""
+    mission = wire.until_sweep(FIVE)
+    wire.until_done(mission)
+    wire.until(lambda: len(wire.visits(mission)) >= 5, "all visits")
+    assert [tag for tag, _ in wire.visits(mission)] == NEAREST
+
+
+def test_sweeps_without_a_number_go_on_until_told_otherwise(wire: Search) -> None:
+    """Story 16: where that is what somebody wants."""
+    wire.configure(monitoring_sweeps=0)
+    wire.base.plan.extend([Drive.arrive_at_once] * 6 + [Drive.accept])
+    mission = wire.until_sweep(FIVE)
+    wire.until_driving(8)
+    wire.ask("abort")
+    wire.until_done(mission)
+    assert [tag for tag, _ in wire.visits(mission)] == [*NEAREST, "2"]
+
+
+@pytest.mark.parametrize("resolution", [0.05, 0.1])
+def test_goals_of_a_search_keep_their_distance_from_walls(wire: Search, resolution: float) -> None:
+    """Story 18: they kept four cells, and planners refused them. The robot stands in the narrow aisle."""
+    walls = wire.draw(two_aisles, resolution)
+    wire.localize(2.9, 0.8)
+    wire.until_quiet()
+    wire.base.plan.append(Drive.accept)
+    mission = wire.explore(1)
+    goal = wire.until_driving().place
+    wire.ask("abort")
+    wire.draw(half_open)
+    wire.until_done(mission)
+    assert goal[0] > 2.0, "the search goes on by an aisle"
+    assert min(math.dist(goal, wall) for wall in walls) >= CLEARANCE
+
+
+@pytest.mark.parametrize("tags", [{}, {"1": 1.0}], ids=["nothing", "a tag"])
+def test_a_search_without_frontiers_ends_before_its_time(wire: Search, tags: dict[str, float]) -> None:
+    """Story A21: it went on for its 180 s. What was found is visited."""
+    wire.configure(frontier_timeout_s=1.0)
+    wire.draw(closed)
+    wire.until_quiet()
+    mission = wire.explore(2)
+    wire.operator.in_state("EXPLORING")
+    wire.see(tags)
+    wire.until_done(mission)
+    wire.draw(half_open)
+    wire.until(lambda: len(wire.visits(mission)) >= len(tags), "all visits")
+    assert wire.visits(mission) == [(tag, OK) for tag in tags]
+    assert wire.operator.state.last_error.startswith("no_frontiers: no frontier in a map of 2400 known cells")
+
+
+def test_a_search_sets_off_however_uncertain_the_pose_is(wire: Search) -> None:
+    """Story 24: its map is in the making, and the limit of an inspection failed every leg."""
+    wire.base.plan.extend([Drive.accept, Drive.accept])
+    mission = wire.explore(1)
+    first = wire.until_driving()
+    wire.localize(variance=9.0)
+    wire.until_quiet()
+    first.arrive()
+    wire.until_driving(2)
+    wire.see({"1": 1.0})
+    wire.until_done(mission)
+    wire.until(lambda: wire.visits(mission), "the visit")
+    assert wire.visits(mission) == [("1", OK)]
+
+
+def test_a_search_whose_time_is_up_on_the_way_drives_home_at_once(wire: Search) -> None:
+    """Story A2: no goal was sent any more."""
+    wire.configure(exploration_timeout_s=1.0)
+    wire.base.plan.append(Drive.accept)
+    mission = wire.explore(3)
+    leg = wire.until_driving()
+    wire.until_done(mission)
+    assert leg.ended is not None
+    assert [drive.arrived - leg.ended < AT_ONCE for drive in wire.drives[1:]] == [True]
+    assert wire.operator.state.last_error == "exploration_timeout"
+
+
+def test_a_divert_on_the_way_drives_home_at_once_and_does_not_renew_the_time(wire: Search) -> None:
+    """Stories A3 and A9: the dock goal came 3 s late, and after charging the time began anew."""
+    limit = 2.5
+    wire.configure(exploration_timeout_s=limit)
+    wire.base.plan.append(Drive.accept)
+    mission = wire.explore(3)
+    leg = wire.until_driving()
+    wire.until_later(0.6 * limit)
+    wire.battery(0.1)
+    wire.until_docked()
+    assert leg.ended is not None
+    assert wire.drives[1].arrived - leg.ended < AT_ONCE
+    wire.until_later(0.4 * limit)  # at the dock no time runs
+    wire.charge()
+    wire.base.plan.append(Drive.accept)
+    wire.ask("resume")
+    wire.until_driving(3)
+    resumed = time.monotonic()
+    wire.until_done(mission)
+    assert wire.drives[3].arrived - resumed < 0.8 * limit
+    assert wire.operator.state.last_error == "exploration_timeout"
