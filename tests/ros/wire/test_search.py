@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -10,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import OccupancyGrid
 
 from lupin_engine.ros.adapter.node import Qos
+from lupin_greenhouse.layout import BUNDLED
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import StartMission
 from tests.ros.wire.wire import AT_ONCE, OK, Drive, Wire
@@ -51,15 +54,25 @@ class Search(Wire):
         self._map.publish(grid)
         return [place for place, value in zip(places, grid.data, strict=True) if value == WALL]
 
-    def see(self, distances: Mapping[str, float]) -> None:
-        """Tell tags that were seen just now, so far from where the robot is."""
+    def see(self, distances: Mapping[str, float], again: bool = False) -> None:
+        """Tell tags that were seen just now, so far from where the robot is, and lying flat."""
+        places = {name: (distance, 0.0) for name, distance in distances.items()}
+        self.see_at(places, Quaternion(w=1.0), again)
+
+    def see_at(
+        self, places: Mapping[str, tuple[float, float]], facing: Quaternion, again: bool = False
+    ) -> None:
+        """Tell tags that were seen just now at these places, all facing the same way.
+
+        Each time they were seen once more, for what is told just the same in two missions is not news.
+        """
         message = DiscoveredTags()
         message.header.stamp = self.ros.stamp()
-        self._sightings += 1  # what was told just the same before a mission does not count
-        for name, distance in distances.items():
+        self._sightings += not again
+        for name, (x, y) in places.items():
             tag = DiscoveredTag(tag_id=name, sightings=self._sightings)
-            tag.pose_in_map.position.x = distance
-            tag.pose_in_map.orientation.w = 1.0
+            tag.pose_in_map.position.x, tag.pose_in_map.position.y = x, y
+            tag.pose_in_map.orientation = facing
             message.tags.append(tag)
         self._seen.publish(message)
 
@@ -190,6 +203,38 @@ def test_goals_of_a_search_keep_their_distance_from_walls(wire: Search, resoluti
     wire.until_done(mission)
     assert goal[0] > 2.0, "the search goes on by an aisle"
     assert min(math.dist(goal, wall) for wall in walls) >= CLEARANCE
+
+
+def test_a_tag_counts_that_is_found_anew_just_as_it_was_found_before(wire: Search) -> None:
+    """Story A17, the other way round: what a registry has left out since the start is a find."""
+    wire.until_done(wire.until_sweep({"1": 1.0}))
+    wire.base.plan.append(Drive.accept)
+    driven = len(wire.drives)
+    mission = wire.explore(1)
+    wire.until_driving(driven + 1)
+    wire.see({"1": 1.0}, again=True)
+    wire.until_quiet()
+    assert wire.operator.state.tags_discovered == 0
+    wire.see({})
+    wire.see({"1": 1.0}, again=True)
+    wire.until_done(mission)
+    wire.until(lambda: wire.visits(mission), "the visit")
+    assert wire.visits(mission) == [("1", OK)]
+
+
+def test_no_goal_of_a_sweep_lies_in_a_table_of_the_layout(wire: Search) -> None:
+    """Story 19: the plate of tag 26 faces the table across the aisle."""
+    layout = json.loads(BUNDLED.read_text(encoding="utf-8"))
+    tag, tables = layout["tags"]["26"], layout["tables"].values()
+    wire.base.plan.append(Drive.accept)
+    mission = wire.explore(1)
+    wire.until_driving()
+    half = math.sqrt(0.5)
+    wire.see_at({"26": (tag["x"], tag["y"])}, Quaternion(x=-half, w=half))
+    wire.until_done(mission)
+    x, y = wire.drives[1].place
+    assert y > tag["y"], "before the plate"
+    assert not any(t["x0"] <= x <= t["x1"] and t["y0"] <= y <= t["y1"] for t in tables)
 
 
 @pytest.mark.parametrize("tags", [{}, {"1": 1.0}], ids=["nothing", "a tag"])

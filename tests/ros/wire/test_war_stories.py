@@ -333,9 +333,18 @@ def test_an_abort_whose_cancel_is_lost_comes_home_all_the_same(wire: Wire) -> No
     assert CANCEL_DEADLINE <= wire.drives[1].arrived - asked < CANCEL_DEADLINE + AT_ONCE
 
 
-def test_a_second_abort_ends_the_mission_where_the_robot_is(wire: Wire) -> None:
-    """Stories 10 and A34: it was ignored; later, its cancelled goal was sent again."""
+def give_up(drive: Drive) -> None:
+    """End the goal as aborted, whatever was asked for."""
+    drive.end(GoalStatus.STATUS_ABORTED)
+
+
+@pytest.mark.parametrize("stops", [Drive.stop, give_up])
+def test_a_second_abort_ends_the_mission_where_the_robot_is(
+    wire: Wire, stops: Callable[[Drive], Any]
+) -> None:
+    """Stories 10 and A34: it was ignored; later, the goal that it had ended was sent again."""
     wire.base.plan.extend([Drive.accept, Drive.accept])
+    wire.base.on_cancel = stops
     mission = wire.start("1", "2")
     wire.until_driving()
     wire.ask("abort")
