@@ -38,6 +38,11 @@ class Search(Wire):
         self._seen = self.ros.publisher(DiscoveredTags, "/perception/discovered_tags", Qos.LATCHED)
         self._sightings = 3
 
+    def begin(self) -> None:
+        """Come to rest, with a map of which there is more to find."""
+        super().begin()
+        self.draw(half_open)
+
     def draw(self, cell: Callable[[float, float], int], resolution: float = 0.1) -> list[tuple[float, float]]:
         """Tell a map; return where its walls are."""
         grid = OccupancyGrid()
@@ -108,13 +113,11 @@ def closed(x: float, y: float) -> int:
     return FREE if 0.2 < x < LENGTH - 0.2 and 0.2 < y < WIDTH - 0.2 else WALL
 
 
-def two_aisles(x: float, y: float) -> int:
-    """Return a cell of a hall that goes on by an aisle of 0.8 m, and by one of 1.4 m."""
-    if x < 2.0:
-        return FREE
-    if 0.4 < y < 1.2 or 2.2 < y < 3.6:
-        return FREE if x < 3.0 else UNKNOWN
-    return WALL
+def along_a_wall(x: float, y: float) -> int:
+    """Return a cell of a strip of 0.3 m before a wall, which ends in a wider place."""
+    if y < 0.2:
+        return WALL
+    return FREE if y < 0.5 or (x > 4.5 and y < 2.0) else UNKNOWN
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +127,6 @@ def running(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterat
     wire = Search(tmp_path_factory.mktemp("wire"), **given)
     wire.offer_base()
     wire.offer_bridge()
-    wire.draw(half_open)
     wire.start_node()
     yield wire
     wire.close()
@@ -165,9 +167,9 @@ def test_an_abort_at_the_dock_ends_a_sweep(wire: Search) -> None:
     wire.until_done(wire.start("1"))
 
 
-#: As texts they are in this order.
-FIVE = {"15": 4.0, "18": 5.0, "2": 1.0, "3": 2.0, "5": 3.0}
-NEAREST = ["2", "3", "5", "15", "18"]
+#: How far they are: neither in the order of texts nor of numbers.
+FIVE = {"15": 2.0, "18": 5.0, "2": 3.0, "3": 1.0, "5": 4.0}
+NEAREST = ["3", "15", "2", "5", "18"]
 
 
 def test_a_sweep_visits_the_nearest_first_and_ends(wire: Search) -> None:
@@ -186,22 +188,20 @@ def test_sweeps_without_a_number_go_on_until_told_otherwise(wire: Search) -> Non
     wire.until_driving(8)
     wire.ask("abort")
     wire.until_done(mission)
-    assert [tag for tag, _ in wire.visits(mission)] == [*NEAREST, "2"]
+    assert [tag for tag, _ in wire.visits(mission)] == [*NEAREST, "3"]
 
 
-@pytest.mark.parametrize("resolution", [0.05, 0.1])
+@pytest.mark.parametrize("resolution", [0.05, 0.025])
 def test_goals_of_a_search_keep_their_distance_from_walls(wire: Search, resolution: float) -> None:
-    """Story 18: they kept four cells, and planners refused them. The robot stands in the narrow aisle."""
-    walls = wire.draw(two_aisles, resolution)
-    wire.localize(2.9, 0.8)
+    """Story 18: they kept four cells, and planners refused them."""
+    walls = wire.draw(along_a_wall, resolution)
+    wire.localize(1.0, 0.35)
     wire.until_quiet()
     wire.base.plan.append(Drive.accept)
     mission = wire.explore(1)
     goal = wire.until_driving().place
     wire.ask("abort")
-    wire.draw(half_open)
     wire.until_done(mission)
-    assert goal[0] > 2.0, "the search goes on by an aisle"
     assert min(math.dist(goal, wall) for wall in walls) >= CLEARANCE
 
 
@@ -215,7 +215,8 @@ def test_a_tag_counts_that_is_found_anew_just_as_it_was_found_before(wire: Searc
     wire.see({"1": 1.0}, again=True)
     wire.until_quiet()
     assert wire.operator.state.tags_discovered == 0
-    wire.see({})
+    wire.see({}, again=True)
+    wire.until_quiet()  # only the last of several lists is kept for who has no time
     wire.see({"1": 1.0}, again=True)
     wire.until_done(mission)
     wire.until(lambda: wire.visits(mission), "the visit")
@@ -247,7 +248,6 @@ def test_a_search_without_frontiers_ends_before_its_time(wire: Search, tags: dic
     wire.operator.in_state("EXPLORING")
     wire.see(tags)
     wire.until_done(mission)
-    wire.draw(half_open)
     wire.until(lambda: len(wire.visits(mission)) >= len(tags), "all visits")
     assert wire.visits(mission) == [(tag, OK) for tag in tags]
     assert wire.operator.state.last_error.startswith("no_frontiers: no frontier in a map of 2400 known cells")
