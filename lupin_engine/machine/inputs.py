@@ -94,15 +94,20 @@ class Inputs:
     def _news(self, spec: Input, value: Any) -> Any:
         """Return what counts of a report: of a list about the mission, what was not the same before it.
 
-        A registry that forgets nothing tells the finds of earlier missions again and again.
+        A registry that forgets nothing tells the finds of earlier missions again and again. What it has once
+        left out, or told otherwise, it has found anew: that counts from then on, whatever it is like.
         """
         if not spec.of_mission or spec.type.kind != "list":
             return value
-        self._scope.memory.heard[spec.name] = list(value)
-        known: dict[Any, list[Any]] = {}
-        for item in self._scope.memory.before.get(spec.name, ()):
-            known.setdefault(_name_of(item), []).append(item)
-        return [item for item in value if item not in known.get(_name_of(item), ())]
+        memory = self._scope.memory
+        memory.heard[spec.name] = list(value)
+        if spec.name not in memory.before:
+            return value
+        told = _by_name(value)
+        same = [item for item in memory.before[spec.name] if item in told.get(_name_of(item), ())]
+        memory.before[spec.name] = same
+        old = _by_name(same)
+        return [item for item in value if item not in old.get(_name_of(item), ())]
 
     def _is_of_mission(self, stamp: float) -> bool:
         started = self._scope.memory.started_at
@@ -280,6 +285,14 @@ _MADE_OF: Mapping[str, type | tuple[type, ...]] = {
     "record": Mapping,
     "any": object,
 }
+
+
+def _by_name(items: Collection[Any]) -> dict[Any, list[Any]]:
+    """Return elements of a list by what equal ones have in common."""
+    found: dict[Any, list[Any]] = {}
+    for item in items:
+        found.setdefault(_name_of(item), []).append(item)
+    return found
 
 
 def _name_of(item: Any) -> Any:

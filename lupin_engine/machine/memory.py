@@ -198,7 +198,8 @@ class Memory:
     the order in which they fire. `budgets` is the time that each state with a budget had left
     when it was last entered or left, `handled` the keys that each `for_each` has dealt with, both in this
     mission. `asked` are the open questions by their states. `levels` is by `input.NAME.LEVEL`. For
-    inputs that are lists about the mission, `heard` is the last report as a whole, `before` that from before.
+    inputs that are lists about the mission, `heard` is the last report as a whole, `before` that from before,
+    as far as it is still reported just the same.
     `projected` is what the profile's projections have made of live values; no step reads it.
     `broken` names the invariants that do not hold. `wall` is how far the robot's clock, in POSIX time, is
     ahead of the caller's; nobody may have told. `reached` are the dates on which each state has dealt with

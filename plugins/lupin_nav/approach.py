@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from lupin_greenhouse.layout import Table
 from lupin_nav.overrides import Override
-from lupin_nav.plates import Side, side_of
+from lupin_nav.plates import side_of
 
 MIN_STANDOFF_M = 0.2
 MAX_STANDOFF_M = 1.5
@@ -115,7 +115,7 @@ def approach(
         return Approach(own.goal_x, own.goal_y, own.yaw, ApproachSource.OVERRIDE, None, distance)
     side = side_of(tag, tables.all, facing)
     table = None if side is None else side.table
-    clear = None if side is None else _clear_goal(tag, tables, side, distance)
+    clear = None if side is None else _clear_goal(partial(side.before, tag), tables, distance)
     if clear is None:
         yaw = fallback_yaw if own.yaw is None else own.yaw
         return Approach(tag[0], tag[1], yaw, ApproachSource.FALLBACK, table, 0.0)
@@ -130,11 +130,16 @@ def approach(
     )
 
 
-def _clear_goal(tag: Point, tables: Tables, side: Side, standoff: float) -> tuple[Array, float] | None:
-    """Return the farthest goal that no table covers and its distance from the tag, or None."""
+def _clear_goal(
+    before: Callable[[float], Point], tables: Tables, standoff: float
+) -> tuple[Array, float] | None:
+    """Return the farthest goal that no table covers and its distance from the tag, or None.
+
+    `before` says where a goal lies at a distance from the tag.
+    """
     steps = int((standoff - MIN_STANDOFF_M + _ROUNDING_M) / PULL_BACK_M) + 1
     distances = standoff - PULL_BACK_M * np.arange(steps)
-    goals: Array = np.array([side.before(tag, distance) for distance in distances], dtype=float)
+    goals: Array = np.array([before(distance) for distance in distances], dtype=float)
     free = np.flatnonzero(~tables.inside(goals))
     if free.size == 0:
         return None
@@ -142,12 +147,18 @@ def _clear_goal(tag: Point, tables: Tables, side: Side, standoff: float) -> tupl
 
 
 def approach_discovered(
-    tag: Point, facing: Quaternion, standoff: float, fallback_yaw: float, robot: Point | None = None
+    tag: Point,
+    facing: Quaternion,
+    standoff: float,
+    fallback_yaw: float,
+    robot: Point | None = None,
+    tables: Tables | None = None,
 ) -> Approach:
     """Return where to stand for a tag that was found on the way, from the direction its plate faces.
 
     The plate faces along its +Z axis; where that has no horizontal part, the robot's side of the tag is
-    taken, and without a robot position the tag itself. Tables play no part: they may be unknown.
+    taken, and without a robot position the tag itself. Where the tables are known, the goal is pulled back
+    towards the tag until none covers it; where that finds nothing, it stays.
     """
     distance = clamp_standoff(standoff)
     qx, qy, qz, qw = facing
@@ -158,8 +169,14 @@ def approach_discovered(
     length = math.hypot(dx, dy)
     if length < DEGENERATE_M:
         return Approach(tag[0], tag[1], fallback_yaw, ApproachSource.FALLBACK, None, 0.0)
-    x, y = tag[0] + distance * dx / length, tag[1] + distance * dy / length
-    return Approach(x, y, math.atan2(tag[1] - y, tag[0] - x), source, None, distance)
+
+    def before(away: float) -> Point:
+        return tag[0] + away * dx / length, tag[1] + away * dy / length
+
+    clear = None if tables is None else _clear_goal(before, tables, distance)
+    used = distance if clear is None else clear[1]
+    x, y = before(used)
+    return Approach(x, y, math.atan2(tag[1] - y, tag[0] - x), source, None, used)
 
 
 def _bearing(origin: Any, target: Any) -> float:

@@ -166,7 +166,8 @@ FUNCTIONS: Mapping[str, Function] = {
         arguments={"target": Argument(TAG, "the tag to stand in front of")},
     ),
     "approach_discovered": Function(
-        doc="The pose from which a tag is read that was found on the way: a standoff along its normal.",
+        doc="The pose from which a tag is read that was found on the way: a standoff along its normal. Where "
+        "a tag of the layout hangs there, it is pulled back until none of the layout's tables covers it.",
         returns=POSE,
         bind=bind_approach_discovered,
         arguments={

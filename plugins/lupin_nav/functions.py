@@ -16,6 +16,8 @@ TagRecord = dict[str, Any]
 
 #: How many places a list that a mission keeps may have.
 MAX_PLACES = 16
+#: How far from its place in the layout a tag may be found, in metres.
+IN_PLACE_M = 0.15
 
 
 def bind_approach(parameters: Parameters) -> Callable[[TagRecord], Pose]:
@@ -41,15 +43,26 @@ def bind_approach(parameters: Parameters) -> Callable[[TagRecord], Pose]:
 
 
 def bind_approach_discovered(parameters: Parameters) -> Callable[[TagRecord, Pose], Pose]:
-    """Return `approach_discovered(target, robot)` for the standoff and heading of the parameters."""
-    from lupin_nav.approach import approach_discovered
+    """Return `approach_discovered(target, robot)` for the layout, standoff and heading of the parameters.
 
+    A map in the making may lie anywhere: its tables are those of the layout only where a tag of the layout
+    was found at its place.
+
+    Raises:
+        LupinError: the layout cannot be used.
+    """
+    from lupin_nav.approach import approach_discovered, tables_of
+
+    known = layout.load(parameters["tag_locations_file"])
+    plates = [(tag.x, tag.y) for tag in known.tags.values()]
     standoff, yaw = parameters["approach_standoff_m"], parameters["approach_yaw"]
 
     def approach_target(target: TagRecord, robot: Pose) -> Pose:
         facing = tuple(target["facing"][axis] for axis in "xyzw")
-        robot_at = robot["x"], robot["y"]
-        found = approach_discovered((target["x"], target["y"]), facing, standoff, yaw, robot_at)
+        tag, robot_at = (target["x"], target["y"]), (robot["x"], robot["y"])
+        in_place = any(math.dist(tag, plate) <= IN_PLACE_M for plate in plates)
+        tables = tables_of(known.tables) if in_place else None
+        found = approach_discovered(tag, facing, standoff, yaw, robot_at, tables)
         return {"x": found.x, "y": found.y, "yaw": found.yaw}
 
     return approach_target

@@ -1,13 +1,18 @@
-"""docs/war-stories.md: every story is shown by something or says why not, and what it links to is there."""
+"""docs/war-stories.md: every story is shown by something or says why not, and what it links to is there.
+
+What kind of proof a story has is derived from its links; ACCEPT=1 writes it into the page.
+"""
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
 import pytest
 
 from lupin_engine.sim import SUFFIX
+from tests.docs.proofs import ON_THE_WIRE, Kind, kind_of
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "war-stories.md"
@@ -18,7 +23,13 @@ NUMBERS = [str(number) for number in range(1, 79) if number != 62] + [f"A{number
 #: What a story says that is kept by somebody else; it may then have nothing that shows it.
 NOT_OURS = "Not ours"
 
-_ROW = re.compile(r"^\| (A?\d+) \| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", re.MULTILINE)
+#: What no topic, service, action or process shows, and why.
+OFF_THE_WIRE = {
+    "26": "a defect of tests: a server that one of them left running answered the next",
+    "78": "about files: the generator of a world was given other arguments",
+}
+
+_ROW = re.compile(r"^\| (A?\d+) \| ([^|]+) \| ([^|]+) \|([^|]*)\| ([^|]+) \|$", re.MULTILINE)
 _LINK = re.compile(r"\[([^]]+)\]\(([^)]+)\)")
 
 
@@ -27,7 +38,20 @@ def rows() -> dict[str, tuple[str, list[tuple[str, str]]]]:
     found = _ROW.findall(PAGE.read_text(encoding="utf-8"))
     numbers = [number for number, *_ in found]
     assert sorted(set(numbers)) == sorted(numbers), "a number stands twice"
-    return {number: (kept, _LINK.findall(shown)) for number, _, kept, shown in found}
+    return {number: (kept, _LINK.findall(shown)) for number, _, kept, _, shown in found}
+
+
+def kinds(links: list[tuple[str, str]]) -> set[Kind]:
+    """Return the kinds of proof behind links."""
+    return {kind_of((PAGE.parent / target).resolve(), text.partition("::")[2]) for text, target in links}
+
+
+def with_kinds(row: re.Match[str]) -> str:
+    """Return a row of the page with the kinds of its proofs, from the least to the most."""
+    number, before, kept, _, shown = row.groups()
+    found = kinds(_LINK.findall(shown))
+    told = ", ".join(kind.value for kind in Kind if kind in found) or "none"
+    return f"| {number} | {before} | {kept} | {told} | {shown} |"
 
 
 def story_of(scenario: Path) -> str:
@@ -62,6 +86,45 @@ def test_what_a_story_links_to_is_there(number: str) -> None:
             )
         if file.parent.name == "broken":
             assert file.with_suffix(".txt").is_file(), f"{file.name} is no broken chart"
+
+
+def test_the_page_says_what_kind_of_proof_each_story_has() -> None:
+    """Derived from what the linked tests start, not typed."""
+    page = PAGE.read_text(encoding="utf-8")
+    derived = _ROW.sub(with_kinds, page)
+    if os.environ.get("ACCEPT"):
+        PAGE.write_text(derived, encoding="utf-8")
+    assert page == derived
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_what_is_seen_on_the_wire_is_proven_there(number: str) -> None:
+    """Story 23 was shown by a pure function, and happened on the running system."""
+    proven = bool(kinds(rows()[number][1]) & ON_THE_WIRE)
+    assert proven == (number not in OFF_THE_WIRE), f"story {number} has no proof by nodes or processes"
+
+
+@pytest.mark.parametrize(
+    ("proof", "kind"),
+    [
+        ("scenarios/war_stories/A04_accepted_after_pause.scenario.yaml", Kind.SIMULATED),
+        ("charts/broken/no_deadline.yaml", Kind.CHECK),
+        ("docs/test_outcomes.py", Kind.SIMULATED),
+        ("plugins/nav/test_approach.py", Kind.FUNCTION),
+        # Beside tests of nodes, and none.
+        ("ros/orchestrator/test_readiness.py::test_a_cancelled_wait_is_silent", Kind.FUNCTION),
+        ("ros/orchestrator/test_messages.py", Kind.FUNCTION),
+        # Its fixture is that of the folder, which asks for one of the module.
+        ("ros/wire/test_base.py::test_a_goal_that_is_accepted_twice_is_driven_once", Kind.SYSTEM),
+        # Its node is in this process, by a class which could start it as one of its own.
+        ("ros/arm/test_library.py::test_calls_of_torque_do_not_overlap", Kind.NODES),
+        ("ros/arm/test_library.py::test_a_process_that_is_killed_leaves_a_mark", Kind.SYSTEM),
+        ("ros/console/test_present.py::test_an_orchestrator_that_is_not_heard", Kind.SYSTEM),
+    ],
+)  # fmt: skip
+def test_a_kind_of_proof_is_what_runs_in_it(proof: str, kind: Kind) -> None:
+    file, _, test = proof.partition("::")
+    assert kind_of(ROOT / "tests" / file, test) is kind
 
 
 @pytest.mark.parametrize("scenario", scenarios(), ids=lambda path: path.name.removesuffix(SUFFIX))

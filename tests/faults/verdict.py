@@ -100,7 +100,7 @@ def _of_outcomes(plan: Plan, seen: Seen) -> list[str]:
     told = Counter(outcome.tag for outcome in seen.outcomes)
     visited = {tag for tag in told if not tag.endswith(_SEEN)}
     targets = dict.fromkeys(tag.removesuffix(_SEEN) for tag in sorted(told)) if plan.search else plan.tags
-    # A search of which the journal was damaged may not know what it found after the damage: it is closed then.
+    # A search with a damaged journal may not know what it found after the damage: it is closed then.
     is_known = not plan.search or all(fault.kind != "bit flip" for fault in plan.faults)
     if not seen.end.startswith("held") and (is_known or visited):
         found += [f"target {tag} has no outcome" for tag in targets if not told[tag]]

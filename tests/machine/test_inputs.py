@@ -222,6 +222,16 @@ def test_of_a_list_what_is_told_again_after_the_mission_began_does_not_count() -
     assert bench.machine.input_value("x", 5.0) == ["2 seen 6 times", "3 seen once"]
 
 
+def test_of_a_list_what_was_found_anew_counts_however_much_it_is_like_the_old_find() -> None:
+    """A registry that began anew with the mission finds the same tag at the same place."""
+    bench = of_mission(type=list_of(TEXT), initial=[])
+    bench.observe("x", ["1 seen 3 times", "2 seen 3 times"])
+    start(bench)
+    bench.observe("x", ["1 seen twice"])
+    bench.observe("x", ["1 seen 3 times", "2 seen 3 times"])
+    assert bench.machine.input_value("x", 0.0) == ["1 seen 3 times", "2 seen 3 times"]
+
+
 def test_of_a_list_a_late_report_from_before_the_mission_tells_what_was_there_before() -> None:
     """The sample of a latched topic may arrive after the start; the next one only repeats it."""
     bench = of_mission(type=list_of(TEXT), initial=[])

@@ -175,6 +175,14 @@ def test_the_standoff_of_a_discovered_tag_is_clamped() -> None:
     assert approach_discovered((2.0, 0.0), FACING_X, 99.0, 0.0).x == pytest.approx(3.5)
 
 
+def test_the_goal_of_a_discovered_tag_is_pulled_back_from_a_known_table() -> None:
+    tables = Tables([Table("B", 2.35, 4.0, -0.5, 0.5)])
+    found = approach_discovered((2.0, 0.0), FACING_X, 0.5, 0.0, tables=tables)
+    assert (found.x, found.y, found.standoff) == pytest.approx((2.3, 0.0, 0.3))
+    walled = Tables([Table("B", 2.1, 4.0, -0.5, 0.5)])
+    assert approach_discovered((2.0, 0.0), FACING_X, 0.5, 0.0, tables=walled).standoff == 0.5
+
+
 @given(tag_id=st.sampled_from(sorted(layout.load().tags)), standoff=st.floats(0.0, 3.0))
 def test_in_the_real_greenhouse_no_goal_lies_in_a_table_and_every_goal_faces_its_tag(
     tag_id: str, standoff: float

@@ -54,6 +54,16 @@ def test_approach_uses_standoff_and_file_of_the_parameters(tmp_path: Path) -> No
     assert math.hypot(pose["x"] - tag["x"], pose["y"] - tag["y"]) == pytest.approx(0.3)
 
 
+def test_the_tables_of_the_layout_count_where_its_tags_are_found_in_place() -> None:
+    """War story 19: tag 26 faces the next table. Elsewhere the map is of another place."""
+    approach = bound("approach_discovered", approach_standoff_m=0.5)
+    tag = bound("tags.named")(["26"])[0]
+    half, robot = math.sqrt(0.5), {"x": 0.0, "y": 0.0, "yaw": 0.0}
+    along_y = {"x": -half, "y": 0.0, "z": 0.0, "w": half}
+    stands = [approach({**tag, "y": tag["y"] + moved, "facing": along_y}, robot) for moved in (0.1, 0.2)]
+    assert [stand["y"] - tag["y"] for stand in stands] == pytest.approx([0.3, 0.7])
+
+
 def test_a_discovered_tag_is_approached_with_the_standoff_and_heading_of_the_parameters() -> None:
     approach = bound("approach_discovered", approach_standoff_m=0.3, approach_yaw=0.7)
     half, robot = math.sqrt(0.5), {"x": 2.0, "y": 4.0, "yaw": 0.0}

@@ -402,6 +402,19 @@ def test_flowers_of_the_scanned_tag_are_told_in_their_box(make_node: MakeNode) -
     assert tag.species_confidence == pytest.approx(0.9)
 
 
+def test_what_the_classifier_is_unsure_of_is_not_told(make_node: MakeNode) -> None:
+    """War story 52: whatever filled the picture was a white tulip."""
+    scene = Scene(make_node)
+    scene.mission("MONITORING", "SCANNING", "5")
+    scene.discover()
+    scene.flowers(("tulip_white", 0.34, 0.0))
+    scene.next_list()
+    assert scene.observations == []
+    scene.flowers(("tulip_red", 0.36, 0.0), ("tulip_white", 0.34, 0.1))
+    bed = scene.told(1).flower
+    assert (bed.species, [bloom.species for bloom in bed.flowers]) == ("tulip_red", ["tulip_red"])
+
+
 def test_what_is_told_again_is_news(make_node: MakeNode) -> None:
     scene = Scene(make_node)
     scene.mission("MONITORING", "SCANNING", "5")

@@ -397,6 +397,17 @@ def test_a_new_reading_changes_the_field(scene: Scene) -> None:
     assert scene.ask().value_max == 24.0
 
 
+def test_a_sensor_without_a_number_does_not_poison_the_field(scene: Scene) -> None:
+    """War story 56: one such value made the whole field none."""
+    scene.tell(
+        reading("5", {"temperature": 20.0}, pose(0.25, 0.25)),
+        reading("6", {"temperature": math.nan}, pose(0.75, 0.25)),
+    )
+    answer = scene.ask()
+    assert (answer.value_min, answer.value_max, answer.sample_count) == (20.0, 20.0, 1)
+    assert list(answer.values)[:4] == [20.0] * 4
+
+
 def test_without_data_a_field_has_no_values(scene: Scene) -> None:
     answer = scene.ask("co2")
     assert answer.ok

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from nav2_msgs.action import NavigateToPose
 from std_msgs.msg import String
 
 from lupin_engine.ros.adapter.node import Qos
@@ -86,7 +87,8 @@ class Mortal(Wire):
 @pytest.fixture(scope="module")
 def running(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mortal]:
     """One node for all tests here: each leaves it with its mission ended and both peers alive."""
-    wire = Mortal(tmp_path_factory.mktemp("wire"), scan_timeout_s=3.0)
+    given = {"scan_timeout_s": 3.0, "localization_timeout_s": 1.0}
+    wire = Mortal(tmp_path_factory.mktemp("wire"), **given)
     wire.live("base")
     wire.live("bridge")
     wire.start_node()
@@ -153,3 +155,22 @@ def test_a_base_that_stays_dead_ends_the_mission(wire: Mortal) -> None:
     again = wire.until_accepted("2")
     wire.until_done(again)
     assert wire.outcomes(again) == [("2", OK)]
+
+
+def test_a_reset_waits_for_a_base_that_is_gone(wire: Mortal) -> None:
+    """War story A11: it led to READY, where missions could be started without anybody who drives."""
+    wire.localize(variance=9.0)
+    wire.start("1")
+    wire.operator.in_state("FAULT")
+    wire.die("base")
+    navigation = wire.ros.action(NavigateToPose, "/navigate_to_pose")
+    wire.until(lambda: not navigation.ready(), "the base is gone")
+    since = len(wire.operator.states)
+    assert wire.operator.ask("reset").success
+    wire.operator.in_state("BOOT")
+    refusal = "start refused: the robot is still starting up"
+    wire.until(lambda: wire.operator.start("1").error_message == refusal, "the start is refused")
+    wire.until_quiet()
+    assert {state.lifecycle_state for state in wire.operator.states[since:]} <= {"FAULT", "BOOT"}
+    wire.live("base")
+    wire.operator.in_state("READY")

@@ -12,7 +12,7 @@ import pytest
 from std_srvs.srv import Trigger
 
 from tests.ros.wire import raising
-from tests.ros.wire.wire import AT_ONCE, Drive, Wire
+from tests.ros.wire.wire import AT_ONCE, OK, UNREACHABLE, Drive, Wire
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -49,6 +49,21 @@ def wire(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield wire
         wire.raise_in("")
         wire.close()
+
+
+def test_a_drive_that_cannot_be_sent_is_over_at_once(wire: Raising) -> None:
+    """War story A22: it counted as under way until its deadline of 60 s."""
+    wire.begin()
+    wire.raise_in("NavClient._go_to")
+    begun = time.monotonic()
+    mission = wire.start("1", "2")
+    wire.until(lambda: wire.outcomes(mission), "the first tag is given up")
+    assert time.monotonic() - begun < 10.0, "two tries, a second apart"
+    assert wire.drives == []
+    wire.raise_in("")
+    wire.until_done(mission)
+    assert wire.outcomes(mission) == [("1", UNREACHABLE), ("2", OK)]
+    assert wire.details(mission)[0] == "RuntimeError: NavClient._go_to raises"
 
 
 @pytest.mark.parametrize("stop", ["pause", "estop"])

@@ -18,6 +18,8 @@ from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav2_msgs.action import NavigateToPose
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import parameter_value_to_python
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -25,7 +27,7 @@ from unique_identifier_msgs.msg import UUID
 
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import MissionState, SensorReading
-from lupin_msgs.srv import GetTagReading
+from lupin_msgs.srv import GetTagReading, SetArmPreset
 from tests.ros.world import Operator, World
 
 ACTION, BRIDGE = "/navigate_to_pose", "/greenhouse_bridge/get_tag_reading"
@@ -122,6 +124,12 @@ class Drive:
         return NavigateToPose.Impl.GetResultService.Response(status=self.status)
 
     @property
+    def place(self) -> tuple[float, float]:
+        """Where the goal lies, x and y in metres."""
+        position = self.sent.request.goal.pose.pose.position
+        return position.x, position.y
+
+    @property
     def drives(self) -> bool:
         """Whether the robot is on its way for this goal."""
         return self.accepted is not None and self.ended is None
@@ -211,6 +219,19 @@ def answer_reading(asked: Asked) -> None:
     asked.answer(response)
 
 
+class Arm:
+    """The service of presets: which were asked for, and when."""
+
+    def __init__(self, ros: RosNode) -> None:
+        self.presets: list[tuple[str, float]] = []
+        ros.serve(SetArmPreset, "/lupin/arm/preset", self._on_preset)
+
+    def _on_preset(self, request: Any, response: Any) -> Any:
+        self.presets.append((request.name, time.monotonic()))
+        response.success = True
+        return response
+
+
 def leave_open(_: Any) -> None:
     """Do nothing about a request."""
 
@@ -228,12 +249,11 @@ class Wire:
         ros.subscribe(MissionState, "/mission/state", Qos.BACKLOG, self._on_state)
         self._estop = ros.publisher(Bool, "/e_stop_state", Qos.EVENT)
         self._battery = ros.publisher(BatteryState, "/io/power/power_watcher", Qos.EVENT)
-        pose = PoseWithCovarianceStamped()
-        pose.header.frame_id = "map"
-        pose.pose.pose.orientation.w = 1.0
-        self._pose = ros.publisher(PoseWithCovarianceStamped, "/amcl_pose", Qos.LATCHED)
-        self._pose.publish(pose)
+        self._pose: Any = None
+        self.localize()
         self._parameters = parameters
+        #: Parameters that a test has changed, as they were before.
+        self._before: dict[str, Any] = {}
 
     def offer_base(self) -> None:
         """Have the action server in this process."""
@@ -242,6 +262,10 @@ class Wire:
     def offer_bridge(self) -> None:
         """Have the bridge in this process."""
         self.bridge = Bridge(self.ros)
+
+    def offer_arm(self) -> None:
+        """Have the arm's presets in this process."""
+        self.arm = Arm(self.ros)
 
     def start_node(self) -> None:
         """Start the orchestrator and wait until it hears us."""
@@ -254,6 +278,30 @@ class Wire:
         self._held.append((time.monotonic(), bool(state.paused or state.estop_engaged)))
 
     # --- what tests do
+
+    def localize(self, x: float = 0.0, y: float = 0.0, variance: float = 0.0) -> None:
+        """Tell where the robot is, and how sure that is."""
+        if self._pose is None:
+            self._pose = self.ros.publisher(PoseWithCovarianceStamped, "/amcl_pose", Qos.LATCHED)
+        pose = PoseWithCovarianceStamped()
+        pose.header.frame_id = "map"
+        pose.pose.pose.position.x, pose.pose.pose.position.y = x, y
+        pose.pose.pose.orientation.w = 1.0
+        pose.pose.covariance[0] = pose.pose.covariance[7] = variance
+        self._pose.publish(pose)
+
+    def lose_localizer(self) -> None:
+        """Let whoever told the pose be gone."""
+        self.ros.node.destroy_publisher(self._pose)
+        self._pose = None
+
+    def configure(self, **values: Any) -> None:
+        """Set parameters of the node until the end of the test; only where a mission could be started."""
+        for name, value in values.items():
+            service = "/mission_orchestrator/get_parameters"
+            (old,) = self.operator.call(GetParameters, service, GetParameters.Request(names=[name])).values
+            self._before.setdefault(name, parameter_value_to_python(old))
+            self.operator.set_parameter("mission_orchestrator", name, value)
 
     def estop(self, *levels: bool) -> None:
         """Tell levels of the e-stop, one after the other."""
@@ -272,6 +320,17 @@ class Wire:
         self.wanted[answer.mission_id] = list(tags)
         return str(answer.mission_id)
 
+    def ask(self, *requests: str) -> None:
+        """Ask the node for what it must accept."""
+        for request in requests:
+            answer = self.operator.ask(request)
+            assert answer.success, answer.message
+
+    def charge(self) -> None:
+        """Have a full battery again, and wait until the node knows."""
+        self.battery(0.9)
+        self.until(lambda: not self.operator.state.battery_low, "charged")
+
     def until(self, condition: Callable[[], Any], what: str) -> None:
         """Work until a condition holds."""
         self.operator.until(condition, what)
@@ -285,6 +344,14 @@ class Wire:
         """Wait until the node says that it is held."""
         self.until(lambda: self.operator.state.paused, "held")
 
+    def until_docked(self) -> None:
+        """Wait until the robot is at its dock, or has given it up, and waits for somebody who resumes."""
+        self.until(
+            lambda: self.operator.state.paused and self.operator.state.lifecycle_state == "RETURNING",
+            "docked",
+        )
+        assert not any(drive.drives for drive in self.drives)
+
     def until_done(self, mission_id: str) -> None:
         """Wait until a mission has ended and its tags are told: two topics keep no order."""
         self.until(
@@ -295,6 +362,11 @@ class Wire:
         )
         tags = self.wanted.get(mission_id, [])
         self.until(lambda: len(self.outcomes(mission_id)) >= len(tags), "all observations")
+
+    def until_later(self, seconds: float) -> None:
+        """Let time pass: only to show that something does not happen."""
+        end = time.monotonic() + seconds
+        self.until(lambda: time.monotonic() >= end, f"{seconds:g} s")
 
     def until_quiet(self) -> None:
         """Wait until the node has worked off what it was told: it repeats its state, and repeats it again."""
@@ -345,6 +417,10 @@ class Wire:
         self.until(lambda: self.operator.state.lifecycle_state in ("READY", "DONE"), "READY or DONE")
         if self.operator.state.paused:
             self.operator.call(Trigger, "/mission/resume", Trigger.Request())
+        for name, value in self._before.items():
+            self.operator.set_parameter("mission_orchestrator", name, value)
+        self._before.clear()
+        self.localize()
         self.begun = time.monotonic()
         self.wanted.clear()
         del self._held[:-1]
