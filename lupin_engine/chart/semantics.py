@@ -1,13 +1,12 @@
 """Statechart semantics without data, by SCXML's algorithm (W3C SCXML 1.0, appendix D).
 
 * The states left are the active ones below the transition's domain, children before parents, last first.
-* The states entered are those between the domain and the target, parents first, with the default children
-  of whatever is entered and not named.
 * Of transitions that would leave the same state one is taken: whose source lies deeper, else the first.
 * What SCXML lacks: a history that remembers some levels goes back into a mission that is used as a part, to
   the state of it that was left, however deep that mission stands.
 
-Checker and machine use the same rules. Which guards hold and what history remembers is asked of the caller.
+Checker and machine choose by the same rules. Which guards hold and what history remembers is asked of the
+caller. What is entered is up to who executes the transitions (`machine.structure`).
 """
 
 from __future__ import annotations

@@ -371,7 +371,8 @@ class Configuration:
         self.working = tuple(state for state in states if state.invoke or state.for_each)
         self.work = _reads_of_work(structure.chart, self.working)
         self.passing = self.label.islower() or any(state.kind is Kind.FINAL for state in states)
-        self.microsteps: dict[tuple[str, ...], Microstep] = {}
+        #: By mission and chosen transitions; where one leads to a history, also by where that leads now.
+        self.microsteps: dict[tuple[Any, ...], Microstep] = {}
         self._candidates: dict[str | tuple[str, str], tuple[tuple[Transition, ...], ...]] = {}
 
     def candidates(self, event: str) -> tuple[tuple[Transition, ...], ...]:

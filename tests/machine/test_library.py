@@ -5,6 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+from transitions.extensions.nesting import NestedEventData
+
+from lupin_engine.machine.structure import ChartTransition
+from tests.machine.charts import Bench, chart
+
 #: Whatever is imported of the package is a class that keeps what it is given, and whose methods do nothing.
 STAND_INS = """
 import sys, types
@@ -45,3 +51,24 @@ def test_without_the_library_no_mission_runs() -> None:
     assert (code, last[:5]) == (0, "DONE:")
     code, last = simulate(STAND_INS)
     assert (code, last[:12]) == (2, "not started:")
+
+
+def test_each_transition_is_executed_once_in_a_configuration(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the library did is remembered; a way through history by where it leads."""
+    executed, execute = [], ChartTransition.execute
+
+    def spy(transition: ChartTransition, event_data: NestedEventData) -> bool:
+        executed.append(transition.rule.event)
+        return execute(transition, event_data)
+
+    monkeypatch.setattr(ChartTransition, "execute", spy)
+    inner = {"A": {"on": {"next": "B"}}, "B": {"on": {"next": "A"}}, "H": {"kind": "history", "depth": 1}}
+    bench = Bench(chart({"M": {"states": inner, "on": {"out": "Z"}}, "Z": {"on": {"back": "M.H"}}}))
+    assert executed == ["start"]
+    round_trip = ("out", "back", "next", "out", "back", "next")
+    for event in round_trip:
+        bench.send(event)
+    assert executed == ["start", *round_trip]
+    for event in round_trip * 3:
+        assert bench.send(event).taken
+    assert executed == ["start", *round_trip]
