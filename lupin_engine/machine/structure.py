@@ -65,7 +65,8 @@ def _flat(state: Any) -> Iterator[str]:
 class ChartState(NestedState):
     """A state of the library that knows its rule; dots separate levels because names may hold `_`.
 
-    The library is not told which states are final: it fails when all that is active is, and `done` is ours.
+    The library is not told which states are final: it fails where a region moves beside one that has ended,
+    and `done` is ours.
     """
 
     separator = "."

@@ -309,6 +309,31 @@ def test_14_who_leaves_is_decided_by_the_source_too() -> None:
     assert (step.exited, step.entered) == (("O.C.c1", "O.C", "O"), ("O", "O.C", "O.C.c2"))
 
 
+# 15 ------------------------------------------------------------------------------------------------------
+
+
+def test_15_a_region_moves_beside_one_that_has_ended() -> None:
+    """Stock (issue 715 again): it looks for the entry of the machine itself, after the state has changed."""
+    model = StockModel()
+    regions = [
+        {"name": "a", "children": ["1", "2"], "initial": "1"},
+        {"name": "b", "children": ["1", {"name": "f", "final": True}], "initial": "1"},
+    ]
+    moves = [["end", "P_b_1", "P_b_f"], ["go", "P_a_1", "P_a_2"]]
+    stock(model, [{"name": "P", "parallel": regions}], moves, initial="P")
+    model.end()  # type: ignore[attr-defined]
+    with pytest.raises(AttributeError, match="scoped_enter"):
+        model.go()  # type: ignore[attr-defined]
+    assert model.state == ["P_a_2", "P_b_f"]
+
+    moving = {"states": {"1": {"on": {"go": "2"}}, "2": {}}}
+    ending = {"states": {"1": {"on": {"end": "f"}}, "f": {"kind": "final"}}}
+    bench = Bench(chart({"P": {"kind": "parallel", "states": {"a": moving, "b": ending}}}))
+    bench.send("end")
+    bench.send("go")
+    assert bench.leaves == ["P.a.2", "P.b.f"]
+
+
 # our layout ----------------------------------------------------------------------------------------------
 
 
