@@ -1,18 +1,18 @@
 """Statechart semantics without data, by SCXML's algorithm (W3C SCXML 1.0, appendix D).
 
 * The states left are the active ones below the transition's domain, children before parents, last first.
-* The states entered are those between the domain and the target, parents first, with the default children
-  of whatever is entered and not named.
 * Of transitions that would leave the same state one is taken: whose source lies deeper, else the first.
 * What SCXML lacks: a history that remembers some levels goes back into a mission that is used as a part, to
   the state of it that was left, however deep that mission stands.
 
-Checker and machine use the same rules. Which guards hold and what history remembers is asked of the caller.
+Checker and machine choose by the same rules. Which guards hold and what history remembers is asked of the
+caller. What is entered is up to who executes the transitions (`machine.structure`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 
@@ -47,6 +47,17 @@ def matches(pattern: str, event: str) -> bool:
             and not (dot and first in REQUESTS)
         )
     return pattern.endswith(".*") and event.startswith(pattern[:-1])
+
+
+class Aim(NamedTuple):
+    """The states that a transition leads to, and those that history brings back with them."""
+
+    targets: tuple[str, ...]
+    back: frozenset[str] = frozenset()
+
+
+#: Of a transition without a target.
+NOWHERE = Aim(())
 
 
 class Semantics:
@@ -97,30 +108,51 @@ class Semantics:
             left.update(name for name in configuration if self.is_below(name, domain))
         return tuple(sorted(left, key=self.order.__getitem__, reverse=True))
 
-    def entry_set(
+    def aim(
         self,
-        rules: Iterable[Transition],
-        kept: Iterable[str],
+        rule: Transition,
         mission: str,
         remembered: Callable[[State], tuple[str, ...]],
         resume: Callable[[State], str | None],
-    ) -> tuple[tuple[str, ...], frozenset[str]]:
-        """Return the states entered, parents before children, in document order; and those that history
-        brings back.
+    ) -> Aim:
+        """Return the states that a transition leads to, which for one to a history state depends on the past.
 
         Args:
-            rules: transitions that are taken together.
-            kept: what stays active.
+            rule: a transition that is taken.
             mission: the default child of the slot is its mission's.
             remembered: the states that a history state stands for; none: its parent is entered anew.
             resume: the child to enter when a state comes back by history; None: what is remembered.
         """
-        entry = _EntrySet(self, mission, resume)
-        for rule in rules:
-            if rule.target is not None:
-                entry.follow(rule, rule.target, remembered)
-        entered = set(entry.entered).difference(kept)
-        return tuple(sorted(entered, key=self.order.__getitem__)), frozenset(entry.back)
+        if rule.target is None:
+            return NOWHERE
+        target = self.chart.states[rule.target]
+        if target.kind is not Kind.HISTORY:
+            return Aim((target.name,))
+        found = dict(self._brought_back(target, state, resume) for state in remembered(target))
+        if found:
+            back = {name for state in found.values() for name in self.lineage[state]}
+            return Aim(tuple(found), frozenset(back))
+        if target.initial is not None:
+            return Aim((target.initial,))
+        parent = self.chart.states[target.parent or ""]
+        is_left = parent.name != self.domain(rule, target.name)
+        return Aim((parent.name if is_left else self.default_child(parent, mission),))
+
+    def _brought_back(
+        self, history: State, name: str, resume: Callable[[State], str | None]
+    ) -> tuple[str, str]:
+        """Return where to go on for a remembered state, and which state goes on there.
+
+        That is the outermost one, from the history's parent inwards, of which a `resume_at` holds; else the
+        remembered state as a whole.
+        """
+        lineage = self.lineage[name]
+        for around in reversed(lineage[: lineage.index(history.parent or "") + 1]):
+            state = self.chart.states[around]
+            chosen = resume(state) if state.kind is Kind.COMPOUND else None
+            if chosen is not None:
+                return chosen, around
+        return name, name
 
     def default_child(self, state: State, mission: str) -> str:
         """Return the child that a compound state begins with; the slot with the branch of its mission."""
@@ -187,75 +219,3 @@ class Semantics:
             kept = [k for k in kept if k not in clashing]
             kept.append(rule)
         return tuple(kept)
-
-
-class _EntrySet:
-    """SCXML's computeEntrySet: collects what is entered together."""
-
-    def __init__(self, semantics: Semantics, mission: str, resume: Callable[[State], str | None]) -> None:
-        self._semantics = semantics
-        self._mission = mission
-        self._resume = resume
-        self.entered: dict[str, None] = {}
-        self.back: set[str] = set()
-
-    def follow(self, rule: Transition, name: str, remembered: Callable[[State], tuple[str, ...]]) -> None:
-        """Enter the target of a transition, or what its history state stands for."""
-        target = self._semantics.chart.states[name]
-        past = remembered(target) if target.kind is Kind.HISTORY else ()
-        domain = self._semantics.domain(rule, name)
-        found = dict(self._brought_back(target, state) for state in past)
-        targets = tuple(found) or self._anew(target, domain)
-        for state in targets:
-            self._enter(state, domain, targets)
-        for state in found.values():
-            self.back.update(self._semantics.lineage[state])
-
-    def _brought_back(self, history: State, name: str) -> tuple[str, str]:
-        """Return where to go on for a remembered state, and which state goes on there.
-
-        That is the outermost one, from the history's parent inwards, of which a `resume_at` holds; else the
-        remembered state as a whole.
-        """
-        lineage = self._semantics.lineage[name]
-        for around in reversed(lineage[: lineage.index(history.parent or "") + 1]):
-            state = self._semantics.chart.states[around]
-            chosen = self._resume(state) if state.kind is Kind.COMPOUND else None
-            if chosen is not None:
-                return chosen, around
-        return name, name
-
-    def _anew(self, target: State, domain: str) -> tuple[str, ...]:
-        """Return the target; for a history without memory what it says, else what its parent begins with."""
-        if target.kind is not Kind.HISTORY:
-            return (target.name,)
-        if target.initial is not None:
-            return (target.initial,)
-        parent = target.parent or ""
-        return (self._child(self._semantics.chart.states[parent]) if parent == domain else parent,)
-
-    def _child(self, state: State) -> str:
-        return self._semantics.default_child(state, self._mission)
-
-    def _enter(self, name: str, domain: str, targets: Sequence[str]) -> None:
-        """Enter a state, what it begins with, and what lies between the domain and it."""
-        self._enter_defaults(name)
-        for ancestor in self._semantics.lineage[name][1:]:
-            if ancestor == domain:
-                break
-            self.entered[ancestor] = None
-            if self._semantics.chart.states[ancestor].kind is Kind.PARALLEL:
-                for region in self._semantics.regions(ancestor):
-                    named = any(t == region or self._semantics.is_below(t, region) for t in targets)
-                    if not named and region not in self.entered:
-                        self._enter_defaults(region)
-
-    def _enter_defaults(self, name: str) -> None:
-        self.entered[name] = None
-        state = self._semantics.chart.states[name]
-        if state.kind is Kind.PARALLEL:
-            for region in self._semantics.regions(name):
-                self._enter_defaults(region)
-        elif state.kind is Kind.COMPOUND:
-            chosen = self._child(state)
-            self._enter(chosen, name, (chosen,))

@@ -1,26 +1,34 @@
-"""What is compiled from a chart, and the object model of `transitions` that it is compiled from.
+"""What is compiled from a chart, and the machine of `transitions` that carries out its transitions.
 
-The library's `HierarchicalMachine` holds the states, the transitions and their guards: one machine per chart,
-one root state, every transition at machine level under its full name, no automatic transitions. It is filled
-when a chart is loaded and read once; it dispatches nothing but in the property test that compares it with
-`Machine`. What an event does follows `chart.semantics`, because the library departs from SCXML in parallel
-regions and in the order of a transition's parts, and takes 40 us an event.
+Which transitions are taken is decided here, by `chart.semantics` and the caller's data (which guards hold,
+what a history state remembers). The library's `HierarchicalMachine` executes them: which states are left and
+entered, and the configuration after it, is what it did. There is one for each chart, with one root state,
+every transition at machine level under its full name, and no automatic transitions; where its resolution
+departs from SCXML `ChartTransition` overrides it.
 
-A `Configuration` is what follows from the active states alone; a `Microstep` what taking certain transitions
-there does. Both are made when they are first needed and shared by all machines of a chart. What depends on
-data (which guards hold, what a history state remembers) is asked of the caller.
+A `Configuration` is what follows from the active states alone; a `Microstep` what the library did when it
+executed certain transitions there. Both are made when they are first needed, once, and shared by all machines
+of a chart, which run in one thread.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
-from typing import Any, TypeAlias
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import lru_cache, partial, reduce
+from operator import getitem
+from typing import Any, TypeAlias, cast
 
-from transitions.extensions.nesting import HierarchicalMachine, NestedState, NestedTransition
+from transitions.extensions.nesting import (
+    HierarchicalMachine,
+    NestedEventData,
+    NestedState,
+    NestedTransition,
+    resolve_order,
+)
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
-from lupin_engine.chart.semantics import EXECUTION_ERROR, FAULT, Semantics, matches
+from lupin_engine.chart.semantics import EXECUTION_ERROR, FAULT, Aim, Semantics, matches
 from lupin_engine.machine.actions import CompiledAction
 from lupin_engine.machine.holds import all_holds, released_by
 from lupin_engine.machine.scope import CONFIGURATION, HELD, OPERATIONS, REQUEST, Arguments, Reads
@@ -31,22 +39,109 @@ ROOT = "chart"
 FAULT_RULE = "engine.fault"
 
 
+class ChartModel:
+    """The model that the library moves: where it stands, and which states it left and entered."""
+
+    def __init__(self, state: Any) -> None:
+        self.state = state
+        self.left: list[str] = []
+        self.entered: list[str] = []
+
+    @property
+    def leaves(self) -> list[str]:
+        """The innermost active states."""
+        return [name.removeprefix(ROOT).removeprefix(".") for name in _flat(self.state)]
+
+
+def _flat(state: Any) -> Iterator[str]:
+    """Yield the names in a state of the library, which nests lists for regions."""
+    if isinstance(state, str):
+        yield state
+    else:
+        for inner in state:
+            yield from _flat(inner)
+
+
 class ChartState(NestedState):
-    """A state of the library that knows its rule; dots separate levels because names may hold `_`."""
+    """A state of the library that knows its rule; dots separate levels because names may hold `_`.
+
+    The library is not told which states are final: it fails where a region moves beside one that has ended,
+    and `done` is ours.
+    """
 
     separator = "."
 
     def __init__(self, rule: State, initial: Any) -> None:
-        super().__init__(rule.local_name or ROOT, final=rule.kind is Kind.FINAL, initial=initial)
+        super().__init__(
+            rule.local_name or ROOT,
+            on_enter=lambda event_data: event_data.model.entered.append(rule.name),
+            on_exit=lambda event_data: event_data.model.left.append(rule.name),
+            initial=initial,
+        )
         self.rule = rule
+
+
+def _path(name: str) -> list[str]:
+    """Return how the library finds a state: from the root inwards."""
+    return [ROOT, *name.split(".")] if name else [ROOT]
 
 
 class ChartTransition(NestedTransition):
-    """A transition of the library that knows its rule."""
+    """A transition of the library that knows its rule, and is resolved as SCXML says.
 
-    def __init__(self, rule: Transition, source: str, target: Any) -> None:
-        super().__init__(source, target, _conditions(rule))
+    The library departs from that in two ways. It leaves what is active below the innermost active state
+    around the target, wherever the source is. And it enters no region but the target's.
+    """
+
+    def __init__(self, rule: Transition, source: str, target: str | None) -> None:
+        super().__init__(source, cast(str, target))  # the type hints know no transition without one
         self.rule = rule
+
+    def _resolve_transition(self, event_data: NestedEventData) -> Any:
+        """Leave what is active below the domain; enter from there to the targets that the event data has."""
+        machine = event_data.machine
+        tree = machine.build_state_tree(cast(ChartModel, event_data.model).state, ChartState.separator)
+        domain = self._domain(machine)
+        below: dict[str, Any] = reduce(getitem, domain, tree)
+        exits = []
+        for path in resolve_order(below):
+            state = machine.get_state([*domain, *path])
+            exits.append(partial(state.scoped_exit, event_data, [*domain, *path[:-1]]))
+        ways = [_path(target)[len(domain) :] for target in event_data.kwargs["targets"]]
+        entered, entries = self._enter_nested(list(domain), ways, domain, event_data)
+        below.clear()
+        below.update(entered)
+        return tree, exits, entries
+
+    def _domain(self, machine: HierarchicalMachine) -> list[str]:
+        """Return the innermost state with one active child that holds source and target.
+
+        Around the target of a history is the state whose past it is, whatever that remembers.
+        """
+        source, target = _path(self.rule.source), _path(self.rule.target or "")
+        for depth in range(len(source) - (not self.rule.internal), 0, -1):
+            around = source[:depth]
+            holds = around == target[:depth] and depth < len(target)
+            if holds and not isinstance(machine.get_state(around).initial, list):
+                return around
+        return target[:-1][:1]
+
+    def _enter_nested(self, root: list[str], dest: Any, prefix_path: list[str], event_data: Any) -> Any:
+        """Enter every region of a parallel state; `dest` are ways to targets, of a history perhaps many."""
+        ways = [way for way in dest if way]
+        if root or not ways:
+            return super()._enter_nested(root, ways, prefix_path, event_data)
+        initial = event_data.machine.scoped.initial
+        below: dict[str, Any] = {name: [] for name in initial} if isinstance(initial, list) else {}
+        for name, *way in ways:
+            below.setdefault(name, []).append(way)
+        states, entries = OrderedDict[str, Any](), []
+        for name, inner in below.items():
+            # The library enters the one state and asks this method for what is inside it.
+            state, more = super()._enter_nested([], [name, *inner], prefix_path, event_data)
+            states.update(state)
+            entries += more
+        return states, entries
 
 
 class ChartMachine(HierarchicalMachine):
@@ -128,14 +223,6 @@ def _library_initial(chart: Chart, state: State) -> str | list[str] | None:
     return next((child.local_name for child in _proper_children(chart, state)), None)
 
 
-def _conditions(rule: Transition) -> Any:
-    """Let the stock machine ask the same guard; it finds the environment in the event's keywords."""
-    guard = rule.guard
-    if guard is None:
-        return None
-    return [lambda event_data: bool(guard.evaluate(event_data.kwargs["environment"]))]
-
-
 class LevelRules:
     """For each leaf that has some: the transitions that need no event. `reads` is what decides on them."""
 
@@ -150,12 +237,16 @@ class LevelRules:
 
 
 class Structure(Semantics):
-    """SCXML's answers for one chart, with the transitions read once from the library's machine."""
+    """SCXML's answers for one chart, and the library's machine, whose transitions are read once."""
 
     def __init__(self, chart: Chart) -> None:
         super().__init__(chart)
         self.machine = build_machine(chart)
+        #: Enters the states in which the chart starts.
+        self.start = Transition("", "start", "", chart.states[""].place, target="")
+        self._executable = {"": ChartTransition(self.start, ROOT, ROOT)}
         self._rules = self._collect_rules()
+        self._slots = [state for state in chart.states.values() if state.slot and self.regions(state.name)]
         self._levels: dict[tuple[tuple[str, ...], ...], LevelRules] = {}
 
     def _collect_rules(self) -> dict[str, tuple[Transition, ...]]:
@@ -165,6 +256,7 @@ class Structure(Semantics):
                 for transition in transitions:
                     assert isinstance(transition, ChartTransition)
                     found[transition.rule.source].append(transition.rule)
+                    self._executable[transition.rule.id] = transition
         return {name: self._in_written_order(name, rules) for name, rules in found.items()}
 
     def _in_written_order(self, name: str, rules: list[Transition]) -> tuple[Transition, ...]:
@@ -202,6 +294,27 @@ class Structure(Semantics):
             if len(self._levels) < MAX_CONFIGURATIONS:
                 self._levels[key] = found
         return found
+
+    def carry_out(
+        self, leaves: Iterable[str], rules: Sequence[Transition], mission: str, aims: Sequence[Aim]
+    ) -> ChartModel:
+        """Let the library execute transitions that do not conflict: one after the other.
+
+        Together they do the same: none of them leaves or enters what another one does.
+        """
+        for slot in self._slots:
+            inside = self.default_child(slot, mission)
+            self.machine.get_state(_path(slot.name)).initial = self.chart.states[inside].local_name
+        model = ChartModel([".".join(_path(leaf)) for leaf in leaves])
+        for rule, aim in zip(rules, aims, strict=True):
+            event = NestedEventData(None, None, self.machine, model, (), {"targets": aim.targets})
+            self._executable[rule.id].execute(event)
+        return model
+
+    def around(self, leaves: Iterable[str]) -> States:
+        """Return the configuration with these leaves."""
+        active = {name for leaf in leaves for name in self.lineage[leaf]}
+        return tuple(sorted(active, key=self.order.__getitem__))
 
     @property
     def events(self) -> tuple[str, ...]:
@@ -259,7 +372,8 @@ class Configuration:
         self.working = tuple(state for state in states if state.invoke or state.for_each)
         self.work = _reads_of_work(structure.chart, self.working)
         self.passing = self.label.islower() or any(state.kind is Kind.FINAL for state in states)
-        self.microsteps: dict[tuple[str, ...], Microstep] = {}
+        #: By mission and chosen transitions; where one leads to a history, also by where that leads now.
+        self.microsteps: dict[tuple[Any, ...], Microstep] = {}
         self._candidates: dict[str | tuple[str, str], tuple[tuple[Transition, ...], ...]] = {}
 
     def candidates(self, event: str) -> tuple[tuple[Transition, ...], ...]:
@@ -398,8 +512,8 @@ class DispatchTable:
     def beginning(self) -> Microstep:
         """Return the microstep that enters the states in which the chart starts."""
         if self._beginning is None:
-            start = Transition("", "start", "", self.structure.chart.states[""].place, target="")
-            self._beginning = self._make(self.configuration(()), [start], "", lambda _: (), lambda _: None)
+            start = self.structure.start
+            self._beginning = self._make(self.configuration(()), (start,), "", (Aim(("",)),))
         return self._beginning
 
     def microstep(
@@ -419,45 +533,45 @@ class DispatchTable:
             remembered: what a history state stands for now.
             resume: the child in which a state goes on that comes back by history.
         """
-        key = (mission, *[rule.id for rule in chosen])
+        key: tuple[Any, ...] = (mission, *[rule.id for rule in chosen])
         found = active.microsteps.get(key)
+        if found is not None:
+            return found
+        structure = self.structure
+        rules = structure.without_conflicts(active.states, chosen)
+
+        def past(history: State) -> States:
+            # What is left just now is the past of who comes back in the same step.
+            now = dict(structure.remembers(active.states, structure.exits(active.states, rules)))
+            return now[history.name] if history.name in now else remembered(history)
+
+        aims = tuple(structure.aim(rule, mission, past, resume) for rule in rules)
+        if any(map(structure.is_to_history, rules)):
+            key = (*key, aims)
+            found = active.microsteps.get(key)
         if found is None:
-            found = self._make(active, chosen, mission, remembered, resume)
-            depends = any(map(self.structure.is_to_history, found.rules))
-            if len(active.microsteps) < MAX_MICROSTEPS and not depends:
+            found = self._make(active, rules, mission, aims)
+            if len(active.microsteps) < MAX_MICROSTEPS:
                 active.microsteps[key] = found
         return found
 
     def _make(
-        self,
-        active: Configuration,
-        chosen: Sequence[Transition],
-        mission: str,
-        remembered: Callable[[State], States],
-        resume: Callable[[State], str | None],
+        self, active: Configuration, rules: tuple[Transition, ...], mission: str, aims: Sequence[Aim]
     ) -> Microstep:
-        structure = self.structure
-        rules = structure.without_conflicts(active.states, chosen)
-        left = structure.exits(active.states, rules)
-        kept = tuple(name for name in active.states if name not in left)
-        remembers = structure.remembers(active.states, left)
-        now = dict(remembers)  # what is left just now is the past of who comes back in the same step
-        entered, back = structure.entry_set(
-            rules,
-            kept,
-            mission,
-            lambda past: now[past.name] if past.name in now else remembered(past),
-            resume,
-        )
+        structure, states = self.structure, self.structure.chart.states
+        model = structure.carry_out(active.leaves, rules, mission, aims)
+        left = sorted(model.left, key=structure.order.__getitem__, reverse=True)
         exits, configuration = [], list(active.states)
         for name in left:
-            exits.append((structure.chart.states[name], tuple(configuration)))
+            exits.append((states[name], tuple(configuration)))
             configuration.remove(name)
-        entries = []
-        for name in entered:
+        between, entries = tuple(configuration), []
+        for name in sorted(model.entered, key=structure.order.__getitem__):
             configuration = sorted([*configuration, name], key=structure.order.__getitem__)
-            entries.append((structure.chart.states[name], tuple(configuration)))
-        leads_to = self.configuration(tuple(configuration)) if left or entered else active
-        found = Microstep(rules, tuple(exits), tuple(entries), kept, leads_to)
-        found.remembers, found.back = remembers, back
+            entries.append((states[name], tuple(configuration)))
+        after = structure.around(model.leaves)
+        leads_to = self.configuration(after) if entries or exits else active
+        found = Microstep(rules, tuple(exits), tuple(entries), between, leads_to)
+        found.remembers = structure.remembers(active.states, left)
+        found.back = frozenset[str]().union(*(aim.back for aim in aims))
         return found

@@ -13,26 +13,14 @@ from transitions import MachineError
 from transitions.extensions.nesting import HierarchicalMachine
 
 from lupin_engine.errors import ChartError
-from lupin_engine.machine.structure import build_machine
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.load import load_chart
 from tests import shipped
 from tests.machine.charts import Bench, chart, fails
+from tests.machine.stock import StockModel, stock_model
 
 
-class Model:
-    """What the stock machine moves; it notes the callbacks that it gets."""
-
-    def __init__(self) -> None:
-        self.state: Any = None
-        self.heard: list[str] = []
-
-    def note(self, text: str) -> Any:
-        """Return a callback that notes `text`."""
-        return lambda *_: self.heard.append(text)
-
-
-def stock(model: Model, states: list[Any], transitions: list[Any], **more: Any) -> HierarchicalMachine:
+def stock(model: StockModel, states: list[Any], transitions: list[Any], **more: Any) -> HierarchicalMachine:
     """Return a stock machine as its documentation builds one."""
     return HierarchicalMachine(
         model=model, states=states, transitions=transitions, auto_transitions=False, queued=True, **more
@@ -42,10 +30,7 @@ def stock(model: Model, states: list[Any], transitions: list[Any], **more: Any) 
 def both(states: dict[str, Any], *events: str) -> tuple[Any, list[str]]:
     """Send `events` to the stock machine of our layout and to ours; return both states at the end."""
     given = chart(states)
-    model = Model()
-    machine = build_machine(given)
-    machine.add_model(model)
-    bench = Bench(given)
+    model, bench = stock_model(given), Bench(given)
     for event in events:
         live = {"in_state": lambda names: any(_active(model.state, f"chart.{name}") for name in names)}
         model.trigger(event, environment=live)  # type: ignore[attr-defined]
@@ -74,7 +59,7 @@ def test_1_a_transition_of_a_parallel_state_is_taken_once() -> None:
         {"name": "a", "children": ["1", "2", "3"], "initial": "1"},
         {"name": "b", "children": ["1", "2"], "initial": "1"},
     ]
-    model = Model()
+    model = StockModel()
     machine = stock(model, [{"name": "P", "parallel": regions, "transitions": moves}], [], initial="P")
     model.go()  # type: ignore[attr-defined]
     assert model.state == ["P_a_3", "P_b_1"]
@@ -92,7 +77,7 @@ def test_1_a_transition_of_a_parallel_state_is_taken_once() -> None:
 
 def test_2_a_transition_of_the_root_is_taken_once() -> None:
     """Stock: with several active root states, one event moves the first once per root state."""
-    model = Model()
+    model = StockModel()
     states = [{"name": "a", "children": ["1", "2", "3"], "initial": "1"}, "b"]
     stock(model, states, [["go", "a_1", "a_2"], ["go", "a_2", "a_3"]], initial=["a_1", "b"])
     model.go()  # type: ignore[attr-defined]
@@ -120,7 +105,7 @@ def test_3_who_leaves_the_parallel_state_leaves_it_whole() -> None:
 
 def test_4_every_child_of_a_parallel_state_is_active() -> None:
     """Stock: a child that is not among the initial ones can be entered beside its siblings."""
-    model = Model()
+    model = StockModel()
     idle = {"name": "c", "on_exit": model.note("exit c")}
     states = [{"name": "P", "children": ["a", "b", idle], "initial": ["a", "b"]}]
     stock(model, states, [["go", "P_a", "P_c"]], initial="P")
@@ -137,7 +122,7 @@ def test_4_every_child_of_a_parallel_state_is_active() -> None:
 
 def test_5_the_inner_state_answers_first() -> None:
     """Stock: what a parent declares inside its scope beats what its child has outside."""
-    model = Model()
+    model = StockModel()
     parent = {"name": "P", "children": ["a", "b", "c"], "initial": "a", "transitions": [["go", "a", "b"]]}
     inside = {"name": "O", "children": [parent, "z"], "initial": "P", "transitions": [["go", "P", "z"]]}
     stock(model, [inside], [["go", "O_P_a", "O_P_c"]], initial="O")
@@ -181,7 +166,7 @@ def test_7_a_region_that_goes_to_another_leaves_and_enters_all() -> None:
 
 def test_8_a_parallel_state_ends_with_its_last_region() -> None:
     """Stock (issue 715): the machine is told to be final although a region is not."""
-    model = Model()
+    model = StockModel()
     regions = [
         {"name": "a", "children": ["1", {"name": "f", "final": True}], "initial": "1"},
         {"name": "b", "children": ["1", {"name": "f", "final": True}], "initial": "1"},
@@ -210,7 +195,7 @@ def test_8_a_parallel_state_ends_with_its_last_region() -> None:
 
 def test_9_the_first_state_is_entered() -> None:
     """Stock: the entry action of the initial state never runs."""
-    model = Model()
+    model = StockModel()
     stock(model, [{"name": "A", "on_enter": model.note("enter A")}], [], initial="A")
     assert model.heard == []
 
@@ -223,7 +208,7 @@ def test_9_the_first_state_is_entered() -> None:
 
 def test_10_an_error_keeps_the_queue() -> None:
     """Stock: the new state stays, and what was queued is lost with the exception."""
-    model = Model()
+    model = StockModel()
     model.boom = _boom  # type: ignore[attr-defined]
     rule = {"trigger": "go", "source": "A", "dest": "B", "before": lambda: model.next()}  # type: ignore[attr-defined]
     stock(model, ["A", {"name": "B", "on_enter": "boom"}, "C"], [rule, ["next", "B", "C"]], initial="A")
@@ -248,7 +233,7 @@ def _boom() -> None:
 
 def test_11_what_does_not_exist_is_told_before_anything_runs(tmp_path: Path) -> None:
     """Stock: unknown states and callbacks are accepted; the callback fails when the state has changed."""
-    model = Model()
+    model = StockModel()
     missing = {"trigger": "call", "source": "A", "dest": "B", "after": "absent"}
     stock(model, ["A", "B"], [["go", "A", "NOWHERE"], ["back", "GHOST", "A"], missing], initial="A")
     with pytest.raises(ValueError, match="NOWHERE"):
@@ -274,7 +259,7 @@ def test_11_what_does_not_exist_is_told_before_anything_runs(tmp_path: Path) -> 
 
 def test_12_exits_then_actions_then_entries() -> None:
     """Stock: what a transition does `before` precedes the exits, what it does `after` the entries."""
-    model = Model()
+    model = StockModel()
     states = [
         {"name": "A", "on_exit": model.note("exit A")},
         {"name": "B", "on_enter": model.note("enter B")},
@@ -299,6 +284,56 @@ def test_12_exits_then_actions_then_entries() -> None:
     assert bench.commands == ["act exit.A", "act act", "act enter.B"]
 
 
+# 13 ------------------------------------------------------------------------------------------------------
+
+
+def test_13_all_regions_are_entered() -> None:
+    """Stock: a transition into one region enters no other."""
+    regions = {"A": region("a"), "B": region("b")}
+    state, leaves = both({"X": {"on": {"go": "P.A.a2"}}, "P": {"kind": "parallel", "states": regions}}, "go")
+    assert state == "chart.P.A.a2"
+    assert leaves == ["P.A.a2", "P.B.b1"]
+
+
+# 14 ------------------------------------------------------------------------------------------------------
+
+
+def test_14_who_leaves_is_decided_by_the_source_too() -> None:
+    """Stock: a transition of an outer state leaves only what is inside of its target's active ancestors."""
+    inner: dict[str, Any] = {"C": {"states": {"c1": {}, "c2": {}}}}
+    given = chart({"O": {"states": inner, "on": {"go": "O.C.c2"}}})
+    model, bench = stock_model(given), Bench(given)
+    model.trigger("go", environment={})  # type: ignore[attr-defined]
+    step = bench.send("go")
+    assert (model.left, model.entered) == (["O.C.c1"], ["O.C.c2"])
+    assert (step.exited, step.entered) == (("O.C.c1", "O.C", "O"), ("O", "O.C", "O.C.c2"))
+
+
+# 15 ------------------------------------------------------------------------------------------------------
+
+
+def test_15_a_region_moves_beside_one_that_has_ended() -> None:
+    """Stock (issue 715 again): it looks for the entry of the machine itself, after the state has changed."""
+    model = StockModel()
+    regions = [
+        {"name": "a", "children": ["1", "2"], "initial": "1"},
+        {"name": "b", "children": ["1", {"name": "f", "final": True}], "initial": "1"},
+    ]
+    moves = [["end", "P_b_1", "P_b_f"], ["go", "P_a_1", "P_a_2"]]
+    stock(model, [{"name": "P", "parallel": regions}], moves, initial="P")
+    model.end()  # type: ignore[attr-defined]
+    with pytest.raises(AttributeError, match="scoped_enter"):
+        model.go()  # type: ignore[attr-defined]
+    assert model.state == ["P_a_2", "P_b_f"]
+
+    moving = {"states": {"1": {"on": {"go": "2"}}, "2": {}}}
+    ending = {"states": {"1": {"on": {"end": "f"}}, "f": {"kind": "final"}}}
+    bench = Bench(chart({"P": {"kind": "parallel", "states": {"a": moving, "b": ending}}}))
+    bench.send("end")
+    bench.send("go")
+    assert bench.leaves == ["P.a.2", "P.b.f"]
+
+
 # our layout ----------------------------------------------------------------------------------------------
 
 
@@ -311,8 +346,7 @@ def test_names_with_underscores_are_no_hierarchy() -> None:
 def test_the_stock_machine_refuses_what_it_does_not_know() -> None:
     """Stock: a known event without a transition is an exception; ours is a step without effect."""
     given = chart({"A": {"on": {"go": "B"}}, "B": {}})
-    model = Model()
-    build_machine(given).add_model(model)
+    model = stock_model(given)
     model.trigger("go", environment={})  # type: ignore[attr-defined]
     with pytest.raises(MachineError):
         model.trigger("go", environment={})  # type: ignore[attr-defined]

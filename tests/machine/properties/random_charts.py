@@ -92,9 +92,21 @@ def rules(draw: st.DrawFn, targets: list[str], guarded: bool = False) -> dict[st
 
 
 @st.composite
-def charts(draw: st.DrawFn) -> Chart:
+def remembering_trees(draw: st.DrawFn) -> dict[str, Any]:
+    """Return regions with states of their own in a state whose deep history goes back into all of them."""
+    regions = {name: {"states": draw(trees(depth=2))} for name in ("A", "B")}
+    past = {"kind": "history", "depth": None}
+    states = {"P": {"kind": "parallel", "states": regions}, "D": {}, "H": past}
+    return {
+        "M": {"states": states, "on": {"e0": [{"target": "Z"}]}},
+        "Z": {"on": {"e0": [{"target": "M.H"}]}},
+    }
+
+
+@st.composite
+def charts(draw: st.DrawFn, of: st.SearchStrategy[dict[str, Any]] | None = None) -> Chart:
     """Return a chart with random transitions of every kind."""
-    tree = draw(trees())
+    tree = draw(trees() if of is None else of)
     names = paths(tree)
     sources = [name for name in names if at(tree, name).get("kind") not in ("history", "final")]
     for _ in range(draw(st.integers(1, 14))):

@@ -10,19 +10,13 @@ from hypothesis import strategies as st
 from transitions import MachineError
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.machine.structure import build_machine
 from tests.machine.charts import Bench, chart
 from tests.machine.properties.random_charts import at, paths
+from tests.machine.stock import stock_model
 
 EVENTS = ("e0", "e1", "e2")
 GUARDS = ("g0", "g1")
 REGIONS = ("R", "S", "T")
-
-
-class Model:
-    """What the stock machine moves."""
-
-    state: Any = None
 
 
 @st.composite
@@ -81,25 +75,16 @@ def events_of(names: tuple[str, ...]) -> st.SearchStrategy[list[tuple[str, bool,
     return st.lists(st.tuples(st.sampled_from(names), st.booleans(), st.booleans()), max_size=12)
 
 
-def leaves(state: Any) -> list[str]:
-    """Return the innermost states of the stock machine, which nests lists for regions."""
-    if isinstance(state, list):
-        return [leaf for inner in state for leaf in leaves(inner)]
-    return [str(state).removeprefix("chart.")]
-
-
 def compare(given_chart: Chart, sent: list[tuple[str, bool, bool]]) -> None:
     """Send the same to both; what the stock machine does not know, it must not be asked."""
-    model = Model()
-    build_machine(given_chart).add_model(model)
-    bench = Bench(given_chart)
-    assert bench.leaves == leaves(model.state)
+    model, bench = stock_model(given_chart), Bench(given_chart)
+    assert bench.leaves == model.leaves
     for event, g0, g1 in sent:
         data = {"g0": g0, "g1": g1}
         with contextlib.suppress(MachineError, AttributeError):
             model.trigger(event, environment={"event": data})  # type: ignore[attr-defined]
         bench.send(event, **data)
-        assert bench.leaves == leaves(model.state)
+        assert bench.leaves == model.leaves
 
 
 @given(charts(), events_of(EVENTS))
