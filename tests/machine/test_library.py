@@ -50,7 +50,7 @@ def test_without_the_library_no_mission_runs() -> None:
     code, last = simulate()
     assert (code, last[:5]) == (0, "DONE:")
     code, last = simulate(STAND_INS)
-    assert (code, last[:12]) == (2, "not started:")
+    assert (code, last[:11]) == (2, "not started")
 
 
 def test_each_transition_is_executed_once_in_a_configuration(monkeypatch: pytest.MonkeyPatch) -> None:
