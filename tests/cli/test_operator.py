@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
@@ -176,6 +177,27 @@ def test_what_an_orchestrator_does_not_tell_is_not_shown() -> None:
     """One of an older version tells nothing of what is possible."""
     shown = look(TOLD[0], {}, {}, 11.0)
     assert list(lines(shown, VERBS)) == ["BOOT", "  doing      plugins.ready"]
+
+
+def test_what_happened_to_another_mission_is_not_shown() -> None:
+    """Nor what was before a reset: each is of the mission of that time."""
+    (step,), possible, offer = TOLD
+    aborted = {
+        "code": "mission_aborted",
+        "label": "mission aborted",
+        "severity": 1,
+        "detail": "",
+        "target": "",
+    }
+
+    def at(lifecycle: str, mission_id: str, *codes: Mapping[str, Any]) -> dict[str, Any]:
+        view = {**step["view"], "lifecycle": lifecycle, "mission_id": mission_id}
+        return {"step": {**step["step"], "codes": list(codes)}, "view": view}
+
+    before = [at("INSPECTING", "one", aborted), at("FAULT", "one", aborted)]
+    assert look(before, possible, offer, 11.0)["codes"] == [aborted, aborted]
+    assert look([*before, at("READY", "one")], possible, offer, 11.0)["codes"] == []
+    assert look([*before, at("PREPARE", "two"), at("DONE", "two")], possible, offer, 11.0)["codes"] == []
 
 
 def test_a_mission_without_targets_has_none_to_count() -> None:

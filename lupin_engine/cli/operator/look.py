@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from itertools import takewhile
 from typing import Any
 
 from lupin_engine.cli.terminal.view import clock, default_text
@@ -31,9 +32,10 @@ def look(
     view = records[-1]["view"]
     told = ("lifecycle", "phase", "target", "mission", "mission_id", "total", "paused", "code", "detail")
     began = view["started_at"]
-    codes = [code for record in records for code in record["step"].get("codes", ())]
     missions = {one["mission"]: one.get("file") or one["mission"] for one in offer.get("missions", ())}
     stages = offer.get("stages", {})
+    now_shown = list(takewhile(_is_of(view, stages.get("ready", ())), reversed(records)))
+    codes = [code for record in reversed(now_shown) for code in record["step"].get("codes", ())]
     idle = any(view["lifecycle"] in states for stage, states in stages.items() if stage != "returning")
     requests = possible.get("requests", ())
     return {
@@ -49,6 +51,17 @@ def look(
         ],
         "to_do": to_do(view, requests if idle else (), offer),
     }
+
+
+def _is_of(view: Mapping[str, Any], ready: Collection[str]) -> Callable[[Mapping[str, Any]], bool]:
+    """Return what says whether a record is of the mission that a view shows, or of the rest that it shows."""
+    rests = view["lifecycle"] in ready
+
+    def is_of(record: Mapping[str, Any]) -> bool:
+        before = record["view"]
+        return before["mission_id"] == view["mission_id"] and (before["lifecycle"] in ready) is rests
+
+    return is_of
 
 
 def to_do(
