@@ -12,6 +12,8 @@ BRAKING_S = 2.0
 MOVED_M = 0.2
 #: How long a robot is watched whose drive has ended, after `BRAKING_S`, in seconds: people may drive it then.
 WATCHED_S = 5.0
+#: One that was in its place for so long meanwhile, in seconds and metres, stands: what moves it later is not us.
+STOOD_S, STOOD_M = 1.0, 0.03
 
 
 class MovementWatch:
@@ -47,14 +49,21 @@ class MovementWatch:
         if self._ended and now > self._since + BRAKING_S + WATCHED_S:
             self.forget()
             return False
+        if self._ended and now > self._since + BRAKING_S + STOOD_S and self._way(self._last) < STOOD_M:
+            self.forget()
+            return False
         if self._from is None:
             self._from = self._last = place
         self._jump = max(self._jump, math.dist(place, self._last))
         self._last = place
-        moved = math.dist(place, self._from) - self._jump > MOVED_M
+        moved = self._way(place) > MOVED_M
         if moved:
             self.forget()
         return moved
+
+    def _way(self, place: Point) -> float:
+        """Return how far a place is from where the robot braked, in metres; 0 where no pose came since."""
+        return 0.0 if self._from is None else math.dist(place, self._from) - self._jump
 
     def _brake(self, now: float) -> None:
         self._since, self._from, self._jump = now, None, 0.0

@@ -21,7 +21,9 @@ export const alerts = computed<readonly Alert[]>(() => {
   const at = mode.value === "recording" ? moment.value : null;
   const view = steps.past.at(at)?.value.view;
   const names = stopNames(at);
-  const others = (base.past.at(at)?.value.stops ?? []).flatMap((each) => (each === "robot" || each === "hmi" ? [t.sources[each]] : []));
+  // A robot repeats the stop of pages as its own, and our gateway tells it to other HMIs: only without it are these news.
+  const told = base.past.at(at)?.value.stops ?? [];
+  const others = told.includes("pages") ? [] : told.flatMap((each) => (each === "robot" || each === "hmi" ? [t.sources[each]] : []));
   const found: Alert[] = [];
   if (names.length || state.past.at(at)?.value.estop_engaged) found.push({ kind: "stop", text: t.stop([...names, ...others].join(", ")), isSaid: names.length > 0 && others.length === 0 });
   if (view && isFault(view.lifecycle)) {

@@ -46,10 +46,15 @@ const DEAD_AFTER_MS = 2500;
 /** A connection that does not come about for so long is tried anew. */
 const CONNECT_WITHIN_MS = 5000;
 
-/** Go and log in where the gateway answers and lets this page in no more. */
+let asks = false;
+
+/** Go and log in where the gateway answers and lets this page in no more. It takes its time with who is not let in. */
 async function logInAnew(): Promise<void> {
+  if (asks) return;
+  asks = true;
   const asked = { headers: { accept: "text/html" }, redirect: "manual", cache: "no-store" } as const;
   const answer = await fetch("/", asked).catch(() => undefined);
+  asks = false;
   if (answer?.type === "opaqueredirect") location.assign("/login");
 }
 
@@ -133,9 +138,7 @@ export class Link {
       this.receive(JSON.parse(data as string) as Frame);
     };
     socket.onclose = () => {
-      if (this.socket !== socket) return;
-      if (!this.isLetIn) void logInAnew();
-      this.lose();
+      if (this.socket === socket) this.lose();
     };
   }
 
@@ -143,6 +146,7 @@ export class Link {
   private lose(): void {
     const left = this.socket;
     this.socket = undefined;
+    if (!this.isLetIn) void logInAnew();
     left?.close();
     if (this.state.value === "open")
       batch(() => {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lupin_nav.standstill import BRAKING_S, MOVED_M, WATCHED_S, MovementWatch
+from lupin_nav.standstill import BRAKING_S, MOVED_M, STOOD_S, WATCHED_S, MovementWatch
 
 
 def driven(speed: float, *, begin: float = 0.0, end: float = 20.0, runs: bool = False) -> float | None:
@@ -31,10 +31,25 @@ def test_a_robot_that_brakes_is_none() -> None:
 
 
 def test_a_robot_is_not_watched_long_after_the_end_of_its_drive() -> None:
-    """Somebody may drive it by hand; while the server has the goal, it is watched all the time."""
-    late = BRAKING_S + WATCHED_S + 0.5
+    """Somebody may drive it once it has stood; while the server has the goal, it is watched all the time."""
+    late = BRAKING_S + STOOD_S + 0.3
     assert driven(0.5, begin=late) is None
     assert driven(0.5, begin=late, runs=True) is not None
+
+
+def test_where_no_pose_comes_the_robot_has_stood() -> None:
+    """Some localizers speak of a robot only while it moves."""
+    watch = MovementWatch()
+    watch.cancelled("a1", 0.0)
+    assert not watch.moves((0.0, 0.0), 0.1, False)
+    later = [0.1 * tick for tick in range(50, 90)]
+    assert not any(watch.moves((0.5 * (now - 5.0), 0.0), now, False) for now in later)
+
+
+def test_a_robot_that_never_stood_is_watched_as_long_as_it_may_be_its_drive() -> None:
+    found = driven(0.06)
+    assert found is not None
+    assert BRAKING_S + STOOD_S < found < BRAKING_S + WATCHED_S
 
 
 def test_a_jump_is_no_movement_and_noise_is_none() -> None:
