@@ -137,6 +137,14 @@ class CheckedOptions:
                     raise UsageError(f"{problem}; pages need `pip install 'lupin-engine[hmi]'`") from problem
         return found
 
+    @property
+    def _own(self) -> Mapping[str, Parameter]:
+        """The orchestrator's own parameters, which are not the missions'."""
+        prepare_ros()
+        from lupin_engine.ros.orchestrator import OWN_PARAMETERS
+
+        return OWN_PARAMETERS
+
     def _read(
         self, option: str, given: Iterable[str], declared: Mapping[str, Parameter], node: str = ""
     ) -> dict[str, Any]:
@@ -150,6 +158,7 @@ class CheckedOptions:
             return f"it belongs to the mission: write --set {name}=VALUE"
         try:
             owners = [node for node, known in self._declared.items() if name in known]
+            owners += [ORCHESTRATOR] * (name in self._own)
         except LupinError:
             return ""  # without ROS only the parameters of missions are known
         written = " or ".join(f"--set {node}.{name}=VALUE" for node in owners)
@@ -186,8 +195,11 @@ class CheckedOptions:
             if name in self._declared:
                 found[name] = self._read("--set", given, self._declared[name], name)
             elif name == ORCHESTRATOR:
-                hints = " ".join(f"--set {setting!r}" for setting in given)
-                self.problems.add(f"--set: parameters of the mission go without a node: write {hints}")
+                own = [setting for setting in given if setting.partition("=")[0].strip() in self._own]
+                found[name] = self._read("--set", own, self._own, name)
+                hints = " ".join(f"--set {setting!r}" for setting in given if setting not in own)
+                if hints:
+                    self.problems.add(f"--set: parameters of the mission go without a node: write {hints}")
             else:
                 self.problems.add(f"--set: unknown node {name!r}; {nearest(name, self._declared)}")
         return found
@@ -195,7 +207,7 @@ class CheckedOptions:
     def _parameters(self, given: Mapping[str, ParameterValues]) -> dict[str, ParameterValues]:
         """Return the parameters of the nodes: the mission's for the orchestrator, and those given."""
         missions = {**self._loaded.parameters(), **self.values}
-        found: dict[str, ParameterValues] = {ORCHESTRATOR: missions}
+        found: dict[str, ParameterValues] = {ORCHESTRATOR: {**missions, **given.get(ORCHESTRATOR, {})}}
         for name, known in self._declared.items():
             # What several know, such as a map or the missions' folder, must be the same for all.
             shared = {setting: value for setting, value in missions.items() if setting in known}

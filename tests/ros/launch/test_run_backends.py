@@ -46,8 +46,13 @@ def test_a_mission_reads_a_recording(lupin: Start, tmp_path: Path) -> None:
             ],
         ),
         (
-            ["--set", "backend=mqtt", "--set", "lupin_arm.dock_pose=[1,2,3]", "--sim", "mqtt_port=1"],
             [
+                *("--set", "resume_policy=continue", "--set", "backend=mqtt"),
+                *("--set", "lupin_arm.dock_pose=[1,2,3]", "--sim", "mqtt_port=1"),
+            ],
+            [
+                "--set: unknown parameter 'resume_policy'; it belongs to mission_orchestrator: "
+                "write --set mission_orchestrator.resume_policy=VALUE",
                 "--set: unknown parameter 'backend'; it belongs to greenhouse_bridge: "
                 "write --set greenhouse_bridge.backend=VALUE",
                 "--sim: unknown parameter 'mqtt_port'; it belongs to greenhouse_bridge: "
@@ -118,3 +123,11 @@ def test_a_setting_of_a_node_that_the_mission_has_no_use_for_is_refused(lupin: S
     assert run.end() == 2
     told = "--set is for perception_aggregator, which PatrolMission has no use for"
     assert run.errors == [f"lupin: {told}"]
+
+
+def test_the_orchestrator_gets_parameters_of_its_own(lupin: Start, tmp_path: Path) -> None:
+    own = "mission_orchestrator.resume_policy=continue"
+    run = lupin("run", "inspection", "--tags", "1", "--speed", "10", "--set", own, "--log-dir", str(tmp_path))
+    assert run.end() == 0
+    (given,) = tmp_path.rglob("mission_orchestrator.yaml")
+    assert 'resume_policy: "continue"' in given.read_text(encoding="utf-8")
