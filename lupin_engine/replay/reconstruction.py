@@ -33,6 +33,7 @@ from lupin_engine.runtime.record import read_step
 from lupin_engine.runtime.setup import check_parameters
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario_text, mission_name
 from lupin_engine.sim.simulation import NEW_YEAR, Run, is_named, label_of
+from lupin_engine.verify.properties import INVARIANTS
 
 #: To how many digits times are written: the first that makes the run come out the same will do.
 _DIGITS = (3, 6, 12)
@@ -357,6 +358,8 @@ def expectations(run: Run) -> dict[str, Any]:
             if step.refusal
         ],
         "counts": dict(Counter(attempt.operation for attempt in run.history.attempts.values())),
+        "broken": [name for _, name in run.history.broken],
+        "violated": [name for _, name, _ in run.violated if name != INVARIANTS],
     }
     kept = {name: value for name, value in found.items() if value}
     return {**kept, "final": run.view.lifecycle, "last_error": run.view.code}

@@ -12,6 +12,7 @@ import pytest
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import parse
 from lupin_engine.errors import UsageError
+from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.replay.reconstruction import read_recording, scenario_text
 from lupin_engine.replay.yaml_text import WIDTH, yaml_text
 from lupin_engine.runtime.record import step_record
@@ -315,3 +316,26 @@ def test_requests_keep_what_they_carry() -> None:
     )
     text = remade(steps_of(scenario), {})
     assert f'- {{on: DONE, after: 1 s, request: {{{START}: {{tag_sequence: ["4"]}}}}}}' in text
+
+
+def test_what_was_broken_and_violated_is_expected_of_the_scenario(tmp_path: Path) -> None:
+    """A run that went wrong becomes a test that says so, and passes until the mission is mended."""
+    (tmp_path / "breaks.yaml").write_text(
+        "mission: Breaks\n"
+        "invariants:\n  few: {that: count == 0, summary: nothing is counted}\n"
+        "context: {count: {type: count, default: 0}}\n"
+        "states:\n  A: {after: {1 s: {target: B, do: [set: {count: 1}]}}}\n  B: {after: {1 s: done}}\n"
+        "  done: {type: final}\ninitial: A\n",
+        encoding="utf-8",
+    )
+    lifecycle = default_missions_folder() / "lifecycle.yaml"
+    (tmp_path / "lifecycle.yaml").write_text(lifecycle.read_text(encoding="utf-8"), encoding="utf-8")
+    place = tmp_path / "made.scenario.yaml"
+    text = "scenario: it breaks\nmission: breaks\nexpect: {broken: [few], final: FAULT}\n"
+    scenario = load_scenario_text(text, place, MISSIONS)
+    assert scenario.failures(scenario.run()) == []
+    recording = read_recording(
+        json.dumps({"steps": steps_of(scenario), "parameters": scenario.parameters}), "run.json"
+    )
+    made = load_scenario_text(scenario_text(recording, "as recorded", place, MISSIONS), place, MISSIONS)
+    assert (made.node.expect.broken, made.failures(made.run())) == (["few"], [])
