@@ -114,7 +114,7 @@ def test_a_mission_with_it(world: World, desk: Desk, spraying: Cart) -> None:
     desk.until_done(published=2)
     told = [(o.tag_reading.tag_id, o.status) for o in desk.observations]
     assert told == [("1", 0), ("5", 1)]
-    assert desk.observations[1].status_detail == "a box"
+    assert desk.observations[1].status_detail == "spray_blocked: a box"
     assert {goal.request.pose.header.frame_id for goal in spraying.goals} == {"bed_3"}
     assert (spraying.lamps, spraying.rinsed) == ([(0.0, 1.0), (1.0, 0.0)], 1)
     described = desk.call(
@@ -202,7 +202,7 @@ def test_a_cart_that_will_not(desk: Desk, spraying: Cart) -> None:
     spraying.willing = False
     desk.begin("1")
     desk.until_done(published=1)
-    detail = "action server /sprayer/spray is not willing to take the goal"
+    detail = "spray_refused: action server /sprayer/spray is not willing to take the goal"
     assert [o.status_detail for o in desk.observations] == [detail]
 
 
@@ -215,7 +215,8 @@ def test_a_cart_that_dies(world: World, desk: Desk, missions: Path) -> None:
     desk.until(desk.order_is_taken, "the order is taken")
     world.processes["cart"].kill()
     desk.until_done(published=1)
-    assert [o.status_detail for o in desk.observations] == ["action server /sprayer/spray is gone"]
+    detail = "sprayer_gone: action server /sprayer/spray is gone"
+    assert [o.status_detail for o in desk.observations] == [detail]
 
 
 def test_the_robot_waits_for_the_cart(world: World, desk: Desk, missions: Path) -> None:
