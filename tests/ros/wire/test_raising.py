@@ -63,7 +63,7 @@ def test_a_drive_that_cannot_be_sent_is_over_at_once(wire: Raising) -> None:
     wire.raise_in("")
     wire.until_done(mission)
     assert wire.outcomes(mission) == [("1", UNREACHABLE), ("2", OK)]
-    assert wire.details(mission)[0] == "RuntimeError: NavClient._go_to raises"
+    assert wire.details(mission)[0] == "driver_error: RuntimeError: NavClient._go_to raises"
 
 
 @pytest.mark.parametrize("stop", ["pause", "estop"])
