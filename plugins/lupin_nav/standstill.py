@@ -12,7 +12,7 @@ BRAKING_S = 2.0
 MOVED_M = 0.2
 #: How long a robot is watched whose drive has ended, after `BRAKING_S`, in seconds: people may drive it then.
 WATCHED_S = 5.0
-#: One that was in its place for so long meanwhile, in seconds and metres, stands: what moves it later is not us.
+#: One that was in its place for so long (s, m) stands: what moves it later is not its own drive.
 STOOD_S, STOOD_M = 1.0, 0.03
 
 
