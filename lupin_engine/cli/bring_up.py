@@ -137,7 +137,7 @@ class CheckedOptions:
                     raise UsageError(f"{problem}; pages need `pip install 'lupin-engine[hmi]'`") from problem
         return found
 
-    @property
+    @cached_property
     def _own(self) -> Mapping[str, Parameter]:
         """The orchestrator's own parameters, which are not the missions'."""
         prepare_ros()

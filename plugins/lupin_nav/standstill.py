@@ -12,7 +12,7 @@ BRAKING_S = 2.0
 MOVED_M = 0.2
 #: How long a robot is watched whose drive has ended, after `BRAKING_S`, in seconds: people may drive it then.
 WATCHED_S = 5.0
-#: One that was in its place for so long (s, m) stands: what moves it later is not its own drive.
+#: One that stays within so many metres for so many seconds stands: what moves it later is not its drive.
 STOOD_S, STOOD_M = 1.0, 0.03
 
 
@@ -46,10 +46,8 @@ class MovementWatch:
             self._brake(now)
         if now < self._since + BRAKING_S:
             return False
-        if self._ended and now > self._since + BRAKING_S + WATCHED_S:
-            self.forget()
-            return False
-        if self._ended and now > self._since + BRAKING_S + STOOD_S and self._way(self._last) < STOOD_M:
+        watched = STOOD_S if self._way(self._last) < STOOD_M else WATCHED_S
+        if self._ended and now > self._since + BRAKING_S + watched:
             self.forget()
             return False
         if self._from is None:
