@@ -1,4 +1,4 @@
-"""The engine knows no greenhouse: its names, texts and comments have none of the profile's words."""
+"""Only plugins know the greenhouse: names, texts and comments of the other shelves have none of its words."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ import pytest
 
 from lupin_greenhouse.profile import PROFILE, WIRE
 
-ENGINE = Path(__file__).parents[1] / "lupin_engine"
+ROOT = Path(__file__).parents[1]
+SHELVES = [ROOT / "lupin_engine", ROOT / "lupin_ros", ROOT / "workbench"]
+MODULES = sorted(file for shelf in SHELVES for file in shelf.rglob("*.py"))
 #: What `lupin plugin new` writes is read as well.
-FILES = sorted([*ENGINE.rglob("*.py"), *(ENGINE / "cli" / "plugin_template").rglob("*.txt")])
+FILES = [*MODULES, *sorted((ROOT / "lupin_engine/cli/plugin_template").rglob("*.txt"))]
 
 #: Words of the greenhouse that the profile uses without naming them.
 OTHERS = frozenset(
@@ -36,15 +38,15 @@ OTHERS = frozenset(
 )
 #: Where a word means something else, by the beginning of a module's path.
 MEANT_OTHERWISE: Mapping[str, frozenset[str]] = {
-    "chart/documents.py": frozenset({"tag"}),  # pydantic's Tag
-    "chart/source.py": frozenset({"tag", "tags"}),  # of YAML
-    "cli/terminal/sarif.py": frozenset({"tags"}),  # of SARIF
-    "diagram/": frozenset({"layout", "tags"}),  # of a graph; of XML
-    "editor/server.py": frozenset({"tag", "tags"}),  # of the language server protocol
-    "machine/": frozenset({"arm"}),  # a timer is armed
-    "plugin/types.py": frozenset({"°C"}),  # a unit as others are
-    "replay/timeline_svg.py": frozenset({"tag"}),  # of XML
-    "runtime/record.py": frozenset({"tag"}),  # pydantic's Tag
+    "lupin_engine/chart/documents.py": frozenset({"tag"}),  # pydantic's Tag
+    "lupin_engine/chart/source.py": frozenset({"tag", "tags"}),  # of YAML
+    "lupin_engine/cli/terminal/sarif.py": frozenset({"tags"}),  # of SARIF
+    "lupin_engine/diagram/": frozenset({"layout", "tags"}),  # of a graph; of XML
+    "lupin_engine/editor/server.py": frozenset({"tag", "tags"}),  # of the language server protocol
+    "lupin_engine/machine/": frozenset({"arm"}),  # a timer is armed
+    "lupin_engine/plugin/types.py": frozenset({"°C"}),  # a unit as others are
+    "lupin_engine/replay/timeline_svg.py": frozenset({"tag"}),  # of XML
+    "lupin_engine/runtime/record.py": frozenset({"tag"}),  # pydantic's Tag
 }
 _NAME = re.compile(r"[A-Za-z_°][A-Za-z0-9_°]*")
 _PART = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[a-z0-9]+")
@@ -69,7 +71,7 @@ def words_in(text: str) -> Iterator[str]:
 
 def breaches(file: Path) -> Iterator[str]:
     """Yield the words of the greenhouse in a file, each with its line."""
-    inside = file.relative_to(ENGINE).as_posix()
+    inside = file.relative_to(ROOT).as_posix()
     allowed = [words for begin, words in MEANT_OTHERWISE.items() if inside.startswith(begin)]
     unwanted = words_of_the_profile().difference(*allowed)
     for line, text in texts_of(file):
@@ -89,7 +91,7 @@ def texts_of(file: Path) -> Iterator[tuple[int, str]]:
                 yield token.start[0] + offset, line
 
 
-def test_no_word_of_the_greenhouse_stands_in_the_engine() -> None:
+def test_no_word_of_the_greenhouse_stands_outside_the_plugins() -> None:
     """What the engine needs of it, a profile gives."""
     assert [breach for file in FILES for breach in breaches(file)] == []
 
@@ -98,7 +100,7 @@ def test_no_text_of_the_engine_names_a_state_of_the_lifecycle() -> None:
     """Another profile has others; FAULT is where the engine itself leads."""
     stages = PROFILE.stages
     labels = {*stages.starting, *stages.ready, *stages.returning, *stages.ended, *stages.faulted} - {"FAULT"}
-    for file in ENGINE.rglob("*.py"):
+    for file in MODULES:
         for token in tokenize.generate_tokens(io.StringIO(file.read_text(encoding="utf-8")).readline):
             if token.type not in (tokenize.OP, tokenize.NAME):
                 said = {*_NAME.findall(re.sub(r"\{[^{}]*\}", "", token.string))}
@@ -128,7 +130,7 @@ def test_every_exception_is_needed() -> None:
         there = "\n".join(
             text
             for file in FILES
-            if file.relative_to(ENGINE).as_posix().startswith(begin)
+            if file.relative_to(ROOT).as_posix().startswith(begin)
             for _, text in texts_of(file)
         )
         assert words <= set(words_in(there)), begin

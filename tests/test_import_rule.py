@@ -1,6 +1,6 @@
 """Who may import whom: the rule of docs/design.md, read off the source of every module.
 
-A room is a folder of the engine. `A <- B` there means that B may import A and all that A may; what is not
+A room is a folder of a shelf. `A <- B` there means that B may import A and all that A may; what is not
 listed here is forbidden. Imports inside functions count as well, and those that only the type checker sees.
 """
 
@@ -13,47 +13,59 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-ENGINE = ROOT / "lupin_engine"
 PLUGINS = ROOT / "plugins"
+WORKBENCH = ROOT / "workbench"
+#: Folders whose packages are imported by their own names.
+SOURCE_ROOTS = (PLUGINS, WORKBENCH)
+SHELVES = (ROOT / "lupin_engine", ROOT / "lupin_ros", *SOURCE_ROOTS)
 
-#: Room -> the rooms right below it.
+#: Room -> the rooms right below it. A room may import these and all that they may; the rest is forbidden.
 RULE = {
-    "errors": (),
-    "plugin": ("errors",),
-    "chart": ("plugin",),
-    "bindings": ("chart",),
-    "missions": ("bindings",),
-    "machine": ("chart",),
-    "runtime": ("machine",),
-    "verify.properties": ("machine",),
-    "verify.authored": ("verify.properties",),
-    "sim": ("runtime", "missions", "verify.authored"),
-    "replay": ("sim",),
-    "ros.adapter": ("plugin",),
-    "ros.bindings": ("ros.adapter", "bindings"),
-    "ros.launch": ("ros",),
-    "diagram": ("chart",),
-    "ros": ("sim", "ros.bindings", "diagram"),
-    "verify": ("replay",),
-    "editor": ("verify",),
-    "pytest_plugin": ("replay",),
-    "harness": ("ros.launch",),
-    "cli": ("ros.launch", "replay", "diagram", "verify", "editor", "harness"),
+    "lupin_engine.errors": (),
+    "lupin_engine.plugin": ("lupin_engine.errors",),
+    "lupin_engine.chart": ("lupin_engine.plugin",),
+    "lupin_engine.bindings": ("lupin_engine.chart",),
+    "lupin_engine.missions": ("lupin_engine.bindings",),
+    "lupin_engine.machine": ("lupin_engine.chart",),
+    "lupin_engine.runtime": ("lupin_engine.machine",),
+    "lupin_engine.verify.properties": ("lupin_engine.machine",),
+    "lupin_engine.verify.authored": ("lupin_engine.verify.properties",),
+    "lupin_engine.sim": ("lupin_engine.runtime", "lupin_engine.missions", "lupin_engine.verify.authored"),
+    "lupin_engine.replay": ("lupin_engine.sim",),
+    "lupin_engine.diagram": ("lupin_engine.chart",),
+    "lupin_engine.pytest_plugin": ("lupin_engine.replay",),
+    "lupin_engine.ros.adapter": ("lupin_engine.plugin",),
+    "lupin_engine.ros.bindings": ("lupin_engine.ros.adapter", "lupin_engine.bindings"),
+    "lupin_engine.ros": ("lupin_engine.sim", "lupin_engine.ros.bindings", "lupin_engine.diagram"),
+    "lupin_engine.ros.launch": ("lupin_engine.ros",),
+    "lupin_engine.harness": ("lupin_engine.ros.launch",),
+    "lupin_engine.verify": ("lupin_engine.replay",),
+    "lupin_engine.editor": ("lupin_engine.verify",),
+    "lupin_engine.cli": (
+        "lupin_engine.replay",
+        "lupin_engine.diagram",
+        "lupin_engine.ros.launch",
+        "lupin_engine.harness",
+        "lupin_engine.verify",
+        "lupin_engine.editor",
+    ),
 }
 #: Outside packages that belong to certain rooms only.
 OWNED = {
-    "rclpy": {"ros.adapter", "ros.bindings"},
-    "transitions": {"machine"},
-    "click": {"cli"},
-    "rich": {"cli"},
-    "yaml": {"chart", "cli"},
-    "pygls": {"editor"},
-    "lsprotocol": {"editor"},
-    "resvg_py": {"diagram"},
-    "mcap": {"ros"},
-    "mcap_ros2": {"ros"},
-    "structlog": {"ros.adapter", "ros.launch", "cli"},
+    "rclpy": {"lupin_engine.ros.adapter", "lupin_engine.ros.bindings"},
+    "transitions": {"lupin_engine.machine"},
+    "click": {"lupin_engine.cli"},
+    "rich": {"lupin_engine.cli"},
+    "yaml": {"lupin_engine.chart", "lupin_engine.cli"},
+    "pygls": {"lupin_engine.editor"},
+    "lsprotocol": {"lupin_engine.editor"},
+    "resvg_py": {"lupin_engine.diagram"},
+    "mcap": {"lupin_engine.ros"},
+    "mcap_ros2": {"lupin_engine.ros"},
+    "structlog": {"lupin_engine.ros.adapter", "lupin_engine.ros.launch", "lupin_engine.cli"},
 }
+#: Rooms that depend on nothing but their inputs.
+PURE = ("lupin_engine.chart", "lupin_engine.machine")
 #: What would make a chart or a machine depend on more than its inputs.
 IMPURE = {"asyncio", "datetime", "logging", "multiprocessing", "os", "queue", "random", "secrets", "socket"}
 IMPURE |= {"subprocess", "sys", "threading", "time", "uuid"}
@@ -65,14 +77,14 @@ ROS_SIDE = ("client", "node")
 
 def module_name(file: Path) -> str:
     """Return what Python calls a file."""
-    base = PLUGINS if PLUGINS in file.parents else ROOT
+    base = next((root for root in SOURCE_ROOTS if root in file.parents), ROOT)
     return ".".join(file.relative_to(base).with_suffix("").parts).removesuffix(".__init__")
 
 
 @cache
 def modules() -> dict[str, Path]:
-    """Return every module of the engine and its plugins."""
-    files = sorted([*ENGINE.rglob("*.py"), *PLUGINS.rglob("*.py")])
+    """Return every module of the shelves and the plugins."""
+    files = sorted(file for shelf in SHELVES for file in shelf.rglob("*.py"))
     return {module_name(file): file for file in files if "__pycache__" not in file.parts}
 
 
@@ -99,10 +111,9 @@ def imports(name: str) -> dict[str, int]:
 
 
 def room_of(module: str) -> str:
-    """Return the room of a module of the engine, the innermost one; '' for the package itself."""
-    _, _, inside = module.partition("lupin_engine.")
-    inner = ".".join(inside.split(".")[:2])
-    return inner if inner in RULE else inside.split(".")[0]
+    """Return the room of a module, the innermost one; '' for what is in none, such as a plugin."""
+    rooms = (room for room in RULE if f"{module}.".startswith(f"{room}."))
+    return max(rooms, key=len, default="")
 
 
 @cache
@@ -113,17 +124,18 @@ def allowed(room: str) -> frozenset[str]:
 
 
 def engine_modules() -> list[str]:
-    """Return the modules in the rooms of the engine."""
-    return [name for name in modules() if room_of(name)]
+    """Return the modules that no plugin has, but for the packages that hold rooms."""
+    shelves = {path.name for path in SHELVES}
+    return [name for name, file in modules().items() if PLUGINS not in file.parents and name not in shelves]
 
 
 def plugin_modules() -> list[str]:
     """Return the modules of the plugins."""
-    return [name for name in modules() if not name.startswith("lupin_engine")]
+    return [name for name, file in modules().items() if PLUGINS in file.parents]
 
 
 def breaches(name: str) -> Iterator[str]:
-    """Yield what a module of the engine imports against the rule."""
+    """Yield what a module of a shelf imports against the rule."""
     room = room_of(name)
     plugins = {path.name for path in PLUGINS.iterdir() if path.is_dir()}
     for imported, line in imports(name).items():
@@ -135,7 +147,7 @@ def breaches(name: str) -> Iterator[str]:
             yield f"{where}: the engine names no plugin"
         if room not in OWNED.get(top, {room}):
             yield f"{where}: that is for {', '.join(sorted(OWNED[top]))}"
-        if room in ("chart", "machine") and top in IMPURE:
+        if room in PURE and top in IMPURE:
             yield f"{where}: {room} depends on nothing but its inputs"
 
 
@@ -149,7 +161,7 @@ def plugin_breaches(name: str) -> Iterator[str]:
     """Yield what a module of a plugin imports against the rule."""
     own, _, rest = name.partition(".")
     knows_ros = rest.split(".")[0] in ROS_SIDE
-    rooms = allowed("plugin") | (allowed("ros") if knows_ros else set())
+    rooms = allowed("lupin_engine.plugin") | (allowed("lupin_engine.ros") if knows_ros else set())
     for imported, line in imports(name).items():
         where = f"{name}:{line} imports {imported}"
         top = imported.partition(".")[0]

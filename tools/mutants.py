@@ -82,7 +82,9 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as scratch:
         hidden = shutil.ignore_patterns(".*", "__pycache__")
         os.chdir(shutil.copytree(ROOT, Path(scratch, "tree"), ignore=hidden))
-        os.environ["PYTHONPATH"] = os.pathsep.join((os.getcwd(), os.path.abspath("plugins")))
+        os.environ["PYTHONPATH"] = os.pathsep.join(
+            (os.getcwd(), os.path.abspath("workbench"), os.path.abspath("plugins"))
+        )
         scores = {room: score(room) for room in sys.argv[1:] or SAMPLE}
         os.chdir(ROOT)
     for room, (killed, tried) in scores.items():

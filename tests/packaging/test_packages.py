@@ -29,7 +29,9 @@ def test_nothing_hides_our_own_interfaces_from_colcon(name: str, folder: str) ->
     assert not (ROOT / folder / name).exists()
 
 
-@pytest.mark.parametrize("folder", ["lupin_engine", "plugins", *map("interfaces/{}".format, SUBSETS)])
+@pytest.mark.parametrize(
+    "folder", ["lupin_engine", "lupin_ros", "workbench", "plugins", *map("interfaces/{}".format, SUBSETS)]
+)
 def test_colcon_leaves_all_else_alone(folder: str) -> None:
     # It takes any module that is called setup.py for a package's.
     assert (ROOT / folder / "COLCON_IGNORE").exists()
