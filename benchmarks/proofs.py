@@ -24,8 +24,8 @@ from typing import Any, NamedTuple
 from lupin_engine.machine.scope import World
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.properties.authored import properties_of
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.authored import properties_of
 from lupin_engine.verify.proof import prove
 from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
 from lupin_engine.verify.situations.found import ExplorationProgress

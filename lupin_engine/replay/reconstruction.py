@@ -25,6 +25,7 @@ from lupin_engine.machine.step import Step
 from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.mocks import contains
 from lupin_engine.plugin.profile import START, Publish
+from lupin_engine.properties.built_in import INVARIANTS
 from lupin_engine.replay.rebuilt import rebuilt
 from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.runtime.clock import UTC, calendar_of
@@ -33,7 +34,6 @@ from lupin_engine.runtime.record import read_step
 from lupin_engine.runtime.setup import check_parameters
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario_text, mission_name
 from lupin_engine.sim.simulation import NEW_YEAR, Run, is_named, label_of
-from lupin_engine.verify.properties import INVARIANTS
 
 #: To how many digits times are written: the first that makes the run come out the same will do.
 _DIGITS = (3, 6, 12)

@@ -12,6 +12,7 @@ from lupin_engine.machine.step import Step, View
 from lupin_engine.plugin.mocks import contains
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.plugin.types import converted
+from lupin_engine.properties.built_in import INVARIANTS
 from lupin_engine.runtime.history import AttemptHistory
 from lupin_engine.sim.entry_order import ROUNDING, OrderComparison, seconds
 from lupin_engine.sim.failure import FailureMaker, ScenarioFailure
@@ -27,7 +28,6 @@ from lupin_engine.sim.scenario_file import (
     VisitNode,
 )
 from lupin_engine.sim.simulation import End, Happening, MomentView, Run, is_named
-from lupin_engine.verify.properties import INVARIANTS
 
 #: A difference at a moment: the key and its index, what was expected, what there was, the states concerned.
 Difference = tuple[str, int | None, Any, Any, Sequence[str]]

@@ -29,6 +29,8 @@ from lupin_engine.missions.folders import (
 )
 from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.registry import Catalog
+from lupin_engine.properties.authored import properties_of
+from lupin_engine.properties.built_in import STANDSTILL, Monitor
 from lupin_engine.runtime.history import History
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim import SUFFIX
@@ -37,8 +39,6 @@ from lupin_engine.sim.failure import ScenarioFailure
 from lupin_engine.sim.scenario_file import ScenarioNode
 from lupin_engine.sim.scenario_reader import ScenarioNames, ScriptReader, check_names
 from lupin_engine.sim.simulation import Run, Script, Simulation, Standstill
-from lupin_engine.verify.authored import properties_of
-from lupin_engine.verify.properties import STANDSTILL, Monitor
 
 
 class Missions:

@@ -19,6 +19,7 @@ from lupin_engine.machine.holds import all_holds
 from lupin_engine.plugin.contract import OPERATION_CODES, Operation
 from lupin_engine.plugin.parameters import accepted
 from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
+from lupin_engine.properties.authored import properties_of
 from lupin_engine.runtime.clock import UTC, calendar_of
 from lupin_engine.sim.scenario_file import (
     END,
@@ -53,7 +54,6 @@ from lupin_engine.sim.simulation import (
     Tell,
     is_named,
 )
-from lupin_engine.verify.authored import properties_of
 
 #: The keys of an outcome that say how it ends; one of them at most.
 _ENDS = ("done", "fail", "never", "any_of")

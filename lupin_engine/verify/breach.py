@@ -8,10 +8,10 @@ from pathlib import Path
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import Diagnostic, Place, Severity
+from lupin_engine.properties.built_in import BUILT_IN
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.scenario import Scenario
 from lupin_engine.verify.proof import Proof, Proven
-from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH
 
 #: The rules of the checker that such findings belong to.

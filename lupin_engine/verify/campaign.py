@@ -18,12 +18,12 @@ from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.profile import START
+from lupin_engine.properties.authored import properties_of
+from lupin_engine.properties.built_in import STANDSTILL, Monitor, Property
 from lupin_engine.replay.reconstruction import RunRecord
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.simulation import Run, Script, Simulation, Standstill
-from lupin_engine.verify.authored import properties_of
 from lupin_engine.verify.draws import draw, pool_of
-from lupin_engine.verify.properties import STANDSTILL, Monitor, Property
 from lupin_engine.verify.rates import Rates
 
 #: Two transitions, one taken after the other, no third between them.

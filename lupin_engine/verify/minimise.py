@@ -17,6 +17,7 @@ from typing import Any
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.machine.event import Start
 from lupin_engine.machine.step import Step
+from lupin_engine.properties.built_in import INVARIANTS, STANDSTILL
 from lupin_engine.replay.reconstruction import RunRecord, duration, script_of
 from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.sim.scenario import Missions, load_scenario_text, mission_name
@@ -33,7 +34,6 @@ from lupin_engine.sim.simulation import (
     SetClock,
     Tell,
 )
-from lupin_engine.verify.properties import INVARIANTS, STANDSTILL
 
 #: To how many digits times are tried, and how many scenarios at most.
 _DIGITS, MOST_TRIES = (1, 3, 6, 12), 400

@@ -33,7 +33,7 @@ from lupin_engine.machine.holds import all_holds
 from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.scope import EvaluationScope, reads_of
 from lupin_engine.plugin.profile import Publish
-from lupin_engine.verify.properties import NOT_ABOUT, Passage, Property, Remembered, Verdict
+from lupin_engine.properties.built_in import NOT_ABOUT, Passage, Property, Remembered, Verdict
 
 #: The property that the page holds.
 OUTCOMES = "outcomes"

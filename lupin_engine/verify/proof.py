@@ -13,7 +13,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
-from lupin_engine.verify.authored import properties_of
+from lupin_engine.properties.authored import properties_of
 from lupin_engine.verify.growth import BoundedExplorer, Growth
 from lupin_engine.verify.outcomes import OutcomePage, read_page
 from lupin_engine.verify.reached import Reached, Unreached, reached, unreached

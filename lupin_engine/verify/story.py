@@ -12,6 +12,7 @@ from lupin_engine.errors import LupinError
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import OWN_HOLDS
 from lupin_engine.plugin.profile import START
+from lupin_engine.properties.built_in import STANDSTILL
 from lupin_engine.replay.reconstruction import RunRecord, script_of
 from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.runtime.history import History
@@ -21,7 +22,6 @@ from lupin_engine.sim.scenario import Missions, load_scenario_text, mission_name
 from lupin_engine.sim.simulation import Run
 from lupin_engine.verify.outcomes import OUTCOMES
 from lupin_engine.verify.proof import Proven
-from lupin_engine.verify.properties import STANDSTILL
 from lupin_engine.verify.situations.graph import NO_ZENO, SILENCE
 from lupin_engine.verify.situations.relevance import invokes
 

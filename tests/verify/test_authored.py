@@ -15,12 +15,12 @@ from lupin_engine.errors import ChartError
 from lupin_engine.missions.folders import lifecycle_of
 from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.types import DURATION
+from lupin_engine.properties.authored import properties_of, told, watched
+from lupin_engine.properties.built_in import BUILT_IN, STANDSTILL, Glance, Passage, Verdict, due
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scenario import load_scenario
-from lupin_engine.verify.authored import properties_of, told, watched
 from lupin_engine.verify.outcomes import OUTCOMES
 from lupin_engine.verify.proof import ProofVerdict, prove
-from lupin_engine.verify.properties import BUILT_IN, STANDSTILL, Glance, Passage, Verdict, due
 from lupin_engine.verify.situations.explorer import NO_EXCEPTION, Bounds
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH
 from tests import shipped

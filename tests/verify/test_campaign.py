@@ -25,6 +25,7 @@ from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.contract import Operation
 from lupin_engine.plugin.types import BOOL, NUMBER, within
+from lupin_engine.properties.built_in import BUILT_IN, STANDSTILL
 from lupin_engine.runtime import engine
 from lupin_engine.sim.scenario import Missions, load_scenario
 from lupin_engine.sim.scripted import AnyOf, MockOutcome
@@ -40,7 +41,6 @@ from lupin_engine.verify.dealing import (
     run_seeds,
 )
 from lupin_engine.verify.minimise import Minimiser
-from lupin_engine.verify.properties import BUILT_IN, STANDSTILL
 from lupin_engine.verify.rates import default_rates, default_rules, read_rates
 from tests import shipped
 from tests.machine.charts import OPERATIONS, chart

@@ -9,9 +9,9 @@ import pytest
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.plugin.types import BOOL
+from lupin_engine.properties.built_in import BUILT_IN
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.verify.proof import ProofVerdict, Proven, prove
-from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, SILENCE, Graph
 from lupin_engine.verify.situations.levels import LevelWalk, explore

@@ -19,10 +19,10 @@ from lupin_engine.machine.requests import Requests
 from lupin_engine.machine.step import Refusal
 from lupin_engine.machine.timers import Timers
 from lupin_engine.missions.load import load_chart
+from lupin_engine.properties.built_in import BUILT_IN
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.verify.outcomes import OUTCOMES
 from lupin_engine.verify.proof import prove
-from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.situations.explorer import NO_EXCEPTION, Bounds
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH
 from lupin_engine.verify.situations.situation import TooMany

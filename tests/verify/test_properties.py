@@ -16,8 +16,8 @@ from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Refusal, Step
 from lupin_engine.machine.timers import Timers
+from lupin_engine.properties.built_in import BUILT_IN, Glance, Monitor, Passage, due, glance
 from lupin_engine.sim.simulation import Script, Simulation
-from lupin_engine.verify.properties import BUILT_IN, Glance, Monitor, Passage, due, glance
 from tests import shipped
 from tests.machine.charts import PAUSE, Bench, chart, fails
 
@@ -253,7 +253,7 @@ def once(states: dict[str, Any], *sent: str, **fields: Any) -> dict[str, str]:
 
 def test_an_action_that_moves_while_held_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is the catalog that says which move."""
-    monkeypatch.setattr("lupin_engine.verify.properties.action_moves", lambda *_: True)
+    monkeypatch.setattr("lupin_engine.properties.built_in.action_moves", lambda *_: True)
     monkeypatch.setattr("lupin_engine.machine.actions.ExecutableContent.resume", lambda *_: None)
     found = bench({"B": {"on": {"wave": {"do": "arm.wave", "during": {"pause"}}}}})
     found.send("operator.pause")
@@ -263,7 +263,7 @@ def test_an_action_that_moves_while_held_is_found(monkeypatch: pytest.MonkeyPatc
 
 def test_that_another_hold_is_released_makes_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     """One of two was engaged all through the step."""
-    monkeypatch.setattr("lupin_engine.verify.properties.action_moves", lambda *_: True)
+    monkeypatch.setattr("lupin_engine.properties.built_in.action_moves", lambda *_: True)
     wave = {"do": "arm.wave", "during": {"pause"}, "releases": {"stop"}}
     stop = {"engage": "stop", "release": ("operator.resume",), "code": "paused"}
     found = WatchedBench(chart({"B": {"on": {"wave": wave}}}, holds={"pause": PAUSE, "stop": stop}))

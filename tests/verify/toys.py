@@ -12,8 +12,8 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import NOTHING
 from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.types import BOOL, TEXT, list_of
+from lupin_engine.properties.built_in import BUILT_IN
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.properties import BUILT_IN
 from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
 from lupin_engine.verify.situations.found import Effect, Explored
 from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph

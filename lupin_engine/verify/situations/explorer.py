@@ -23,8 +23,7 @@ from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.step import Macrostep, Step
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.profile import Publish
-from lupin_engine.sim.simulation import label_of
-from lupin_engine.verify.properties import (
+from lupin_engine.properties.built_in import (
     BUILT_IN,
     Glance,
     Passage,
@@ -36,6 +35,7 @@ from lupin_engine.verify.properties import (
     is_over,
     is_speaking,
 )
+from lupin_engine.sim.simulation import label_of
 from lupin_engine.verify.situations.classes import Classes
 from lupin_engine.verify.situations.found import Does, Effect, Is
 from lupin_engine.verify.situations.memo import Rows

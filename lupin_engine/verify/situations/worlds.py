@@ -28,8 +28,8 @@ from lupin_engine.machine.step import Step
 from lupin_engine.machine.timers import Timers
 from lupin_engine.plugin.builtin import is_builtin
 from lupin_engine.plugin.contract import RESTARTED
+from lupin_engine.properties.built_in import Remembered
 from lupin_engine.sim.simulation import label_of
-from lupin_engine.verify.properties import Remembered
 from lupin_engine.verify.situations.classes import Classes
 from lupin_engine.verify.situations.relevance import ANY_ORPHAN, is_orphan
 from lupin_engine.verify.situations.situation import (

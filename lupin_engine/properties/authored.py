@@ -14,7 +14,7 @@ from lupin_engine.chart.expressions.evaluation import Constant, Environment, Exp
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.errors import reason
 from lupin_engine.machine.timers import seconds
-from lupin_engine.verify.properties import (
+from lupin_engine.properties.built_in import (
     BUILT_IN,
     HOLDS,
     NOT_ABOUT,
