@@ -21,11 +21,11 @@ from pathlib import Path
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.machine.event import Event
-from lupin_engine.missions.from_scxml import from_scxml
 from lupin_engine.missions.load import inspect_chart
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.runtime.setup import make_machine
+from lupin_scxml.importer import from_scxml
 
 LIFECYCLE = """\
 lifecycle: small

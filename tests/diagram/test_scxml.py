@@ -12,7 +12,7 @@ from statemachine.io import load
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.diagram.outline import outline
-from lupin_engine.diagram.scxml import scxml
+from lupin_scxml.exporter import scxml
 from tests.diagram import pictured
 
 SCXML = "{http://www.w3.org/2005/07/scxml}"
@@ -244,7 +244,7 @@ def test_what_has_no_form_is_a_comment() -> None:
 
 def test_a_comment_cannot_end_itself() -> None:
     """Two hyphens may not stand in one."""
-    from lupin_engine.diagram.scxml import _comment
+    from lupin_scxml.exporter import _comment
 
     assert _comment("a -- b --> c") == "a - - b - -&gt; c"
 

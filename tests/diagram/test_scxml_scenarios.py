@@ -22,7 +22,6 @@ from statemachine.io import load
 from lupin_engine.chart.model import Chart, Transition
 from lupin_engine.chart.semantics import EXECUTION_ERROR
 from lupin_engine.diagram.outline import outline
-from lupin_engine.diagram.scxml import scxml
 from lupin_engine.machine.event import NO_TRIGGER, Event, InternalEvent, Trigger
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Memory
@@ -32,6 +31,7 @@ from lupin_engine.machine.structure import Microstep
 from lupin_engine.missions.folders import MISSIONS
 from lupin_engine.sim import simulation
 from lupin_engine.sim.scenario import Missions, load_scenario, scenario_files
+from lupin_scxml.exporter import scxml
 from tests import shipped
 
 SCXML = "{http://www.w3.org/2005/07/scxml}"

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from lupin_engine.diagram.outline import outline
-from lupin_engine.diagram.scxml import scxml
 from lupin_engine.errors import UsageError
-from lupin_engine.missions.from_scxml import Imported, from_scxml
-from lupin_engine.missions.scxml_elements import MAX_BYTES, MAX_DEPTH, Element, elements
+from lupin_scxml.elements import MAX_BYTES, MAX_DEPTH, Element, elements
+from lupin_scxml.exporter import scxml
+from lupin_scxml.importer import Imported, from_scxml
 from tests.diagram import pictured
 
 STATES = ("state", "parallel", "final", "history")

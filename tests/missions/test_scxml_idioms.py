@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.errors import UsageError
-from lupin_engine.missions.from_scxml import from_scxml
 from lupin_engine.replay.yaml_text import yaml_text
+from lupin_scxml.importer import from_scxml
 from tests.tools import load_tool
 
 HEAD = '<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0" name="Lamp" {}>'

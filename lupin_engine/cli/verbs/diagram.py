@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import click
 
-from lupin_engine.diagram.formats import FORMATS
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
     from lupin_engine.missions.load import LoadedMissions
 
 #: Ending of an output file -> its format.
+#: Format -> ending of its files. The function of that name writes it.
+FORMATS: Mapping[str, str] = MappingProxyType(
+    {"mermaid": ".mmd", "scxml": ".scxml", "svg": ".svg", "png": ".png"}
+)
 _ENDINGS = {ending: name for name, ending in FORMATS.items()} | {".mermaid": "mermaid"}
 #: Formats in which a large chart is drawn to a readable depth only.
 _PICTURES = ("svg", "png")
@@ -159,7 +164,8 @@ def _draw(picture: Picture, wanted: str) -> bytes:
 
 
 def _text(picture: Picture, wanted: str) -> str:
-    write = getattr(import_module(f"lupin_engine.diagram.{wanted}"), wanted)
+    module = "lupin_scxml.exporter" if wanted == "scxml" else f"lupin_engine.diagram.{wanted}"
+    write = getattr(import_module(module), wanted)
     return str(write(picture))
 
 

@@ -11,12 +11,12 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from lupin_engine.missions.scxml_data import DataModel, content_text, measure, spelled
-from lupin_engine.missions.scxml_elements import OURS, Element
-from lupin_engine.missions.scxml_events import PROCESSORS, QUOTED, Events, Seen, field, is_to_itself
-from lupin_engine.missions.scxml_expressions import assignments, value_of
-from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay, Notes
-from lupin_engine.missions.scxml_sends import Delay, DelayedSends, Region, cancelled
+from lupin_scxml.data import DataModel, content_text, measure, spelled
+from lupin_scxml.elements import OURS, Element
+from lupin_scxml.events import PROCESSORS, QUOTED, Events, Seen, field, is_to_itself
+from lupin_scxml.expressions import assignments, value_of
+from lupin_scxml.notes import AlwaysFails, CannotSay, Notes
+from lupin_scxml.sends import Delay, DelayedSends, Region, cancelled
 
 TYPE = "x-lupin"
 #: The most elements of a list that a `foreach` is written out for.

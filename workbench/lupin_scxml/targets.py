@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from lupin_engine.missions.scxml_elements import Element
-from lupin_engine.missions.scxml_events import REGIONS, STATES
-from lupin_engine.missions.scxml_notes import CannotSay
+from lupin_scxml.elements import Element
+from lupin_scxml.events import REGIONS, STATES
+from lupin_scxml.notes import CannotSay
 
 
 def first_way(parent: Element) -> Element | None:

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from lupin_engine.chart.semantics import MIN_PERIOD
-from lupin_engine.missions.scxml_data import measure
-from lupin_engine.missions.scxml_elements import Element
-from lupin_engine.missions.scxml_events import QUOTED, STATES, Events, is_to_itself, params_of, snake
-from lupin_engine.missions.scxml_expressions import read
-from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay
 from lupin_engine.plugin.types import parse_quantity
+from lupin_scxml.data import measure
+from lupin_scxml.elements import Element
+from lupin_scxml.events import QUOTED, STATES, Events, is_to_itself, params_of, snake
+from lupin_scxml.expressions import read
+from lupin_scxml.notes import AlwaysFails, CannotSay
 
 
 class Delay(NamedTuple):

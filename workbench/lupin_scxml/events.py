@@ -13,9 +13,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate, pairwise
 
 from lupin_engine.chart.expressions.scope import WORDS
-from lupin_engine.missions.scxml_elements import Element
-from lupin_engine.missions.scxml_expressions import UNDEFINED, Operand, constant
 from lupin_engine.plugin.registry import RESERVED_EVENTS
+from lupin_scxml.elements import Element
+from lupin_scxml.expressions import UNDEFINED, Operand, constant
 
 PROCESSOR = "http://www.w3.org/TR/scxml/#SCXMLEventProcessor"
 PROCESSORS = ("", "scxml", PROCESSOR)

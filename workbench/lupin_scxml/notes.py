@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
-from lupin_engine.missions.scxml_elements import Element
+from lupin_scxml.elements import Element
 
 
 class Note(NamedTuple):

@@ -16,13 +16,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from lupin_engine.errors import UsageError
-from lupin_engine.missions.scxml_content import TYPE, AfterEntry, Content
-from lupin_engine.missions.scxml_data import DataModel, measure
-from lupin_engine.missions.scxml_elements import OURS, Element, elements
-from lupin_engine.missions.scxml_events import REGIONS, STATES, Events, Seen, snake, split
-from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay, Note, Notes
-from lupin_engine.missions.scxml_sends import DelayedSends
-from lupin_engine.missions.scxml_targets import Targets, first_way
+from lupin_scxml.content import TYPE, AfterEntry, Content
+from lupin_scxml.data import DataModel, measure
+from lupin_scxml.elements import OURS, Element, elements
+from lupin_scxml.events import REGIONS, STATES, Events, Seen, snake, split
+from lupin_scxml.notes import AlwaysFails, CannotSay, Note, Notes
+from lupin_scxml.sends import DelayedSends
+from lupin_scxml.targets import Targets, first_way
 
 #: So many transitions are written, on each event that a descriptor covers one.
 MAX_WRITTEN = 20_000

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS
-from lupin_engine.missions.scxml_elements import Element
-from lupin_engine.missions.scxml_events import QUOTED, Events, Seen, field, word
-from lupin_engine.missions.scxml_expressions import (
+from lupin_scxml.elements import Element
+from lupin_scxml.events import QUOTED, Events, Seen, field, word
+from lupin_scxml.expressions import (
     UNDEFINED,
     Operand,
     assignments,
@@ -28,7 +28,7 @@ from lupin_engine.missions.scxml_expressions import (
     value_of,
     written,
 )
-from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay, Notes
+from lupin_scxml.notes import AlwaysFails, CannotSay, Notes
 
 _DELAY = re.compile(r"(\d*\.?\d+)\s*(ms|s|min|m|h|)")
 _PYTHON = {bool: "bool", int: "number", float: "number", str: "text"}

@@ -16,8 +16,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from lupin_engine.missions.scxml_notes import AlwaysFails, CannotSay
 from lupin_engine.plugin.types import MAX_INTEGER
+from lupin_scxml.notes import AlwaysFails, CannotSay
 
 #: Longer or deeper expressions are none that a mission can say.
 MAX_CHARACTERS, MAX_DEPTH = 2000, 40

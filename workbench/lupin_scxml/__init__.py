@@ -1,0 +1,1 @@
+"""SCXML: documents read as missions, and missions written as documents."""
