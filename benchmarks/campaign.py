@@ -28,10 +28,10 @@ from unittest.mock import patch
 
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.verify import dealing
-from lupin_engine.verify.campaign import Campaign
-from lupin_engine.verify.dealing import BATCH, CampaignTask, Dealer, WorkerProcesses, make_task, run_batch
-from lupin_engine.verify.rates import default_rates, read_rates
+from lupin_verify import dealing
+from lupin_verify.campaign import Campaign
+from lupin_verify.dealing import BATCH, CampaignTask, Dealer, WorkerProcesses, make_task, run_batch
+from lupin_verify.rates import default_rates, read_rates
 
 TWO_TARGETS = "campaign: two targets\ntargets: 2\n"
 

@@ -26,10 +26,10 @@ from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.properties.authored import properties_of
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.proof import prove
-from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
-from lupin_engine.verify.situations.found import ExplorationProgress
-from lupin_engine.verify.situations.levels import explore
+from lupin_verify.proof import prove
+from lupin_verify.situations.explorer import Bounds, SituationExplorer
+from lupin_verify.situations.found import ExplorationProgress
+from lupin_verify.situations.levels import explore
 
 ROOT = Path(__file__).resolve().parents[1]
 #: So many situations are looked at with `--apart`.

@@ -26,9 +26,9 @@ from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.properties.built_in import BUILT_IN
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
-from lupin_engine.verify.situations.found import ExplorationProgress
-from lupin_engine.verify.situations.levels import explore
+from lupin_verify.situations.explorer import Bounds, SituationExplorer
+from lupin_verify.situations.found import ExplorationProgress
+from lupin_verify.situations.levels import explore
 
 LIFECYCLE = """\
 lifecycle: Wheels

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.verify.campaign import CampaignSum
-from lupin_engine.verify.dealing import BATCH, CampaignTask
+from lupin_verify.campaign import CampaignSum
+from lupin_verify.dealing import BATCH, CampaignTask
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 CHARTS = ["cycle", "guarded", "parallel", "timed", "load-10", "bytes"]

@@ -26,7 +26,7 @@ from lupin_engine.plugin.registry import Catalog
 from lupin_engine.sim import SUFFIX
 
 if TYPE_CHECKING:
-    from lupin_engine.verify.counterexamples import Counterexamples
+    from lupin_verify.counterexamples import Counterexamples
 
 Found = tuple[Diagnostic, ...]
 
@@ -173,7 +173,7 @@ class Folder:
             return {}
         if self._counterexamples is None:
             # It takes a simulation: who has none to look at should not wait until that is loaded.
-            from lupin_engine.verify.counterexamples import Counterexamples
+            from lupin_verify.counterexamples import Counterexamples
 
             self._counterexamples = Counterexamples()
         known, texts = self._counterexamples, self._texts()

@@ -19,10 +19,10 @@ from lupin_engine.properties.authored import properties_of, told, watched
 from lupin_engine.properties.built_in import BUILT_IN, STANDSTILL, Glance, Passage, Verdict, due
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scenario import load_scenario
-from lupin_engine.verify.outcomes import OUTCOMES
-from lupin_engine.verify.proof import ProofVerdict, prove
-from lupin_engine.verify.situations.explorer import NO_EXCEPTION, Bounds
-from lupin_engine.verify.situations.graph import OF_THE_GRAPH
+from lupin_verify.outcomes import OUTCOMES
+from lupin_verify.proof import ProofVerdict, prove
+from lupin_verify.situations.explorer import NO_EXCEPTION, Bounds
+from lupin_verify.situations.graph import OF_THE_GRAPH
 from tests import shipped
 from tests.machine.charts import PLACE, Bench, chart, expression, fails
 

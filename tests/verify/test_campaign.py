@@ -30,8 +30,8 @@ from lupin_engine.runtime import engine
 from lupin_engine.sim.scenario import Missions, load_scenario
 from lupin_engine.sim.scripted import AnyOf, MockOutcome
 from lupin_engine.sim.simulation import Tell
-from lupin_engine.verify.campaign import Campaign, CampaignSum
-from lupin_engine.verify.dealing import (
+from lupin_verify.campaign import Campaign, CampaignSum
+from lupin_verify.dealing import (
     BATCH,
     CampaignTask,
     Dealer,
@@ -40,8 +40,8 @@ from lupin_engine.verify.dealing import (
     run_batch,
     run_seeds,
 )
-from lupin_engine.verify.minimise import Minimiser
-from lupin_engine.verify.rates import default_rates, default_rules, read_rates
+from lupin_verify.minimise import Minimiser
+from lupin_verify.rates import default_rates, default_rules, read_rates
 from tests import shipped
 from tests.machine.charts import OPERATIONS, chart
 
@@ -184,7 +184,7 @@ class Breaks(Executor):
 #: Makes a worker, tells which process that is, and waits.
 WAITS = """\
 import os, sys
-from lupin_engine.verify.dealing import WorkerProcesses
+from lupin_verify.dealing import WorkerProcesses
 if __name__ == "__main__":
     pool = WorkerProcesses(1)
     print(pool.submit(os.getpid).result(), flush=True)

@@ -12,8 +12,8 @@ from lupin_engine.cli.main import main
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.types import BOOL, TEXT, list_of
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.situations.classes import Classes
-from lupin_engine.verify.situations.relevance import Relevance
+from lupin_verify.situations.classes import Classes
+from lupin_verify.situations.relevance import Relevance
 from tests import shipped
 from tests.machine.charts import chart
 from tests.verify.toys import explored

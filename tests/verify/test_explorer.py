@@ -25,16 +25,16 @@ from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.types import TEXT, list_of
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.simulation import Simulation
-from lupin_engine.verify.campaign import Campaign
-from lupin_engine.verify.rates import read_rates
-from lupin_engine.verify.situations import classes, levels
-from lupin_engine.verify.situations.found import ExplorationProgress
-from lupin_engine.verify.situations.levels import explore
-from lupin_engine.verify.situations.moves import told_move
-from lupin_engine.verify.situations.relevance import _sweeps_told_apart, elements_told_apart, is_orphan
-from lupin_engine.verify.situations.situation import CLAIMS, Situation, TrackedMemory
-from lupin_engine.verify.situations.timing import timed_run
-from lupin_engine.verify.situations.worlds import in_order
+from lupin_verify.campaign import Campaign
+from lupin_verify.rates import read_rates
+from lupin_verify.situations import classes, levels
+from lupin_verify.situations.found import ExplorationProgress
+from lupin_verify.situations.levels import explore
+from lupin_verify.situations.moves import told_move
+from lupin_verify.situations.relevance import _sweeps_told_apart, elements_told_apart, is_orphan
+from lupin_verify.situations.situation import CLAIMS, Situation, TrackedMemory
+from lupin_verify.situations.timing import timed_run
+from lupin_verify.situations.worlds import in_order
 from tests import shipped
 from tests.machine.charts import PAUSE, chart, fails
 from tests.verify.toys import (

@@ -12,9 +12,9 @@ from lupin_engine.cli.main import main
 from lupin_engine.cli.verbs.proofs.proof_words import result
 from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify import growth
-from lupin_engine.verify.proof import prove
-from lupin_engine.verify.situations.explorer import Bounds
+from lupin_verify import growth
+from lupin_verify.proof import prove
+from lupin_verify.situations.explorer import Bounds
 from tests import shipped
 
 LIFECYCLE = Path(__file__).parents[1] / "charts" / "mini" / "lifecycle.yaml"

@@ -20,9 +20,9 @@ from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.types import BOOL
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.proof import prove
-from lupin_engine.verify.situations.explorer import Bounds
-from lupin_engine.verify.situations.found import ExplorationProgress
+from lupin_verify.proof import prove
+from lupin_verify.situations.explorer import Bounds
+from lupin_verify.situations.found import ExplorationProgress
 from tests import shipped
 from tests.machine.charts import PAUSE, PLACE, chart, expression
 

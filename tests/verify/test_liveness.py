@@ -11,12 +11,12 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.plugin.types import BOOL
 from lupin_engine.properties.built_in import BUILT_IN
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.proof import ProofVerdict, Proven, prove
-from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
-from lupin_engine.verify.situations.graph import OF_THE_GRAPH, SILENCE, Graph
-from lupin_engine.verify.situations.levels import LevelWalk, explore
-from lupin_engine.verify.situations.situation import Situation
-from lupin_engine.verify.situations.worlds import Mover
+from lupin_verify.proof import ProofVerdict, Proven, prove
+from lupin_verify.situations.explorer import Bounds, SituationExplorer
+from lupin_verify.situations.graph import OF_THE_GRAPH, SILENCE, Graph
+from lupin_verify.situations.levels import LevelWalk, explore
+from lupin_verify.situations.situation import Situation
+from lupin_verify.situations.worlds import Mover
 from tests import shipped
 from tests.machine.charts import PAUSE, chart
 from tests.verify.toys import KeepingExplorer, explored, random_mission, round_trip, search

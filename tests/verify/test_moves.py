@@ -6,8 +6,8 @@ import pytest
 
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import RELEASED, RESUMED, Event
-from lupin_engine.verify.situations.moves import told_move
-from lupin_engine.verify.situations.worlds import LOADED, OF_PROPERTY, Mover, WorldMove
+from lupin_verify.situations.moves import told_move
+from lupin_verify.situations.worlds import LOADED, OF_PROPERTY, Mover, WorldMove
 from tests.verify.toys import round_trip
 
 TOLD = [

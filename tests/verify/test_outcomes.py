@@ -13,9 +13,9 @@ from lupin_engine.machine.holds import Holds
 from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.outcomes import OUTCOMES
-from lupin_engine.verify.proof import Proof, ProofVerdict, prove
-from lupin_engine.verify.situations.explorer import Bounds
+from lupin_verify.outcomes import OUTCOMES
+from lupin_verify.proof import Proof, ProofVerdict, prove
+from lupin_verify.situations.explorer import Bounds
 from tests import shipped
 
 ROOT = Path(__file__).parents[2]

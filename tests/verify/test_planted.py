@@ -21,11 +21,11 @@ from lupin_engine.machine.timers import Timers
 from lupin_engine.missions.load import load_chart
 from lupin_engine.properties.built_in import BUILT_IN
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.outcomes import OUTCOMES
-from lupin_engine.verify.proof import prove
-from lupin_engine.verify.situations.explorer import NO_EXCEPTION, Bounds
-from lupin_engine.verify.situations.graph import OF_THE_GRAPH
-from lupin_engine.verify.situations.situation import TooMany
+from lupin_verify.outcomes import OUTCOMES
+from lupin_verify.proof import prove
+from lupin_verify.situations.explorer import NO_EXCEPTION, Bounds
+from lupin_verify.situations.graph import OF_THE_GRAPH
+from lupin_verify.situations.situation import TooMany
 from tests import shipped
 from tests.machine.charts import PAUSE, chart, fails
 from tests.verify.toys import broken

@@ -22,13 +22,13 @@ from lupin_engine.machine.reload import successor
 from lupin_engine.missions.folders import lifecycle_of
 from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.growth import BoundedExplorer
-from lupin_engine.verify.proof import Proof, ProofVerdict, prove
-from lupin_engine.verify.situations.explorer import Bounds
-from lupin_engine.verify.situations.found import ExplorationProgress
-from lupin_engine.verify.situations.levels import explore
-from lupin_engine.verify.situations.situation import DROPPED, THROUGH, TrackedMemory
-from lupin_engine.verify.situations.worlds import LOADED
+from lupin_verify.growth import BoundedExplorer
+from lupin_verify.proof import Proof, ProofVerdict, prove
+from lupin_verify.situations.explorer import Bounds
+from lupin_verify.situations.found import ExplorationProgress
+from lupin_verify.situations.levels import explore
+from lupin_verify.situations.situation import DROPPED, THROUGH, TrackedMemory
+from lupin_verify.situations.worlds import LOADED
 from tests import shipped
 from tests.verify.toys import KeepingExplorer
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lupin_engine.verify.situations import levels
-from lupin_engine.verify.situations.seen import Block, WaitingLine
+from lupin_verify.situations import levels
+from lupin_verify.situations.seen import Block, WaitingLine
 from tests.verify.toys import explored, wheels
 
 #: How many slots a situation has here.

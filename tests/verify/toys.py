@@ -14,12 +14,12 @@ from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.types import BOOL, TEXT, list_of
 from lupin_engine.properties.built_in import BUILT_IN
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify.situations.explorer import Bounds, SituationExplorer
-from lupin_engine.verify.situations.found import Effect, Explored
-from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph
-from lupin_engine.verify.situations.levels import explore
-from lupin_engine.verify.situations.memo import Rows
-from lupin_engine.verify.situations.situation import Situation
+from lupin_verify.situations.explorer import Bounds, SituationExplorer
+from lupin_verify.situations.found import Effect, Explored
+from lupin_verify.situations.graph import OF_THE_GRAPH, Graph
+from lupin_verify.situations.levels import explore
+from lupin_verify.situations.memo import Rows
+from lupin_verify.situations.situation import Situation
 from tests import shipped
 from tests.machine.charts import PAUSE, chart
 

@@ -15,11 +15,11 @@ from lupin_engine.missions.folders import LIFECYCLE, mission_files
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.verify import breach
-from lupin_engine.verify.breach import findings
-from lupin_engine.verify.proof import prove
-from lupin_engine.verify.situations.explorer import Bounds
-from lupin_engine.verify.situations.found import ExplorationProgress
+from lupin_verify import breach
+from lupin_verify.breach import findings
+from lupin_verify.proof import prove
+from lupin_verify.situations.explorer import Bounds
+from lupin_verify.situations.found import ExplorationProgress
 
 CHARTS = Path(__file__).parents[2] / "charts"
 BROKEN = CHARTS / "broken"

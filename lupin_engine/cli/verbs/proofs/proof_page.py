@@ -17,8 +17,8 @@ from lupin_engine.plugin.types import ANY
 from lupin_engine.replay.story import exact_columns, laid_out
 from lupin_engine.replay.timeline import timeline
 from lupin_engine.replay.timeline_svg import svg
-from lupin_engine.verify.proof import Proof, Proven
-from lupin_engine.verify.story import FailingScenario, why_none
+from lupin_verify.proof import Proof, Proven
+from lupin_verify.story import FailingScenario, why_none
 
 _STYLE = """
 body { font: 15px/1.5 Inter, "DejaVu Sans", Arial, sans-serif; margin: 2rem auto; max-width: 76rem; }

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from lupin_engine.errors import Place
 from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.verify.proof import Proof
-from lupin_engine.verify.reached import Unreached
+from lupin_verify.proof import Proof
+from lupin_verify.reached import Unreached
 
 
 def name_of(loaded: LoadedMissions, varied: str) -> str:

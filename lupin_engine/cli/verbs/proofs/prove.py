@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from lupin_engine.chart.model import Chart
     from lupin_engine.cli.verbs.proofs.evidence import Origin
     from lupin_engine.missions.load import LoadedMissions
-    from lupin_engine.verify.proof import Proof, Proven
-    from lupin_engine.verify.proving import ProofTask
-    from lupin_engine.verify.situations.found import ExplorationProgress
-    from lupin_engine.verify.story import FailingScenario
+    from lupin_verify.proof import Proof, Proven
+    from lupin_verify.proving import ProofTask
+    from lupin_verify.situations.found import ExplorationProgress
+    from lupin_verify.story import FailingScenario
 
 
 @click.command(short_help="Explore every way that missions can go, without ROS.")
@@ -111,8 +111,8 @@ def prove(
     from lupin_engine.cli.verbs.proofs.evidence import origin
     from lupin_engine.errors import Problems
     from lupin_engine.missions.selection import load_missions
-    from lupin_engine.verify.proving import proof_tasks, prove_tasks
-    from lupin_engine.verify.situations.explorer import Bounds
+    from lupin_verify.proving import proof_tasks, prove_tasks
+    from lupin_verify.situations.explorer import Bounds
 
     problems, catalog = Problems(UsageError), load_catalog()
     seconds = None
@@ -216,9 +216,9 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
     """
     from lupin_engine.cli.verbs.proofs.proof_words import last_line
     from lupin_engine.missions.selection import load_missions
-    from lupin_engine.verify.breach import findings
-    from lupin_engine.verify.proving import INTERRUPTED, ProofTask, prove_tasks
-    from lupin_engine.verify.situations.explorer import Bounds
+    from lupin_verify.breach import findings
+    from lupin_verify.proving import INTERRUPTED, ProofTask, prove_tasks
+    from lupin_verify.situations.explorer import Bounds
 
     found: list[list[Diagnostic]] = []
     charts: list[Chart] = []
@@ -239,7 +239,7 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
 
 def _is_of_all(one: Diagnostic, charts: Sequence[Chart], found: Sequence[Sequence[Diagnostic]]) -> bool:
     """Say whether none of the missions that use a file reaches something; true of what other rules find."""
-    from lupin_engine.verify.breach import UNREACHED
+    from lupin_verify.breach import UNREACHED
 
     users = [told for chart, told in zip(charts, found, strict=True) if one.place.file in chart.files]
     return one.rule != UNREACHED or all(any(_is_same(one, other) for other in told) for told in users)
@@ -255,7 +255,7 @@ def _write_scenarios(
     """Write a scenario that fails for each property that is broken; return them by the property."""
     from lupin_engine.cli.files import write_text
     from lupin_engine.sim.scenario import Missions
-    from lupin_engine.verify.story import failing_scenario
+    from lupin_verify.story import failing_scenario
 
     written = {}
     missions = Missions(load_catalog())
@@ -309,7 +309,7 @@ def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console
     from lupin_engine.cli.terminal.outcome import show_timeline, tell_lines
     from lupin_engine.replay.story import exact_columns
     from lupin_engine.replay.timeline import timeline
-    from lupin_engine.verify.story import why_none
+    from lupin_verify.story import why_none
 
     click.echo(f"      {one.text}")
     if scenario is not None:

@@ -20,10 +20,10 @@ from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.narration import StepLine, short_name, tell
 from lupin_engine.sim.scenario import Missions, load_scenario_text, mission_name
 from lupin_engine.sim.simulation import Run
-from lupin_engine.verify.outcomes import OUTCOMES
-from lupin_engine.verify.proof import Proven
-from lupin_engine.verify.situations.graph import NO_ZENO, SILENCE
-from lupin_engine.verify.situations.relevance import invokes
+from lupin_verify.outcomes import OUTCOMES
+from lupin_verify.proof import Proven
+from lupin_verify.situations.graph import NO_ZENO, SILENCE
+from lupin_verify.situations.relevance import invokes
 
 #: To how many digits times are written: the first with which the scenario fails will do.
 _DIGITS = (3, 6, 12)

@@ -38,8 +38,8 @@ from lupin_engine.sim.scenario_file import Duration, Latency, ScriptNode, WhenNo
 from lupin_engine.sim.scenario_reader import ScenarioNames, ScriptReader, check_names
 from lupin_engine.sim.scripted import AnyOf, Between, MockOutcome, OnCancel, Rule
 from lupin_engine.sim.simulation import Ask, Effect, Happen, Happening, Script, Tell
-from lupin_engine.verify.situations.classes import Classes
-from lupin_engine.verify.situations.relevance import Relevance
+from lupin_verify.situations.classes import Classes
+from lupin_verify.situations.relevance import Relevance
 
 #: How long each seed works when nobody says otherwise, in seconds.
 SHIFT = 3600.0

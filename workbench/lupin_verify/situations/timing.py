@@ -16,10 +16,10 @@ from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Timer
 from lupin_engine.machine.reload import successor
 from lupin_engine.machine.step import Step
-from lupin_engine.verify.situations.explorer import MORNING, SituationExplorer
-from lupin_engine.verify.situations.found import Effect
-from lupin_engine.verify.situations.situation import Situation, is_new
-from lupin_engine.verify.situations.worlds import (
+from lupin_verify.situations.explorer import MORNING, SituationExplorer
+from lupin_verify.situations.found import Effect
+from lupin_verify.situations.situation import Situation, is_new
+from lupin_verify.situations.worlds import (
     LOADED,
     OF_PROPERTY,
     TimerName,

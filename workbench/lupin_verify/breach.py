@@ -11,8 +11,8 @@ from lupin_engine.errors import Diagnostic, Place, Severity
 from lupin_engine.properties.built_in import BUILT_IN
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.scenario import Scenario
-from lupin_engine.verify.proof import Proof, Proven
-from lupin_engine.verify.situations.graph import OF_THE_GRAPH
+from lupin_verify.proof import Proof, Proven
+from lupin_verify.situations.graph import OF_THE_GRAPH
 
 #: The rules of the checker that such findings belong to.
 RULE = "broken-property"

@@ -31,7 +31,7 @@ from lupin_engine.machine.memory import (
     Traversal,
     claim_of,
 )
-from lupin_engine.verify.situations.relevance import Relevance, is_orphan, kind_of, orphan_kind
+from lupin_verify.situations.relevance import Relevance, is_orphan, kind_of, orphan_kind
 
 #: The numbers of all slots; 0: there is nothing.
 Situation = tuple[int, ...]

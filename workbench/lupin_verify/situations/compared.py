@@ -21,7 +21,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.plugin.types import Type
-from lupin_engine.verify.situations.relevance import (
+from lupin_verify.situations.relevance import (
     KEEPING,
     Relevance,
     actions_of,

@@ -30,9 +30,9 @@ from lupin_engine.plugin.builtin import is_builtin
 from lupin_engine.plugin.contract import RESTARTED
 from lupin_engine.properties.built_in import Remembered
 from lupin_engine.sim.simulation import label_of
-from lupin_engine.verify.situations.classes import Classes
-from lupin_engine.verify.situations.relevance import ANY_ORPHAN, is_orphan
-from lupin_engine.verify.situations.situation import (
+from lupin_verify.situations.classes import Classes
+from lupin_verify.situations.relevance import ANY_ORPHAN, is_orphan
+from lupin_verify.situations.situation import (
     RANKS,
     WATCHED,
     Situation,

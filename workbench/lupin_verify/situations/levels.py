@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_engine.verify.situations.explorer import SituationExplorer
-from lupin_engine.verify.situations.found import Breach, Effect, ExplorationProgress, Explored
-from lupin_engine.verify.situations.liveness import Dead, Liveness, Place
-from lupin_engine.verify.situations.memo import Indices, LevelPart, MemoTable, Rows, marks_of
-from lupin_engine.verify.situations.seen import Block, Marks, SeenTable, WaitingLine
-from lupin_engine.verify.situations.situation import RANKS, Overflow
-from lupin_engine.verify.situations.worlds import Mover, TimerName
+from lupin_verify.situations.explorer import SituationExplorer
+from lupin_verify.situations.found import Breach, Effect, ExplorationProgress, Explored
+from lupin_verify.situations.liveness import Dead, Liveness, Place
+from lupin_verify.situations.memo import Indices, LevelPart, MemoTable, Rows, marks_of
+from lupin_verify.situations.seen import Block, Marks, SeenTable, WaitingLine
+from lupin_verify.situations.situation import RANKS, Overflow
+from lupin_verify.situations.worlds import Mover, TimerName
 
 #: So many situations are expanded together.
 _TOGETHER = 1 << 15

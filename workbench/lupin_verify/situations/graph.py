@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lupin_engine.plugin.profile import Stages
-from lupin_engine.verify.situations.found import Does, Explored, Is
-from lupin_engine.verify.situations.worlds import Mover, TimerName
+from lupin_verify.situations.found import Does, Explored, Is
+from lupin_verify.situations.worlds import Mover, TimerName
 
 _Mask = NDArray[np.bool_]
 #: So many values of open inputs are told apart (see `_values_of`).

@@ -12,7 +12,7 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.errors import Diagnostic, LupinError
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.sim.scenario import Missions, load_scenario_text
-from lupin_engine.verify.breach import counterexamples, shown_by
+from lupin_verify.breach import counterexamples, shown_by
 
 #: Returns the chart of a mission as it is being edited; None when there are errors.
 _ChartOf = Callable[[Path], Chart | None]

@@ -33,8 +33,8 @@ from lupin_engine import __version__
 from lupin_engine.errors import LupinError
 from lupin_engine.missions.load import LoadedMissions, load_files
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.verify.campaign import Campaign, CampaignSum
-from lupin_engine.verify.rates import default_rates, read_rates
+from lupin_verify.campaign import Campaign, CampaignSum
+from lupin_verify.rates import default_rates, read_rates
 
 #: After how many steps garbage is looked for.
 STEPS_KEPT = 20_000

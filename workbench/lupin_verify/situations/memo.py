@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Set
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_engine.verify.situations.seen import Marks
+from lupin_verify.situations.seen import Marks
 
 Rows = NDArray[np.uint16]
 Indices = NDArray[np.intp]

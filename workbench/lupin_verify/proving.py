@@ -25,11 +25,11 @@ from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.narration import shorten
-from lupin_engine.verify.dealing import WorkerProcesses
-from lupin_engine.verify.proof import Proof, prove
-from lupin_engine.verify.situations.classes import parameter_classes
-from lupin_engine.verify.situations.explorer import Bounds
-from lupin_engine.verify.situations.found import ExplorationProgress
+from lupin_verify.dealing import WorkerProcesses
+from lupin_verify.proof import Proof, prove
+from lupin_verify.situations.classes import parameter_classes
+from lupin_verify.situations.explorer import Bounds
+from lupin_verify.situations.found import ExplorationProgress
 
 #: How far a proof is: its number, and how long it has been under way (s).
 ProofNews = tuple[int, ExplorationProgress, float]

@@ -23,8 +23,8 @@ from lupin_engine.properties.built_in import STANDSTILL, Monitor, Property
 from lupin_engine.replay.reconstruction import RunRecord
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.simulation import Run, Script, Simulation, Standstill
-from lupin_engine.verify.draws import draw, pool_of
-from lupin_engine.verify.rates import Rates
+from lupin_verify.draws import draw, pool_of
+from lupin_verify.rates import Rates
 
 #: Two transitions, one taken after the other, no third between them.
 Pair = tuple[str, str]

@@ -9,9 +9,9 @@ from types import MappingProxyType
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import Place
 from lupin_engine.sim.narration import shorten
-from lupin_engine.verify.situations.explorer import SituationExplorer
-from lupin_engine.verify.situations.found import Effect
-from lupin_engine.verify.situations.situation import Situation, SlotName, TooMany
+from lupin_verify.situations.explorer import SituationExplorer
+from lupin_verify.situations.found import Effect
+from lupin_verify.situations.situation import Situation, SlotName, TooMany
 
 #: A variable that has had more values than this may be what keeps a proof from its end.
 _MANY = 50

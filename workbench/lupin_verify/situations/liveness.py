@@ -21,8 +21,8 @@ from collections.abc import Iterable, Mapping, Set
 from typing import NamedTuple
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.verify.situations.found import Effect
-from lupin_engine.verify.situations.situation import SlotTable
+from lupin_verify.situations.found import Effect
+from lupin_verify.situations.situation import SlotTable
 
 #: Fields of which entries that are not live are empty. Others are not: with a live value that is not known,
 #: say, a machine goes other ways than with any that is.

@@ -6,7 +6,7 @@ from array import array
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from lupin_engine.verify.situations.worlds import Deadlines, TimerName, WorldMoves
+from lupin_verify.situations.worlds import Deadlines, TimerName, WorldMoves
 
 
 @dataclass(slots=True)

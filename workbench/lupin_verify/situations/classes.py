@@ -27,8 +27,8 @@ from lupin_engine.plugin.profile import START
 from lupin_engine.plugin.types import ANY as ANY_TYPE
 from lupin_engine.plugin.types import DATE, TIME_OF_DAY, Type, within
 from lupin_engine.runtime.possible import requests_of
-from lupin_engine.verify.situations.compared import ANY, Compared, Read, part, side
-from lupin_engine.verify.situations.relevance import (
+from lupin_verify.situations.compared import ANY, Compared, Read, part, side
+from lupin_verify.situations.relevance import (
     Relevance,
     elements_told_apart,
     invokes,

@@ -13,7 +13,7 @@ from lupin_engine.machine.requests import read_request
 from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.sim.scripted import Between
 from lupin_engine.sim.simulation import Happening, Script
-from lupin_engine.verify.rates import Rates
+from lupin_verify.rates import Rates
 
 
 def pool_of(world: World, mission: str) -> tuple[str, tuple[str, ...]]:

@@ -8,8 +8,8 @@ from typing import Any
 from lupin_engine.chart.model import Chart
 from lupin_engine.machine.event import RELEASED, RESUMED
 from lupin_engine.sim.narration import short_name, shorten
-from lupin_engine.verify.situations.relevance import ANY_ORPHAN, is_orphan, kind_of
-from lupin_engine.verify.situations.worlds import LOADED, OF_PROPERTY, WorldMove
+from lupin_verify.situations.relevance import ANY_ORPHAN, is_orphan, kind_of
+from lupin_verify.situations.worlds import LOADED, OF_PROPERTY, WorldMove
 
 #: What a request of any mission carries; it says nothing that the reader needs.
 _EVERY_START = ("mission_id", "mission_type", "attempt")

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from lupin_engine.machine.event import RESUMED
-from lupin_engine.verify.situations.found import Breach, Explored
-from lupin_engine.verify.situations.worlds import Mover, WorldMove
+from lupin_verify.situations.found import Breach, Explored
+from lupin_verify.situations.worlds import Mover, WorldMove
 
 #: Deadlines that come because somebody says nothing.
 _OF_SILENCE = ("timeout", "cancel", "fresh")

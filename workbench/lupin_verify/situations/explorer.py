@@ -36,11 +36,11 @@ from lupin_engine.properties.built_in import (
     is_speaking,
 )
 from lupin_engine.sim.simulation import label_of
-from lupin_engine.verify.situations.classes import Classes
-from lupin_engine.verify.situations.found import Does, Effect, Is
-from lupin_engine.verify.situations.memo import Rows
-from lupin_engine.verify.situations.relevance import Relevance, invokes
-from lupin_engine.verify.situations.situation import (
+from lupin_verify.situations.classes import Classes
+from lupin_verify.situations.found import Does, Effect, Is
+from lupin_verify.situations.memo import Rows
+from lupin_verify.situations.relevance import Relevance, invokes
+from lupin_verify.situations.situation import (
     CALM,
     CLAIMS,
     COMPARED,
@@ -55,7 +55,7 @@ from lupin_engine.verify.situations.situation import (
     TrackedMemory,
     settle_names,
 )
-from lupin_engine.verify.situations.worlds import (
+from lupin_verify.situations.worlds import (
     LOADED,
     OF_PROPERTY,
     Deadlines,

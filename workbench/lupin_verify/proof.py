@@ -14,22 +14,22 @@ from lupin_engine.errors import Problems, UsageError
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Step
 from lupin_engine.properties.authored import properties_of
-from lupin_engine.verify.growth import BoundedExplorer, Growth
-from lupin_engine.verify.outcomes import OutcomePage, read_page
-from lupin_engine.verify.reached import Reached, Unreached, reached, unreached
-from lupin_engine.verify.situations.explorer import (
+from lupin_verify.growth import BoundedExplorer, Growth
+from lupin_verify.outcomes import OutcomePage, read_page
+from lupin_verify.reached import Reached, Unreached, reached, unreached
+from lupin_verify.situations.explorer import (
     NO_EXCEPTION,
     Bounds,
     SituationExplorer,
 )
-from lupin_engine.verify.situations.found import Breach, ExplorationProgress, Explored
-from lupin_engine.verify.situations.graph import OF_THE_GRAPH, Graph, GraphProperty, broken
-from lupin_engine.verify.situations.levels import explore
-from lupin_engine.verify.situations.moves import told_move
-from lupin_engine.verify.situations.relevance import reads
-from lupin_engine.verify.situations.timing import timed_run
-from lupin_engine.verify.situations.ways import ShortestWays
-from lupin_engine.verify.situations.worlds import OF_PROPERTY
+from lupin_verify.situations.found import Breach, ExplorationProgress, Explored
+from lupin_verify.situations.graph import OF_THE_GRAPH, Graph, GraphProperty, broken
+from lupin_verify.situations.levels import explore
+from lupin_verify.situations.moves import told_move
+from lupin_verify.situations.relevance import reads
+from lupin_verify.situations.timing import timed_run
+from lupin_verify.situations.ways import ShortestWays
+from lupin_verify.situations.worlds import OF_PROPERTY
 
 #: Of so many breaches the first is told that can happen at some times.
 _TRIED = 8
