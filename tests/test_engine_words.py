@@ -42,7 +42,7 @@ MEANT_OTHERWISE: Mapping[str, frozenset[str]] = {
     "lupin_engine/chart/source.py": frozenset({"tag", "tags"}),  # of YAML
     "lupin_engine/cli/terminal/sarif.py": frozenset({"tags"}),  # of SARIF
     "lupin_engine/diagram/": frozenset({"layout", "tags"}),  # of a graph; of XML
-    "lupin_engine/editor/server.py": frozenset({"tag", "tags"}),  # of the language server protocol
+    "workbench/lupin_lsp/server.py": frozenset({"tag", "tags"}),  # of the language server protocol
     "lupin_engine/machine/": frozenset({"arm"}),  # a timer is armed
     "lupin_engine/plugin/types.py": frozenset({"°C"}),  # a unit as others are
     "lupin_engine/replay/timeline_svg.py": frozenset({"tag"}),  # of XML

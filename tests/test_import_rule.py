@@ -40,7 +40,7 @@ RULE = {
     "lupin_engine.harness": ("lupin_engine.ros.launch",),
     "lupin_verify": ("lupin_engine.replay",),
     "lupin_scxml": ("lupin_engine.missions", "lupin_engine.diagram"),
-    "lupin_engine.editor": ("lupin_verify",),
+    "lupin_lsp": ("lupin_verify",),
     "lupin_engine.cli": (
         "lupin_engine.replay",
         "lupin_engine.diagram",
@@ -48,7 +48,7 @@ RULE = {
         "lupin_engine.harness",
         "lupin_scxml",
         "lupin_verify",
-        "lupin_engine.editor",
+        "lupin_lsp",
     ),
 }
 #: Outside packages that belong to certain rooms only.
@@ -58,8 +58,8 @@ OWNED = {
     "click": {"lupin_engine.cli"},
     "rich": {"lupin_engine.cli"},
     "yaml": {"lupin_engine.chart", "lupin_engine.cli"},
-    "pygls": {"lupin_engine.editor"},
-    "lsprotocol": {"lupin_engine.editor"},
+    "pygls": {"lupin_lsp"},
+    "lsprotocol": {"lupin_lsp"},
     "resvg_py": {"lupin_engine.diagram"},
     "mcap": {"lupin_engine.ros"},
     "mcap_ros2": {"lupin_engine.ros"},

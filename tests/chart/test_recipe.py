@@ -20,7 +20,6 @@ from lupin_engine.chart.nodes import Meaning, Node, keys_of
 from lupin_engine.chart.records import Role, parts_of, same_meaning, walk
 from lupin_engine.chart.rules.written import codes_of, reads_of, sayings_of
 from lupin_engine.diagram.outline import outline
-from lupin_engine.editor.grammar import fields_of, meaning_of, shapes_of
 from lupin_engine.errors import Place, Severity
 from lupin_engine.machine.event import Cancel, Event
 from lupin_engine.machine.step import CodeEvent, Considered, Moment, Refusal, Step
@@ -28,6 +27,7 @@ from lupin_engine.plugin.types import TEXT
 from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_engine.runtime.record import read_step, step_record
 from lupin_greenhouse.profile import PROFILE
+from lupin_lsp.grammar import fields_of, meaning_of, shapes_of
 from lupin_scxml.exporter import scxml
 from tests.diagram import pictured
 from tests.machine.charts import Bench

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.editor.folder import Folder
 from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_lsp.folder import Folder
 
 
 @pytest.fixture(scope="session")

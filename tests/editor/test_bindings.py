@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.editor.completion import complete
-from lupin_engine.editor.folder import Folder, folder_of
-from lupin_engine.editor.hover import hover
-from lupin_engine.editor.navigation import mention_under
-from lupin_engine.editor.places import definition
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.plugin.registry import load_catalog
+from lupin_lsp.completion import complete
+from lupin_lsp.folder import Folder, folder_of
+from lupin_lsp.hover import hover
+from lupin_lsp.navigation import mention_under
+from lupin_lsp.places import definition
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"
 

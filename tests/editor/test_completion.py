@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.editor.completion import complete
-from lupin_engine.editor.folder import Folder
+from lupin_lsp.completion import complete
+from lupin_lsp.folder import Folder
 
 Typed = Callable[[str, str, str], tuple[Path, int]]
 

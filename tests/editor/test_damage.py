@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.editor.completion import complete
-from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.hover import hover
-from lupin_engine.editor.navigation import mention_under, outline, references
-from lupin_engine.editor.places import definition
-from lupin_engine.editor.problems import problem
-from lupin_engine.editor.rename import Refused, rename
 from lupin_engine.plugin.registry import Catalog
+from lupin_lsp.completion import complete
+from lupin_lsp.folder import Folder
+from lupin_lsp.hover import hover
+from lupin_lsp.navigation import mention_under, outline, references
+from lupin_lsp.places import definition
+from lupin_lsp.problems import problem
+from lupin_lsp.rename import Refused, rename
 from tests.missions.test_load import damaged
 
 FILES = ("inspection.yaml", "lifecycle.yaml", "parts/visit_targets.yaml")

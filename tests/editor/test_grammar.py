@@ -9,10 +9,10 @@ import pytest
 from lupin_engine.chart.compose.actions import STRUCTURED, builtin_actions
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS
 from lupin_engine.chart.nodes import Node
-from lupin_engine.editor import docs
-from lupin_engine.editor.grammar import FILES, Shape, fields_of, kind_of, spot_at
-from lupin_engine.editor.scan import Scan, Steps
 from lupin_engine.plugin.profile import NO_PROFILE
+from lupin_lsp import docs
+from lupin_lsp.grammar import FILES, Shape, fields_of, kind_of, spot_at
+from lupin_lsp.scan import Scan, Steps
 
 ROOT = Path(__file__).parents[2]
 WRITTEN = [*(ROOT / "missions").rglob("*.yaml"), *(ROOT / "tests" / "charts" / "good").rglob("*.yaml")]

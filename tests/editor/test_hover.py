@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.editor.completion import complete
-from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.hover import hover
-from lupin_engine.editor.navigation import mention_under, references
-from lupin_engine.editor.places import definition
 from lupin_engine.plugin.registry import Catalog
+from lupin_lsp.completion import complete
+from lupin_lsp.folder import Folder
+from lupin_lsp.hover import hover
+from lupin_lsp.navigation import mention_under, references
+from lupin_lsp.places import definition
 
 INSPECTION, LIFECYCLE, PART = "inspection.yaml", "lifecycle.yaml", "parts/visit_targets.yaml"
 NAV = "lupin_nav/catalog.py"

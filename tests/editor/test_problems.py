@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.problems import corrected, problem, spelling
-from lupin_engine.editor.scan import scan
 from lupin_engine.errors import Diagnostic, Place
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.registry import Catalog
+from lupin_lsp.folder import Folder
+from lupin_lsp.problems import corrected, problem, spelling
+from lupin_lsp.scan import scan
 
 CHARTS = Path(__file__).parents[1] / "charts"
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.editor.completion import complete
-from lupin_engine.editor.folder import Folder
 from lupin_engine.plugin.profile import OperatorRequest, Profile, TargetOutcome
 from lupin_engine.plugin.registry import build_catalog
+from lupin_lsp.completion import complete
+from lupin_lsp.folder import Folder
 
 PROFILES = [
     Profile(

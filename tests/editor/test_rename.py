@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.rename import Refused, apply, rename
+from lupin_lsp.folder import Folder
+from lupin_lsp.rename import Refused, apply, rename
 
 MORE = """\
 mission: Other

@@ -11,7 +11,7 @@ import pytest
 
 from lupin_engine.chart import source
 from lupin_engine.chart.findings import Findings
-from lupin_engine.editor.scan import Scan, Steps, TokenRole
+from lupin_lsp.scan import Scan, Steps, TokenRole
 
 ROOT = Path(__file__).parents[2]
 #: What stands for something that is written elsewhere; the scanner leaves it alone.

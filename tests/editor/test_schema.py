@@ -18,10 +18,10 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.nodes import Node
 from lupin_engine.cli.verbs.programs.schema import schema as verb
 from lupin_engine.cli.verbs.programs.schema import schemas
-from lupin_engine.editor.grammar import FILES
-from lupin_engine.editor.schema import ANY_KIND, file_name, text_of
-from lupin_engine.editor.snippets import EXAMPLES, SNIPPETS
 from lupin_engine.errors import UsageError
+from lupin_lsp.grammar import FILES
+from lupin_lsp.schema import ANY_KIND, file_name, text_of
+from lupin_lsp.snippets import EXAMPLES, SNIPPETS
 
 jsonschema = pytest.importorskip("jsonschema")
 

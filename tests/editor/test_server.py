@@ -268,7 +268,7 @@ def test_a_file_that_is_closed_is_as_it_was_saved(server: Client, missions: Path
 
 def test_without_pygls_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is an extra; the rest of the command line works without."""
-    monkeypatch.delitem(sys.modules, "lupin_engine.editor.server", raising=False)
+    monkeypatch.delitem(sys.modules, "lupin_lsp.server", raising=False)
     monkeypatch.setitem(sys.modules, "lsprotocol", None)
     found = CliRunner().invoke(lsp, [])
     assert isinstance(found.exception, UsageError)

@@ -19,7 +19,7 @@ def lsp() -> int:
     Editors start this themselves; docs/editor.md says what to write into their settings.
     """
     try:
-        from lupin_engine.editor.server import serve
+        from lupin_lsp.server import serve
     except ModuleNotFoundError as problem:
         if (problem.name or "").partition(".")[0] not in ("pygls", "lsprotocol"):
             raise

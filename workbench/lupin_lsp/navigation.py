@@ -8,11 +8,11 @@ from pathlib import Path
 
 from lupin_engine.chart.documents import MissionNode
 from lupin_engine.chart.nodes import Meaning
-from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.mentions import STATES, Mention, mention_at, mentions_in
-from lupin_engine.editor.model import states_of
-from lupin_engine.editor.places import Spanned, meant, place_of
-from lupin_engine.editor.scan import Scan, Steps, Token
+from lupin_lsp.folder import Folder
+from lupin_lsp.mentions import STATES, Mention, mention_at, mentions_in
+from lupin_lsp.model import states_of
+from lupin_lsp.places import Spanned, meant, place_of
+from lupin_lsp.scan import Scan, Steps, Token
 
 #: Mentions of these say nothing about any one thing.
 _NAMELESS = (Meaning.KEY, Meaning.WORD, Meaning.TEXT, Meaning.UNIT, Meaning.ROOT, Meaning.ATTRIBUTE)

@@ -21,12 +21,12 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Kind
 from lupin_engine.chart.nodes import Meaning
 from lupin_engine.chart.source import text_at
-from lupin_engine.editor.mentions import Mention
-from lupin_engine.editor.scan import Scan, Steps
 from lupin_engine.errors import Place
 from lupin_engine.missions.load import Inspection
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import ANY, Type
+from lupin_lsp.mentions import Mention
+from lupin_lsp.scan import Scan, Steps
 
 #: The text of a state: its file, and the names from the top of that file.
 Written = tuple[Path, tuple[str, ...]]

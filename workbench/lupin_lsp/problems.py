@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from lupin_engine.editor.scan import Scan
 from lupin_engine.errors import Diagnostic
+from lupin_lsp.scan import Scan
 
 _QUOTED = re.compile(r"'([^']+)'")
 _WORD = re.compile(r"\w+|\S")

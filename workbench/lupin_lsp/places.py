@@ -12,14 +12,14 @@ from lupin_engine.bindings.catalog import binding_files
 from lupin_engine.chart.compose.tree import Draft
 from lupin_engine.chart.model import WRITING, Kind
 from lupin_engine.chart.nodes import Meaning
-from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.mentions import STATES, Mention
-from lupin_engine.editor.model import steps_of
-from lupin_engine.editor.scan import Steps, Token
 from lupin_engine.missions.folders import PARTS
 from lupin_engine.plugin import builtin
 from lupin_engine.plugin.discovery import entry_points, source_file
 from lupin_engine.plugin.registry import import_plugin
+from lupin_lsp.folder import Folder
+from lupin_lsp.mentions import STATES, Mention
+from lupin_lsp.model import steps_of
+from lupin_lsp.scan import Steps, Token
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,14 @@ from lupin_engine.bindings.catalog import BINDINGS, LUPIN_FILE, binding_files
 from lupin_engine.bindings.file import BindingNode
 from lupin_engine.chart.documents import LifecycleNode, MissionNode, PartNode
 from lupin_engine.chart.nodes import Node
-from lupin_engine.editor.grammar import kind_of
-from lupin_engine.editor.model import Model
-from lupin_engine.editor.scan import Scan, scan
 from lupin_engine.errors import Diagnostic
 from lupin_engine.missions.folders import LIFECYCLE, PARTS, mission_files
 from lupin_engine.missions.load import Inspection, inspect_chart
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.sim import SUFFIX
+from lupin_lsp.grammar import kind_of
+from lupin_lsp.model import Model
+from lupin_lsp.scan import Scan, scan
 
 if TYPE_CHECKING:
     from lupin_verify.counterexamples import Counterexamples

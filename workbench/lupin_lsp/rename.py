@@ -17,12 +17,12 @@ from lupin_engine.chart.compose.tree import Draft
 from lupin_engine.chart.model import Kind
 from lupin_engine.chart.nodes import Meaning, Node
 from lupin_engine.chart.semantics import FAULT
-from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.mentions import STATES, Mention, mentions_in
-from lupin_engine.editor.navigation import Reference, identity, mention_under, references
-from lupin_engine.editor.places import place_of
-from lupin_engine.editor.scan import Scan, scan
 from lupin_engine.errors import LupinError, Severity
+from lupin_lsp.folder import Folder
+from lupin_lsp.mentions import STATES, Mention, mentions_in
+from lupin_lsp.navigation import Reference, identity, mention_under, references
+from lupin_lsp.places import place_of
+from lupin_lsp.scan import Scan, scan
 
 
 class Refused(LupinError):

@@ -20,17 +20,17 @@ from pygls.exceptions import JsonRpcException
 from pygls.lsp.server import LanguageServer
 
 from lupin_engine import __version__
-from lupin_engine.editor import completion, navigation
-from lupin_engine.editor.folder import Folder, Found, folder_of
-from lupin_engine.editor.hover import hover
-from lupin_engine.editor.navigation import Symbol, mention_under
-from lupin_engine.editor.places import Spanned, definition
-from lupin_engine.editor.problems import Problem, corrected, problem, spelling
-from lupin_engine.editor.rename import Refused, renamable, rename
-from lupin_engine.editor.scan import Scan, scan
 from lupin_engine.errors import Severity
 from lupin_engine.missions.load import forget
 from lupin_engine.plugin.registry import Catalog
+from lupin_lsp import completion, navigation
+from lupin_lsp.folder import Folder, Found, folder_of
+from lupin_lsp.hover import hover
+from lupin_lsp.navigation import Symbol, mention_under
+from lupin_lsp.places import Spanned, definition
+from lupin_lsp.problems import Problem, corrected, problem, spelling
+from lupin_lsp.rename import Refused, renamable, rename
+from lupin_lsp.scan import Scan, scan
 
 NAME = "lupin"
 #: How long after a keystroke its file is checked, and after the last one the rest of the folder, in seconds.

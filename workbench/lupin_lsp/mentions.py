@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from lupin_engine.chart.documents import ActionNode, InvokeNode, StateNode
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS, insets
 from lupin_engine.chart.nodes import Meaning, Node
-from lupin_engine.editor.grammar import Spot, spot_at
-from lupin_engine.editor.scan import Scan, Steps, Token, TokenRole
+from lupin_lsp.grammar import Spot, spot_at
+from lupin_lsp.scan import Scan, Steps, Token, TokenRole
 
 #: A text in quotes, a chain of words with dots, or any other sign.
 _PIECES = re.compile(r"'[^']*'?|\"[^\"]*\"?|[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*|[^\s\w]")

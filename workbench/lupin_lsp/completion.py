@@ -20,16 +20,16 @@ from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, Scope
 from lupin_engine.chart.expressions.units import named_in
 from lupin_engine.chart.model import WRITING
 from lupin_engine.chart.nodes import Meaning, Node
-from lupin_engine.editor import docs
-from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.grammar import FILES, Shape, Spot, fields_of, shapes_of, spot_at
-from lupin_engine.editor.mentions import ExpressionPiece, expressions_in, owner_of, pieces, value_meaning
-from lupin_engine.editor.model import Model, descend, states_of, type_of, with_elements
-from lupin_engine.editor.scan import Cursor, Scan, Steps, TokenRole
 from lupin_engine.missions.folders import PARTS
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import UNITS
+from lupin_lsp import docs
+from lupin_lsp.folder import Folder
+from lupin_lsp.grammar import FILES, Shape, Spot, fields_of, shapes_of, spot_at
+from lupin_lsp.mentions import ExpressionPiece, expressions_in, owner_of, pieces, value_meaning
+from lupin_lsp.model import Model, descend, states_of, type_of, with_elements
+from lupin_lsp.scan import Cursor, Scan, Steps, TokenRole
 
 _OPERATORS = ("and", "or", "not", "in", "if", "else", "for", "true", "false")
 

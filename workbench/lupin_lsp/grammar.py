@@ -25,7 +25,7 @@ from lupin_engine.chart.documents import (
     TransitionNode,
 )
 from lupin_engine.chart.nodes import Keyed, Meaning, Named, Node
-from lupin_engine.editor.scan import Scan, Steps
+from lupin_lsp.scan import Scan, Steps
 
 #: What a file is, by the key that says so.
 FILES: Mapping[str, type[Node]] = {**KINDS, binding_file.KIND: BindingNode}

@@ -8,12 +8,12 @@ from pathlib import Path
 from lupin_engine.chart.compose.actions import builtin_actions
 from lupin_engine.chart.documents import MissionNode
 from lupin_engine.chart.nodes import Meaning, Node
-from lupin_engine.editor import docs
-from lupin_engine.editor.folder import Folder
-from lupin_engine.editor.grammar import shapes_of, spot_at
-from lupin_engine.editor.mentions import STATES, Mention, mention_at
-from lupin_engine.editor.model import Model, type_of, with_elements
-from lupin_engine.editor.places import meant
+from lupin_lsp import docs
+from lupin_lsp.folder import Folder
+from lupin_lsp.grammar import shapes_of, spot_at
+from lupin_lsp.mentions import STATES, Mention, mention_at
+from lupin_lsp.model import Model, type_of, with_elements
+from lupin_lsp.places import meant
 
 
 @dataclass(frozen=True)

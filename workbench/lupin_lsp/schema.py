@@ -19,13 +19,13 @@ from pydantic import BaseModel
 from lupin_engine.chart.compose.actions import builtin_actions
 from lupin_engine.chart.documents import IfNode, RaiseNode
 from lupin_engine.chart.model import WRITING
-from lupin_engine.editor import docs
-from lupin_engine.editor.grammar import FILES
-from lupin_engine.editor.snippets import EXAMPLES, SNIPPETS, Snippet
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.profile import NO_PROFILE, Profile
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import UNITS, Type
+from lupin_lsp import docs
+from lupin_lsp.grammar import FILES
+from lupin_lsp.snippets import EXAMPLES, SNIPPETS, Snippet
 
 Schema = dict[str, Any]
 
