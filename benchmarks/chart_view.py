@@ -30,7 +30,7 @@ from playwright.sync_api import Page, sync_playwright
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from lupin_engine.harness.domains import claimed_domain
+from lupin_harness.domains import claimed_domain
 from tests.ros.console.conftest import DESK, FLAGS
 from tests.ros.console.large import large_missions
 from tests.ros.launch.processes import Lupin

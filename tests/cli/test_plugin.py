@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.cli.main import main
-from lupin_engine.harness.rules import RULES
+from lupin_harness.rules import RULES
 from tests.cli.test_main import HEAVY
 
 VERBS = ("list", "show", "check", "new")
@@ -369,5 +369,5 @@ def test_a_driver_without_a_node_cannot_be_tried_here(capsys: pytest.CaptureFixt
     assert code == 2
     assert err == (
         "lupin: plugin 'nav' brings no node to try its driver with; derive a test from "
-        "lupin_engine.harness.cases.DriverContract, with servers of yours\n"
+        "lupin_harness.cases.DriverContract, with servers of yours\n"
     )

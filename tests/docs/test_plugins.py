@@ -14,10 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.harness.domains import claimed_domain
-from lupin_engine.harness.live import OPERATION_RULES
-from lupin_engine.harness.live import RULES as DRIVER_RULES
-from lupin_engine.harness.rules import RULES as CATALOG_RULES
+from lupin_harness.domains import claimed_domain
+from lupin_harness.live import OPERATION_RULES
+from lupin_harness.live import RULES as DRIVER_RULES
+from lupin_harness.rules import RULES as CATALOG_RULES
 from tests.docs.test_guide import pages
 
 pytest.importorskip("setuptools", reason="the package is built with it")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.harness.domains import claimed_domain
+from lupin_harness.domains import claimed_domain
 from tests.docs.test_guide import pages
 
 pytestmark = pytest.mark.timeout(300)

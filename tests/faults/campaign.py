@@ -80,7 +80,7 @@ def two_computers() -> Iterator[FaultyComputers | None]:
 def work(seeds: list[int], file: Path) -> None:
     """Carry runs out in this process; it has no threads yet, and nothing of ROS."""
     with two_computers() as computers, contextlib.ExitStack() as stack:
-        from lupin_engine.harness.domains import claimed_domain
+        from lupin_harness.domains import claimed_domain
 
         os.environ["ROS_DOMAIN_ID"] = str(stack.enter_context(claimed_domain()))
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

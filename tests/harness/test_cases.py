@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lupin_engine.harness.cases import CatalogContract, DriverContract
-from lupin_engine.harness.rules import RULES
+from lupin_harness.cases import CatalogContract, DriverContract
+from lupin_harness.rules import RULES
 
 
 def of(contract: type, name: str) -> type:

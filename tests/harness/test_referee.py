@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
-from lupin_engine.harness.referee import Referee
 from lupin_engine.plugin.contract import Code, EventKind, LiveValue, Operation, Plugin
 from lupin_engine.plugin.types import BOOL, NUMBER
+from lupin_harness.referee import Referee
 
 LAMP = Plugin(
     name="lamp",

@@ -14,8 +14,6 @@ from typing import Any
 import pytest
 
 from lupin_engine.errors import UsageError
-from lupin_engine.harness.examples import arguments_for, defaults_of, example
-from lupin_engine.harness.rules import RULES, PluginUnderTest, find_subject, findings, problems_with
 from lupin_engine.plugin.contract import (
     Action,
     Argument,
@@ -31,6 +29,8 @@ from lupin_engine.plugin.contract import (
 )
 from lupin_engine.plugin.discovery import EntryPoint, entry_points
 from lupin_engine.plugin.types import BOOL, COUNT, DURATION, NUMBER, POSE, TEXT, Type, convert, list_of
+from lupin_harness.examples import arguments_for, defaults_of, example
+from lupin_harness.rules import RULES, PluginUnderTest, find_subject, findings, problems_with
 
 NAMES = sorted(point.name for point in entry_points())
 LEVEL = Argument(NUMBER, "how bright")

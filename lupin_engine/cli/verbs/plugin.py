@@ -27,7 +27,7 @@ from lupin_engine.plugin.registry import NAME, build_catalog, load_catalog, veri
 
 if TYPE_CHECKING:
     from lupin_engine.cli.terminal.tables import InstalledPlugin
-    from lupin_engine.harness.rules import PluginUnderTest
+    from lupin_harness.rules import PluginUnderTest
 
 #: Where the missions of the current folder may be.
 _HERE = ("missions", ".")
@@ -187,7 +187,7 @@ def check(name: str | None, live: bool, as_json: bool) -> int:
 
 
 def _subjects(name: str | None) -> list[PluginUnderTest]:
-    from lupin_engine.harness.rules import PluginUnderTest, find_subject
+    from lupin_harness.rules import PluginUnderTest, find_subject
 
     if name is None:
         return [PluginUnderTest(point) for point in entry_points()]
@@ -201,7 +201,7 @@ def _subjects(name: str | None) -> list[PluginUnderTest]:
 
 def _in_folder(folder: Path) -> list[PluginUnderTest]:
     """Return the plugins that a project declares; its packages are found as if it was installed."""
-    from lupin_engine.harness.rules import PluginUnderTest
+    from lupin_harness.rules import PluginUnderTest
 
     file = folder / "pyproject.toml"
     if not file.is_file():
@@ -216,7 +216,7 @@ def _in_folder(folder: Path) -> list[PluginUnderTest]:
 
 
 def _tried(subject: PluginUnderTest, live: bool) -> Iterator[RuleVerdict]:
-    from lupin_engine.harness.rules import findings
+    from lupin_harness.rules import findings
 
     name = subject.point.name
     try:
@@ -235,14 +235,14 @@ def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
     if not plugin.serving:
         raise UsageError(
             f"plugin {plugin.name!r} brings no node to try its driver with; "
-            "derive a test from lupin_engine.harness.cases.DriverContract, with servers of yours"
+            "derive a test from lupin_harness.cases.DriverContract, with servers of yours"
         )
     from lupin_engine.ros.launch.requirements import prepare_ros
 
     prepare_ros()
-    from lupin_engine.harness.bench import Lab, Setting
-    from lupin_engine.harness.live import apply, cases
-    from lupin_engine.harness.referee import ContractBroken, Untried
+    from lupin_harness.bench import Lab, Setting
+    from lupin_harness.live import apply, cases
+    from lupin_harness.referee import ContractBroken, Untried
 
     setting = Setting(plugin, nodes=plugin.serving)
     with Lab(setting).open() as lab:

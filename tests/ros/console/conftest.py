@@ -16,7 +16,7 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 from playwright.sync_api import BrowserContext, Page
 from websockets.sync.client import connect
 
-from lupin_engine.harness.domains import claimed_domain
+from lupin_harness.domains import claimed_domain
 from tests.browsing import DESK, FLAGS, PATIENCE_MS, PHONE, browser, context, opened
 from tests.ros.gateway.conftest import free_port
 from tests.ros.launch.processes import Lupin

@@ -21,8 +21,8 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from lupin_engine.harness.domains import claimed_domain
 from lupin_gateway.guard import STOPS_TOPIC as STOPS
+from lupin_harness.domains import claimed_domain
 from tests.browsing import FLAGS, PATIENCE_MS, PHONE
 from tests.plugins.gateway.served import until
 from tests.ros.computers import ADDRESSES, Computers, NoComputers, connected

@@ -19,7 +19,7 @@ pytest.importorskip("mcap_ros2", reason="the extra record is not installed here"
 
 from playwright.sync_api import BrowserContext, expect
 
-from lupin_engine.harness.domains import claimed_domain
+from lupin_harness.domains import claimed_domain
 from tests.browsing import opened
 from tests.console.pages import STATE, STEPS, ServedPages
 from tests.plugins.gateway.served import OpenPage, until

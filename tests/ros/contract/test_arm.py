@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 import pytest
 
-from lupin_engine.harness.cases import CatalogContract, DriverContract
 from lupin_engine.ros.adapter.node import RosNode
+from lupin_harness.cases import CatalogContract, DriverContract
 from lupin_msgs.srv import SetArmPreset
 
 pytestmark = pytest.mark.timeout(120)

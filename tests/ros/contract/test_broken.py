@@ -18,10 +18,6 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool
 
 from lupin_engine.errors import LupinError
-from lupin_engine.harness import bench as benches
-from lupin_engine.harness.bench import Lab, Setting
-from lupin_engine.harness.live import apply, cases
-from lupin_engine.harness.referee import ContractBroken, Untried
 from lupin_engine.plugin.contract import (
     Action,
     Argument,
@@ -35,6 +31,10 @@ from lupin_engine.plugin.contract import (
 from lupin_engine.plugin.types import BOOL, COUNT, DURATION
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
+from lupin_harness import bench as benches
+from lupin_harness.bench import Lab, Setting
+from lupin_harness.live import apply, cases
+from lupin_harness.referee import ContractBroken, Untried
 from tests.processes import ended
 from tests.ros.launch.processes import until
 
@@ -429,7 +429,7 @@ def test_nodes_do_not_outlive_a_harness_that_is_killed(tmp_path: Path) -> None:
         "    threading.Event().wait()\n"
     )
     program = (
-        "from lupin_engine.harness.bench import Servers, Setting\n"
+        "from lupin_harness.bench import Servers, Setting\n"
         "from lupin_engine.plugin.contract import Plugin\n"
         "Servers(Setting(Plugin('x', 'X.'), nodes={'sim': 'stubborn:main'})).start()\n"
         "input()\n"

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import pytest
 
-from lupin_engine.harness.cases import CatalogContract, DriverContract
+from lupin_harness.cases import CatalogContract, DriverContract
 
 pytestmark = pytest.mark.timeout(120)
 

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 import pytest
 from geometry_msgs.msg import Pose, Quaternion
 
-from lupin_engine.harness.cases import CatalogContract, DriverContract
 from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_harness.cases import CatalogContract, DriverContract
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import ConfirmTag
 

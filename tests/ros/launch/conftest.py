@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.harness.domains import claimed_domain
+from lupin_harness.domains import claimed_domain
 from tests.ros.launch.processes import Lupin
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.harness.domains import claimed_domain
+from lupin_harness.domains import claimed_domain
 from tests.ros.launch.processes import PATIENCE, until
 
 pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed here")

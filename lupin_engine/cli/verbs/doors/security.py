@@ -46,10 +46,10 @@ def policy(missions: tuple[str, ...], sim: bool, folder: Path | None) -> int:
     loaded = load_missions(missions, load_catalog(), reaching=True)
     close_the_doors()
     prepare_ros()
-    from lupin_engine.harness.rehearsal import declared_by
     from lupin_engine.ros.launch import sros2
     from lupin_engine.ros.launch.description import PresentEndpoints, describe_launch
     from lupin_engine.ros.launch.nodes import ORCHESTRATOR
+    from lupin_harness.rehearsal import declared_by
 
     catalog = loaded.chart.catalog
     serving = [name for name, plugin in catalog.plugins.items() if plugin.hmi]

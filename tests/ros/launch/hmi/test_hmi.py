@@ -18,7 +18,7 @@ pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed he
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
-from lupin_engine.harness.domains import claimed_domain
+from lupin_harness.domains import claimed_domain
 from tests.ros.launch.hmi.panel import Json, Panel
 from tests.ros.launch.hmi.rows import (
     CALLED,

@@ -53,7 +53,7 @@ def results_of(file: Path) -> list[dict[str, Any]]:
 def bench_of() -> Iterator[Bench]:
     """Yield a bench on a domain of its own."""
     with ExitStack() as stack:
-        from lupin_engine.harness.domains import claimed_domain
+        from lupin_harness.domains import claimed_domain
 
         os.environ["ROS_DOMAIN_ID"] = str(stack.enter_context(claimed_domain()))
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"

@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from lupin_engine.harness.referee import ContractBroken
 from lupin_engine.plugin.contract import Plugin
+from lupin_harness.referee import ContractBroken
 
 if TYPE_CHECKING:
-    from lupin_engine.harness.bench import Bench, Lab
+    from lupin_harness.bench import Bench, Lab
 
 #: Seconds that an operation must take, for a cancel that changes nothing to be told from one that is late.
 NOTICEABLE_S = 0.3

@@ -15,11 +15,11 @@ from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.errors import PluginError, nearest
-from lupin_engine.harness.examples import arguments_for, defaults_of
 from lupin_engine.plugin.contract import Argument, Code, LiveValue, Operation, Plugin
 from lupin_engine.plugin.discovery import EntryPoint, entry_points, find_entry_point, source_file, told
 from lupin_engine.plugin.registry import build_catalog, import_plugin, load_catalog, refuse_rivals
 from lupin_engine.plugin.types import Notation, Type, problems
+from lupin_harness.examples import arguments_for, defaults_of
 
 #: Arguments by operation, action or function; what is not given is made up from the types.
 Given = Mapping[str, Mapping[str, Any]]
@@ -99,7 +99,7 @@ _LOAD = (
     "import json, sys; path, name, value, ros = json.loads(sys.argv[1]); sys.path[:] = path; "
     "from lupin_engine.plugin.discovery import EntryPoint; found = EntryPoint(name, value).load(); "
     "imported = sorted(set(ros) & set(sys.modules)); "
-    "from lupin_engine.harness.rules import as_told; "
+    "from lupin_harness.rules import as_told; "
     "print('\\n', json.dumps([imported, as_told(found)]))"
 )
 

@@ -21,14 +21,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import pytest
 
 from lupin_engine.errors import PluginError, UsageError, nearest
-from lupin_engine.harness.live import apply, cases
-from lupin_engine.harness.referee import ContractBroken
-from lupin_engine.harness.rules import RULES, Given, PluginUnderTest, find_subject, problems_with
 from lupin_engine.plugin.registry import load_catalog
+from lupin_harness.live import apply, cases
+from lupin_harness.referee import ContractBroken
+from lupin_harness.rules import RULES, Given, PluginUnderTest, find_subject, problems_with
 
 if TYPE_CHECKING:
-    from lupin_engine.harness.bench import Lab
     from lupin_engine.ros.adapter.node import RosNode
+    from lupin_harness.bench import Lab
 
 
 def _subject(plugin: str, arguments: Given = MappingProxyType({})) -> PluginUnderTest:
@@ -102,7 +102,7 @@ class DriverContract:
     def setup_class(cls) -> None:
         """Claim ROS domains."""
         pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
-        from lupin_engine.harness.bench import Lab, Setting
+        from lupin_harness.bench import Lab, Setting
 
         setting = Setting(
             _subject(cls.plugin).plugin,

@@ -15,10 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import LupinError, PluginError
-from lupin_engine.harness.domains import claimed_domain
-from lupin_engine.harness.examples import arguments_for, defaults_of
-from lupin_engine.harness.referee import ContractBroken, Referee, RefereedAttempt, Untried
-from lupin_engine.harness.rules import Given, as_told, changes
 from lupin_engine.plugin.clients import make_client
 from lupin_engine.plugin.contract import Argument, Driver, Plugin
 from lupin_engine.plugin.discovery import told
@@ -27,6 +23,10 @@ from lupin_engine.ros.adapter.environment import child_environment
 from lupin_engine.ros.adapter.network import interfaces
 from lupin_engine.ros.adapter.node import RosNode
 from lupin_engine.ros.launch.supervisor import Death, Patience, Supervisor
+from lupin_harness.domains import claimed_domain
+from lupin_harness.examples import arguments_for, defaults_of
+from lupin_harness.referee import ContractBroken, Referee, RefereedAttempt, Untried
+from lupin_harness.rules import Given, as_told, changes
 
 #: Seconds in which everything that must happen has happened, on a busy machine.
 PATIENCE_S = 30.0
