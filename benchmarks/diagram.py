@@ -19,7 +19,7 @@ from pathlib import Path
 
 from lupin_engine.diagram.formats import FORMATS
 
-PROGRAM = (sys.executable, "-m", "lupin_engine.cli.main", "diagram", "inspection", "-o")
+PROGRAM = (sys.executable, "-m", "lupin_cli.main", "diagram", "inspection", "-o")
 
 
 def measure(file: Path) -> tuple[float, float]:

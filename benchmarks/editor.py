@@ -57,7 +57,7 @@ def main() -> None:
         (folder / LIFECYCLE).write_text(lifecycle, encoding="utf-8")
         path = folder / "generated.yaml"
         path.write_text(text, encoding="utf-8")
-        client = Client([sys.executable, "-m", "lupin_engine.cli.main", "lsp"], folder)
+        client = Client([sys.executable, "-m", "lupin_cli.main", "lsp"], folder)
         client.open(path)
         client.diagnostics(path, 1)
         measure(client, path, text, 4)

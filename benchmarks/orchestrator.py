@@ -35,7 +35,7 @@ from lupin_engine.runtime.journal.journal import Journal
 Journal._input = Journal._put = lambda *_, **__: None
 Journal.begin = Journal.compact = lambda *_, **__: None
 Journal.when_kept = lambda _, then: then()
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 main(["node", "mission_orchestrator", "--ros-args", "-p", "estop_timeout_s:=10.0"])
 """
 

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 SHELVES = [ROOT / "lupin_engine", ROOT / "lupin_ros", ROOT / "workbench"]
 MODULES = sorted(file for shelf in SHELVES for file in shelf.rglob("*.py"))
 #: What `lupin plugin new` writes is read as well.
-FILES = [*MODULES, *sorted((ROOT / "lupin_engine/cli/plugin_template").rglob("*.txt"))]
+FILES = [*MODULES, *sorted((ROOT / "workbench/lupin_cli/plugin_template").rglob("*.txt"))]
 
 #: Words of the greenhouse that the profile uses without naming them.
 OTHERS = frozenset(
@@ -40,7 +40,7 @@ OTHERS = frozenset(
 MEANT_OTHERWISE: Mapping[str, frozenset[str]] = {
     "lupin_engine/chart/documents.py": frozenset({"tag"}),  # pydantic's Tag
     "lupin_engine/chart/source.py": frozenset({"tag", "tags"}),  # of YAML
-    "lupin_engine/cli/terminal/sarif.py": frozenset({"tags"}),  # of SARIF
+    "workbench/lupin_cli/terminal/sarif.py": frozenset({"tags"}),  # of SARIF
     "lupin_engine/diagram/": frozenset({"layout", "tags"}),  # of a graph; of XML
     "workbench/lupin_lsp/server.py": frozenset({"tag", "tags"}),  # of the language server protocol
     "lupin_engine/machine/": frozenset({"arm"}),  # a timer is armed

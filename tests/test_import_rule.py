@@ -41,7 +41,7 @@ RULE = {
     "lupin_verify": ("lupin_engine.replay",),
     "lupin_scxml": ("lupin_engine.missions", "lupin_engine.diagram"),
     "lupin_lsp": ("lupin_verify",),
-    "lupin_engine.cli": (
+    "lupin_cli": (
         "lupin_engine.replay",
         "lupin_engine.diagram",
         "lupin_engine.ros.launch",
@@ -55,15 +55,15 @@ RULE = {
 OWNED = {
     "rclpy": {"lupin_engine.ros.adapter", "lupin_engine.ros.bindings"},
     "transitions": {"lupin_engine.machine"},
-    "click": {"lupin_engine.cli"},
-    "rich": {"lupin_engine.cli"},
-    "yaml": {"lupin_engine.chart", "lupin_engine.cli"},
+    "click": {"lupin_cli"},
+    "rich": {"lupin_cli"},
+    "yaml": {"lupin_engine.chart", "lupin_cli"},
     "pygls": {"lupin_lsp"},
     "lsprotocol": {"lupin_lsp"},
     "resvg_py": {"lupin_engine.diagram"},
     "mcap": {"lupin_engine.ros"},
     "mcap_ros2": {"lupin_engine.ros"},
-    "structlog": {"lupin_engine.ros.adapter", "lupin_engine.ros.launch", "lupin_engine.cli"},
+    "structlog": {"lupin_engine.ros.adapter", "lupin_engine.ros.launch", "lupin_cli"},
 }
 #: Rooms that depend on nothing but their inputs.
 PURE = ("lupin_engine.chart", "lupin_engine.machine")
@@ -201,7 +201,7 @@ def test_modules_do_not_go_in_circles() -> None:
 
 def test_a_circle_of_types_is_one() -> None:
     """`cli.terminal.tables` imports `ros.adapter.network` for the type checker only."""
-    user, used = "lupin_engine.cli.terminal.tables", "lupin_engine.ros.adapter.network"
+    user, used = "lupin_cli.terminal.tables", "lupin_engine.ros.adapter.network"
     graph = all_imports()
     assert set(circle({**graph, used: graph[used] | {user}})) == {user, used}
 

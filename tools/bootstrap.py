@@ -35,11 +35,11 @@ RUN_EXTRAS = {"wheels": "ros", "apt": "diagram,editor,hmi,record,sim"}
 GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 CHECK = """
 import sys; sys.dont_write_bytecode = False  # what is tried leaves bytecode, so that later starts are fast
-import rclpy, lupin_engine.cli.main, lupin_msgs.msg as l, mirte_msgs.msg as m, tf2_msgs.msg as t
+import rclpy, lupin_cli.main, lupin_msgs.msg as l, mirte_msgs.msg as m, tf2_msgs.msg as t
 import control_msgs.action as c, nav2_msgs.action as n, lupin_engine_msgs.srv as e
 for each in (l.Observation, e.Command, m.ServoPosition, t.TFMessage, c.GripperCommand, n.NavigateToPose):
     type(each).__import_type_support__()
-lupin_engine.cli.main.main(["check"])
+lupin_cli.main.main(["check"])
 """
 PROBE = """
 import importlib.util as u, json, os, platform, struct, sys, sysconfig

@@ -33,7 +33,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-from lupin_engine.cli.main import main as run_lupin
+from lupin_cli.main import main as run_lupin
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"

@@ -86,7 +86,7 @@ def proofs(wanted: tuple[tuple[str, str], ...]) -> Mapping[str, str]:
 
 def _prove(arguments: list[str]) -> subprocess.Popen[str]:
     """Begin a proof in a process of its own, in the checkout: the page names files by their paths in it."""
-    lupin = [sys.executable, "-m", "lupin_engine.cli.main", "prove"]
+    lupin = [sys.executable, "-m", "lupin_cli.main", "prove"]
     options = ["--quiet", "--no-scenarios", "--jobs", "1"]
     return subprocess.Popen(
         [*lupin, *options, *arguments], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.errors import ChartError
 from lupin_engine.missions.folders import default_missions_folder, lifecycle_in, mission_files
 from lupin_engine.missions.load import inspect_chart

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from lupin_engine.cli.main import VERBS
-from lupin_engine.cli.verbs.check import check, check_paths
+from lupin_cli.main import VERBS
+from lupin_cli.verbs.check import check, check_paths
 from lupin_engine.errors import UsageError
 from lupin_engine.missions.folders import default_missions_folder
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.missions.folders import default_missions_folder
 
 SHIPPED = default_missions_folder()
@@ -20,8 +20,8 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def reached() -> None:
         raise AssertionError("this should have been refused before ROS was touched")
 
-    monkeypatch.setattr("lupin_engine.cli.bring_up.prepare_ros", reached)
-    monkeypatch.setattr("lupin_engine.cli.verbs.node.prepare_ros", reached)
+    monkeypatch.setattr("lupin_cli.bring_up.prepare_ros", reached)
+    monkeypatch.setattr("lupin_cli.verbs.node.prepare_ros", reached)
     monkeypatch.chdir(tmp_path)
 
 
@@ -144,7 +144,7 @@ def test_without_ros_the_way_to_get_it_is_told(
     """Everything else works without; a run does not."""
     from lupin_engine.ros.launch.requirements import prepare_ros
 
-    monkeypatch.setattr("lupin_engine.cli.bring_up.prepare_ros", prepare_ros)
+    monkeypatch.setattr("lupin_cli.bring_up.prepare_ros", prepare_ros)
     monkeypatch.setattr("lupin_engine.ros.adapter.environment.rclpy_source", lambda: None)
     assert main(["run", "inspection"]) == 2
     told = capsys.readouterr().err

@@ -17,13 +17,13 @@ import pytest
 import yaml
 from click.testing import CliRunner, Result
 
+from lupin_cli.main import main
+from lupin_cli.terminal.excerpt import excerpt
+from lupin_cli.terminal.findings import Checked, as_text
+from lupin_cli.terminal.sarif import sarif
+from lupin_cli.verbs.check import check, check_paths, watch_paths
+from lupin_cli.watch import changes
 from lupin_engine.chart.findings import RULES
-from lupin_engine.cli.main import main
-from lupin_engine.cli.terminal.excerpt import excerpt
-from lupin_engine.cli.terminal.findings import Checked, as_text
-from lupin_engine.cli.terminal.sarif import sarif
-from lupin_engine.cli.verbs.check import check, check_paths, watch_paths
-from lupin_engine.cli.watch import changes
 from lupin_engine.errors import Diagnostic, Place, Severity
 from lupin_engine.missions.folders import LIFECYCLE as LIFECYCLE_FILE
 from lupin_engine.missions.folders import MAX_BYTES, MAX_FILES, default_missions_folder
@@ -404,7 +404,7 @@ def test_every_rule_is_explained(rule: str) -> None:
 
 def test_the_installed_package_explains_rules_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the page there is still the sentence."""
-    monkeypatch.setattr("lupin_engine.cli.terminal.rule_page._page", lambda: None)
+    monkeypatch.setattr("lupin_cli.terminal.rule_page._page", lambda: None)
     assert typed("--explain", "no-unit").output == (
         "no-unit  (Types, units and expressions)\n\nA duration, length or angle says its unit.\n"
     )
@@ -495,20 +495,20 @@ NEEDLESS_ROOMS = ("machine", "runtime", "diagram", "ros", "editor", "verify")
 def test_a_check_imports_what_it_needs() -> None:
     """From a cold start it has 0.3 s, and nearly all of that are imports."""
     program = (
-        "import sys; from lupin_engine.cli.main import main; main(['check', 'inspection']); "
+        "import sys; from lupin_cli.main import main; main(['check', 'inspection']); "
         "print(*sorted(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.splitlines()[-1].split())
     assert loaded & {*NEEDLESS, *(f"lupin_engine.{room}" for room in NEEDLESS_ROOMS)} == set()
     # Nor does pydantic go through all packages for plugins of its own.
-    assert "lupin_engine.cli.terminal.excerpt" in loaded
-    assert "lupin_engine.cli.terminal.sarif" not in loaded
+    assert "lupin_cli.terminal.excerpt" in loaded
+    assert "lupin_cli.terminal.sarif" not in loaded
 
 
 def test_pydantic_looks_for_no_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
     """It would read the metadata of every installed package."""
-    program = "import lupin_engine.cli.main, os; print(os.environ['PYDANTIC_DISABLE_PLUGINS'])"
+    program = "import lupin_cli.main, os; print(os.environ['PYDANTIC_DISABLE_PLUGINS'])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "__all__"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.verbs.check import check_paths
+from lupin_cli.verbs.check import check_paths
 from lupin_engine.errors import UsageError
 from lupin_engine.ros.bindings.definitions import knows_interfaces
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.plugin.discovery import EntryPoint
 from lupin_engine.ros.adapter import environment
 from lupin_engine.ros.adapter.dds.profile import VARIABLES

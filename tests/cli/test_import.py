@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 
 #: A traffic light as others write one.
 LIGHT = """\

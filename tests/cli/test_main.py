@@ -11,9 +11,9 @@ from pathlib import Path
 import click
 import pytest
 
-from lupin_engine.cli import crash
-from lupin_engine.cli import main as entry
-from lupin_engine.cli.main import OPERATOR_VERBS, VERBS, lupin, main
+from lupin_cli import crash
+from lupin_cli import main as entry
+from lupin_cli.main import OPERATOR_VERBS, VERBS, lupin, main
 from lupin_engine.errors import ChartError, Diagnostic, LupinError, Place, UsageError
 from tests.processes import ended
 
@@ -27,7 +27,7 @@ REQUESTS = ("abort", "dock", "pause", "reset", "resume", "skip")
 def test_help_imports_nothing_heavy() -> None:
     """It must answer at once; each of these would cost more than all the rest."""
     program = (
-        "import sys; from lupin_engine.cli.main import main; main(['--help']); "
+        "import sys; from lupin_cli.main import main; main(['--help']); "
         f"print('HEAVY', sorted(set({HEAVY!r}) & set(sys.modules)))"
     )
     output = subprocess.run(
@@ -41,7 +41,7 @@ def test_help_imports_nothing_heavy() -> None:
 def test_the_help_of_a_verb_imports_nothing_heavy() -> None:
     """What a verb works with is imported when it works."""
     program = (
-        "import sys; from lupin_engine.cli.main import OPERATOR_VERBS, VERBS, main\n"
+        "import sys; from lupin_cli.main import OPERATOR_VERBS, VERBS, main\n"
         f"for verb in (*VERBS, *OPERATOR_VERBS, *{REQUESTS}):\n"
         "    code = main([verb, '--help'])\n"
         f"    print('HEAVY', verb, code, sorted(set({HEAVY!r}) & set(sys.modules)))"
@@ -166,9 +166,7 @@ def test_old_crash_logs_make_room(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
 
 def test_a_reader_that_leaves_is_no_defect() -> None:
     """`lupin node | head -1`: no traceback, no crash log."""
-    program = (
-        "import sys; from lupin_engine.cli.main import main; sys.stdin.read(); sys.exit(main(['--help']))"
-    )
+    program = "import sys; from lupin_cli.main import main; sys.stdin.read(); sys.exit(main(['--help']))"
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
     with ended(subprocess.Popen([sys.executable, "-c", program], **pipes)) as process:
         assert process.stdin
@@ -183,7 +181,7 @@ def test_a_reader_that_leaves_is_no_defect() -> None:
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
 def test_a_stream_that_was_closed_is_no_defect(closed: str) -> None:
     """A daemon may start us without standard input or output: nothing is read, or told, there."""
-    command = f"{shlex.quote(sys.executable)} -m lupin_engine.cli.main plugin list {closed}"
+    command = f"{shlex.quote(sys.executable)} -m lupin_cli.main plugin list {closed}"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert ("greenhouse" in done.stdout) is (">&-" not in closed.replace("2>&-", ""))

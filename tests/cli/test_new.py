@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from lupin_cli.main import main
 from lupin_engine.chart.source import head
-from lupin_engine.cli.main import main
 from lupin_engine.missions.folders import default_missions_folder
 
 #: What every author's folder begins with.

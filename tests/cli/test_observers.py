@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from lupin_cli.terminal.observers import Heard, JsonObserver, SavingPicture
 from lupin_engine.chart.model import Chart
-from lupin_engine.cli.terminal.observers import Heard, JsonObserver, SavingPicture
 from lupin_engine.errors import Severity
 from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_greenhouse.profile import PROFILE

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.cli.operator.look import lines, look, to_do
-from lupin_engine.cli.operator.start import _offer, _read, _together
-from lupin_engine.cli.verbs.up import served
+from lupin_cli.operator.look import lines, look, to_do
+from lupin_cli.operator.start import _offer, _read, _together
+from lupin_cli.verbs.up import served
 from lupin_engine.errors import UsageError
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.runtime.offer import missions_record

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from lupin_engine.cli.main import lupin
+from lupin_cli.main import lupin
 from lupin_engine.errors import UsageError
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")

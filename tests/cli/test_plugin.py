@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_harness.rules import RULES
 from tests.cli.test_main import HEAVY
 
@@ -36,7 +36,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, 
 def test_help_imports_nothing_heavy(verb: str) -> None:
     """It must answer at once."""
     program = (
-        f"import sys; from lupin_engine.cli.main import main; code = main(['plugin', {verb!r}, '--help']); "
+        f"import sys; from lupin_cli.main import main; code = main(['plugin', {verb!r}, '--help']); "
         f"print('HEAVY', code, sorted(set({HEAVY!r}) & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 
 LAMP = '''\
 """Verbs of the lamp."""
@@ -66,7 +66,7 @@ def test_help_lists_a_verb_without_importing_it(installed: Path) -> None:
     """Its line is the first paragraph of the docstring, read off the source; and all is as fast as before."""
     install(installed, "lamp = far_lamp.verbs:lamp")
     program = (
-        "import sys; from lupin_engine.cli.main import main; main(['--help']); "
+        "import sys; from lupin_cli.main import main; main(['--help']); "
         "print(sorted({'far_lamp', 'numpy', 'pydantic', 'rich', 'yaml'} & set(sys.modules)))"
     )
     environment = {"PYTHONPATH": str(installed), "PATH": ""}

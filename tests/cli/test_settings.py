@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.cli.settings import of_nodes, of_the_mission, settings_in
+from lupin_cli.settings import of_nodes, of_the_mission, settings_in
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import BOOL, COUNT, DURATION, POSE, TEXT, list_of, number_in
 

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from lupin_engine.cli.main import main
-from lupin_engine.cli.terminal import outcome as verb
-from lupin_engine.cli.verbs.run import run
-from lupin_engine.cli.verbs.simulate import simulate
+from lupin_cli.main import main
+from lupin_cli.terminal import outcome as verb
+from lupin_cli.verbs.run import run
+from lupin_cli.verbs.simulate import simulate
 from lupin_engine.errors import UsageError
 from lupin_engine.replay.debugger import Debugger
 from lupin_engine.replay.story import columns_for, laid_out

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.ros.bindings import type_hashes
 from lupin_engine.ros.interfaces.files import FieldType, InterfaceSet, WrittenField, WrittenMessage
 from lupin_engine.ros.interfaces.typescript import type_names, typescript

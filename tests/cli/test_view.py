@@ -7,9 +7,9 @@ import io
 import pytest
 from rich.console import Console
 
+from lupin_cli.terminal import view
+from lupin_cli.terminal.tables import print_network
 from lupin_engine.chart.model import Chart
-from lupin_engine.cli.terminal import view
-from lupin_engine.cli.terminal.tables import print_network
 from lupin_engine.plugin.profile import TargetResult
 from lupin_engine.ros.adapter.network import Interface
 from lupin_engine.ros.launch.monitor import RunMonitor

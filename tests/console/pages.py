@@ -16,7 +16,7 @@ from tests.plugins.gateway.served import OpenPage, until
 STATE, STEPS = "/mission/state", "/mission_orchestrator/steps"
 SIMULATION, DO = "/simulation/state", "/simulation/do"
 #: How the command is begun.
-LUPIN = (sys.executable, "-m", "lupin_engine.cli.main")
+LUPIN = (sys.executable, "-m", "lupin_cli.main")
 COMMAND = "/mission_orchestrator/command"
 
 

@@ -13,8 +13,8 @@ pytest.importorskip("mcap_ros2", reason="the extra record is not installed here"
 
 from mcap_ros2.writer import Writer
 
-from lupin_engine.cli.main import main
-from lupin_engine.cli.pages import find_server
+from lupin_cli.main import main
+from lupin_cli.pages import find_server
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.contract import Plugin
 from lupin_engine.plugin.registry import build_catalog

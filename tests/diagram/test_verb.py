@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from lupin_engine.cli.main import main
-from lupin_engine.cli.verbs.diagram import FORMATS, diagram
-from lupin_engine.cli.verbs.simulate import simulate
+from lupin_cli.main import main
+from lupin_cli.verbs.diagram import FORMATS, diagram
+from lupin_cli.verbs.simulate import simulate
 from lupin_engine.missions.folders import default_missions_folder
 
 ROOT = Path(__file__).parents[2]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted(page.parent for page in (ROOT / "examples").glob("*/README.md"))

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from lupin_engine.cli.verbs.new import MISSION, SCENARIO
+from lupin_cli.verbs.new import MISSION, SCENARIO
 from lupin_engine.missions.folders import default_missions_folder
 from tests.tools import load_tool
 

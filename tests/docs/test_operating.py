@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 import pytest
 
-from lupin_engine.cli.main import lupin
+from lupin_cli.main import lupin
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
 

@@ -50,7 +50,7 @@ class Elsewhere:
 
     def lupin(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run `lupin`."""
-        return self.run("-m", "lupin_engine.cli.main", *arguments)
+        return self.run("-m", "lupin_cli.main", *arguments)
 
 
 @pytest.fixture(scope="module")

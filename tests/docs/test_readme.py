@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.ros.launch.nodes import nodes_of
 

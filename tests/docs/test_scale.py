@@ -58,7 +58,7 @@ def lupin(*arguments: str, folder: Path, path: str = "") -> subprocess.Completed
     """Run `lupin` in a folder; on `path` is what is installed."""
     environment = {**os.environ, "PYTHONPATH": path, "COLUMNS": "200", "NO_COLOR": "1"}
     return subprocess.run(
-        [sys.executable, "-m", "lupin_engine.cli.main", *arguments],
+        [sys.executable, "-m", "lupin_cli.main", *arguments],
         cwd=folder,
         env=environment,
         stdout=subprocess.PIPE,

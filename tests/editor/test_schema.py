@@ -11,13 +11,13 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from lupin_cli.verbs.programs.schema import schema as verb
+from lupin_cli.verbs.programs.schema import schemas
 from lupin_engine.chart import source
 from lupin_engine.chart.documents import StateNode, TransitionNode
 from lupin_engine.chart.expressions.values import plain
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.nodes import Node
-from lupin_engine.cli.verbs.programs.schema import schema as verb
-from lupin_engine.cli.verbs.programs.schema import schemas
 from lupin_engine.errors import UsageError
 from lupin_lsp.grammar import FILES
 from lupin_lsp.schema import ANY_KIND, file_name, text_of

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from lupin_engine.cli.verbs.programs.lsp import lsp
+from lupin_cli.verbs.programs.lsp import lsp
 from lupin_engine.errors import UsageError
 from tests.editor.client import Client, ServerError, at
 
@@ -22,7 +22,7 @@ INSPECTION, LIFECYCLE, PART = "inspection.yaml", "lifecycle.yaml", "parts/visit_
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
     """One server for all tests; each has a folder of its own."""
     root = tmp_path_factory.mktemp("workspace")
-    client = Client([sys.executable, "-m", "lupin_engine.cli.main", "lsp"], root)
+    client = Client([sys.executable, "-m", "lupin_cli.main", "lsp"], root)
     yield client
     assert client.close() == 0
 
@@ -48,7 +48,7 @@ def edited(client: Client, path: Path, old: str, new: str) -> tuple[str, list[di
 
 def test_offers_what_it_can() -> None:
     """What an editor reads to know which menus to show."""
-    client = Client([sys.executable, "-m", "lupin_engine.cli.main", "lsp"], Path.cwd())
+    client = Client([sys.executable, "-m", "lupin_cli.main", "lsp"], Path.cwd())
     offered = {key for key, value in client.capabilities.items() if value}
     assert client.close() == 0
     assert offered >= {
@@ -281,7 +281,7 @@ def test_without_pygls_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
 def test_its_messages_are_the_protocols_alone(tmp_path: Path) -> None:
     """A plugin that prints while it is imported must not break the stream."""
     program = """\
-import lupin_engine.cli.verbs.programs.lsp as verb
+import lupin_cli.verbs.programs.lsp as verb
 load = verb.load_catalog
 verb.load_catalog = lambda: (print("from a plugin"), load())[1]
 verb.lsp.main([], standalone_mode=False)

@@ -32,7 +32,7 @@ for name in ("transitions", "transitions.core", "transitions.extensions", "trans
 """
 SIMULATE = """
 import sys
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 sys.argv = ["lupin", "simulate", "inspection"]
 sys.exit(main())
 """

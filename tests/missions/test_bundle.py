@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.errors import UsageError
 from lupin_engine.missions.bundle import MANIFEST, MAX_BYTES, MAX_FILES, check_signed, read_bundle
 from lupin_engine.missions.folders import default_missions_folder

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.domain import is_domain
 from lupin_engine.plugin.files import ros_domain, user_folder, write_atomically

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.settings import read_value
+from lupin_cli.settings import read_value
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.load import load_chart
 from lupin_engine.replay.debugger import COMMANDS, Debugger

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from lupin_engine.cli.main import main
-from lupin_engine.cli.verbs.simulate import simulate
-from lupin_engine.cli.verbs.test import _default
-from lupin_engine.cli.verbs.test import test as run_scenarios
+from lupin_cli.main import main
+from lupin_cli.verbs.simulate import simulate
+from lupin_cli.verbs.test import _default
+from lupin_cli.verbs.test import test as run_scenarios
 from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios" / "inspection"

@@ -14,7 +14,7 @@ from pathlib import Path
 import click
 import pytest
 
-from lupin_engine.cli.main import lupin, main
+from lupin_cli.main import lupin, main
 from lupin_engine.errors import UsageError
 from tests.verbs.cases import CASES
 from tests.verbs.table import OWN_PROFILE, calls_of

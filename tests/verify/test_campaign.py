@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.errors import ChartError, LupinError
 from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.missions.folders import default_missions_folder
@@ -431,7 +431,7 @@ def test_wrong_use_is_told(
     told = "lupin: --cluster: 'host:8786' is no address of a Dask scheduler; write tcp://HOST:PORT\n"
     assert capsys.readouterr().err == told
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
-    monkeypatch.setattr("lupin_engine.cli.verbs.proofs.campaign.SCHEDULER_S", 0.5)
+    monkeypatch.setattr("lupin_cli.verbs.proofs.campaign.SCHEDULER_S", 0.5)
     assert main(["campaign", "inspection", "--cluster", "tcp://127.0.0.1:9"]) == 2
     assert "no Dask scheduler answers at 'tcp://127.0.0.1:9': " in capsys.readouterr().err
     assert default_rates(shipped.mission("inspection")).targets is None

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from lupin_cli.main import main
 from lupin_engine.chart.model import Chart
-from lupin_engine.cli.main import main
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.types import BOOL, TEXT, list_of
 from lupin_engine.runtime.setup import make_world

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_world

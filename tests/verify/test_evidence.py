@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 import lupin_engine
-from lupin_engine.cli.main import main
-from lupin_engine.cli.verbs.proofs import evidence
-from lupin_engine.cli.verbs.proofs.evidence import (
+from lupin_cli.main import main
+from lupin_cli.verbs.proofs import evidence
+from lupin_cli.verbs.proofs.evidence import (
     ASSUMPTIONS,
     MEANINGS,
     NOT_SHOWN,

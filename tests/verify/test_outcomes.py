@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.machine.holds import Holds
 from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 from lupin_engine.missions.load import load_chart

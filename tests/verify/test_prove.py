@@ -15,8 +15,8 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.cli.main import main
-from lupin_engine.cli.verbs.proofs.prove import so_far
+from lupin_cli.main import main
+from lupin_cli.verbs.proofs.prove import so_far
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.reload import successor
 from lupin_engine.missions.folders import lifecycle_of
@@ -220,7 +220,7 @@ def test_an_interruption_tells_what_was_found(jobs: str, shown: list[str]) -> No
     ours, theirs = os.openpty()
     asked = ["prove", "exploration", "inspection", "--targets", "4", "--jobs", jobs, "--no-scenarios"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "lupin_engine.cli.main", *asked],
+        [sys.executable, "-m", "lupin_cli.main", *asked],
         stdout=subprocess.PIPE,
         stderr=theirs,
         env={**os.environ, "COLUMNS": "200", "TERM": "xterm"},

@@ -29,7 +29,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def lupin(site: Path, *arguments: str, code: int = 0, folder: Path = HERE) -> str:
     """Run `lupin` beside the missions; return what it prints, which has no word of another profile."""
     done = subprocess.run(
-        [sys.executable, "-m", "lupin_engine.cli.main", *arguments],
+        [sys.executable, "-m", "lupin_cli.main", *arguments],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": str(site), "COLUMNS": "200", "NO_COLOR": "1"},
         stdout=subprocess.PIPE,
@@ -99,7 +99,7 @@ def test_the_scenarios_hold(site: Path) -> None:
 def test_an_option_of_another_profile_is_refused(site: Path) -> None:
     """Each mission takes the request that it declares."""
     done = subprocess.run(
-        [sys.executable, "-m", "lupin_engine.cli.main", "simulate", "fetch", "--tags", "1"],
+        [sys.executable, "-m", "lupin_cli.main", "simulate", "fetch", "--tags", "1"],
         cwd=HERE,
         env={**os.environ, "PYTHONPATH": str(site)},
         capture_output=True,

@@ -136,7 +136,7 @@ def _owner(node: LaunchableNode, catalog: Catalog) -> Plugin:
 
 def command(launch: NodeLaunch, folder: Path) -> list[str]:
     """Return the command line that starts a node; its parameters are written to a file in `folder`."""
-    line = [sys.executable, "-m", "lupin_engine.cli.main", "node", launch.node.name]
+    line = [sys.executable, "-m", "lupin_cli.main", "node", launch.node.name]
     if not launch.parameters:
         return line
     file = folder / f"{launch.node.name}.yaml"

@@ -244,7 +244,7 @@ def _words(file: Path) -> list[str]:
 
 def _node_in(words: Sequence[str]) -> str:
     for before, word, name in zip(words, words[1:], words[2:], strict=False):
-        if word == "node" and (before == "lupin_engine.cli.main" or Path(before).name == "lupin"):
+        if word == "node" and (before == "lupin_cli.main" or Path(before).name == "lupin"):
             return name
     return ""
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import lupin_arm.calibration
 from lupin_arm.calibration.offsets import HIGHEST, HOMES, SMALL, corrections, refusals, to_write
-from lupin_engine.cli.verbs.diagram import diagram
+from lupin_cli.verbs.diagram import diagram
 from lupin_engine.missions.load import check_chart
 from lupin_engine.replay.coverage import GUARD, OUTCOME, STATE, TRANSITION, Coverage, CoverageObserver, add_up
 from lupin_engine.sim.scenario import scenario_files

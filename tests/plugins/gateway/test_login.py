@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_gateway.doors import BadTokens, Doors, IssuedToken, UserRole, Visitor, read_tokens
 from lupin_gateway.entry.attempts import MOST_ADDRESSES, WrongAttempts, delay, is_written_down
 from lupin_gateway.entry.invitations import GOOD_FOR_S, Invitations, ServedDoors, state_folder

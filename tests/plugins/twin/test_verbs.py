@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_twin.field import FieldGrid, OccupancyMap
 from lupin_twin.missions import MissionRecord, select
 from lupin_twin.picture import Label, _grid, _labels, _range, _source, _title, picture
@@ -194,7 +194,7 @@ def test_a_full_disk_leaves_the_old_file(path: Path, tmp_path: Path) -> None:
     old.write_text("the old one")
     code = (
         "import resource, signal, sys\n"
-        "from lupin_engine.cli.main import main\n"
+        "from lupin_cli.main import main\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))\n"
         "sys.exit(main(['twin', 'export', '-o', 'm.geojson', '--origin', '52,4']))\n"

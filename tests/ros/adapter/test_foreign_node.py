@@ -50,7 +50,7 @@ def installed(tmp_path: Path) -> dict[str, str]:
 
 def lupin_node(*arguments: str) -> list[str]:
     """Return the command that runs a node."""
-    return [sys.executable, "-m", "lupin_engine.cli.main", "node", *arguments]
+    return [sys.executable, "-m", "lupin_cli.main", "node", *arguments]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)

@@ -12,7 +12,7 @@ from nav2_msgs.action import NavigateToPose
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.ros.adapter.network import UNKNOWN, Interface, interfaces
 from lupin_engine.ros.adapter.node import Qos, RosNode
 

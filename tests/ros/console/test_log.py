@@ -27,7 +27,7 @@ from tests.ros.console.conftest import PATIENCE_MS, Served, stall
 def command(robot: Served, *words: str) -> None:
     """Command the orchestrator from a shell, as somebody else may."""
     options = ["--domain", str(robot.lupin.domain)]
-    subprocess.run([sys.executable, "-m", "lupin_engine.cli.main", *words, *options], check=True, timeout=60)
+    subprocess.run([sys.executable, "-m", "lupin_cli.main", *words, *options], check=True, timeout=60)
 
 
 @pytest.fixture(scope="module")

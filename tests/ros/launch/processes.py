@@ -41,7 +41,7 @@ class Lupin:
         if arguments[0] in ("run", "up"):
             options += ["--log-dir", str(log_dir)]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "lupin_engine.cli.main", *arguments, *options],
+            [sys.executable, "-m", "lupin_cli.main", *arguments, *options],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

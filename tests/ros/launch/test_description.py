@@ -148,7 +148,7 @@ def test_parameters_reach_their_node(tmp_path: Path) -> None:
     """As a file, because arguments carry neither lists nor the difference between 5 and '5'."""
     launch = NodeLaunch(LaunchableNode("reader", "r:main", "read"), {"tags": ["1", "5"]})
     line = command(launch, tmp_path)
-    assert line[-6:] == ["lupin_engine.cli.main", "node", "reader", "--ros-args", "--params-file", line[-1]]
+    assert line[-6:] == ["lupin_cli.main", "node", "reader", "--ros-args", "--params-file", line[-1]]
     assert Path(line[-1]).read_text() == 'reader:\n  ros__parameters:\n    tags: ["1", "5"]\n'
     assert command(NodeLaunch(launch.node), tmp_path)[-2:] == ["node", "reader"]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli import run_folders
+from lupin_cli import run_folders
 from lupin_engine.errors import UsageError
 from lupin_engine.ros.launch import shared_memory
 from lupin_engine.ros.launch.dds_discovery import participants

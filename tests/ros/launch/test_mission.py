@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.requests import check_request
+from lupin_cli.requests import check_request
 from lupin_engine.errors import ChartError, UsageError
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.selection import load_missions

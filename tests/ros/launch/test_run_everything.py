@@ -72,7 +72,7 @@ BEYOND: dict[str, set[str]] = {
 def lupin_json(run: Lupin, *arguments: str) -> Any:
     """Run a `lupin` command beside another, to its end, and read what it prints."""
     done = subprocess.run(
-        [sys.executable, "-m", "lupin_engine.cli.main", *arguments, "--json"],
+        [sys.executable, "-m", "lupin_cli.main", *arguments, "--json"],
         env={
             **os.environ,
             "ROS_DOMAIN_ID": str(run.domain),

@@ -34,7 +34,7 @@ class Terminal:
         self._master, slave = pty.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 120, 0, 0))
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "lupin_engine.cli.main", *command],
+            [sys.executable, "-m", "lupin_cli.main", *command],
             stdin=slave,
             stdout=slave,
             stderr=slave,

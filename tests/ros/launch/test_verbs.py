@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli import main as command_line
-from lupin_engine.cli.main import OPERATOR_VERBS, main
+from lupin_cli import main as command_line
+from lupin_cli.main import OPERATOR_VERBS, main
 from tests.ros.launch.processes import Lupin
 from tests.verbs.cases import CASES, Case
 from tests.verbs.table import OWN_PROFILE
@@ -113,7 +113,7 @@ def test_nobody_serves_what_is_called(case: Case, lupin: Start) -> None:
 @pytest.mark.parametrize("case", ["binding", "non-ASCII"], indirect=True)
 def test_a_policy_is_written(case: Case) -> None:
     """Of every node of the mission, and of what its binding calls."""
-    words = [sys.executable, "-m", "lupin_engine.cli.main", "security", "policy", case.mission]
+    words = [sys.executable, "-m", "lupin_cli.main", "security", "policy", case.mission]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from tests.ros.launch.processes import Lupin
 
 pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed here")

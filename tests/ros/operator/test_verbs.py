@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from std_msgs.msg import String
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.ros import operator as operators
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.names import COMMAND_SERVICE, STEPS_TOPIC

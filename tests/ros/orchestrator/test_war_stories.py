@@ -10,7 +10,7 @@ import pytest
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.srv import PlayArmSequence
 from tests.ros.arm.bench import LIBRARY, Bench

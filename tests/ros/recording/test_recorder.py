@@ -192,7 +192,7 @@ def test_no_file_is_written_over_and_none_is_left_empty(tmp_path: Path) -> None:
 
 def lupin_record(file: Path, **how: Any) -> subprocess.Popen[str]:
     """Start `lupin record`."""
-    command = [sys.executable, "-m", "lupin_engine.cli.main", "record", "--output", str(file)]
+    command = [sys.executable, "-m", "lupin_cli.main", "record", "--output", str(file)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **how)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.cli.main import main
+from lupin_cli.main import main
 from lupin_engine.missions.folders import default_missions_folder
 from tests.ros.orchestrator.test_new_missions import Desk
 from tests.ros.world import World

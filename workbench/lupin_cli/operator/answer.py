@@ -1,0 +1,41 @@
+"""`lupin answer`: what a mission asks the operator, and the answer."""
+
+from __future__ import annotations
+
+import click
+
+from lupin_cli import options
+from lupin_cli.exit_codes import ACCEPTED, REFUSED
+from lupin_cli.operator.network import attendant, nobody, told
+from lupin_engine.errors import UsageError, nearest
+from lupin_engine.plugin.profile import ANSWER_VERB
+
+
+@click.command(short_help="Show what a mission asks the operator, and answer it.")
+@click.argument("choice", required=False)
+@options.domain
+def answer(choice: str | None, domain: int | None) -> int:
+    """Answer what a running mission asks; without a CHOICE, show the question.
+
+    Exit code: 0 answered or shown; 1 nothing is asked, or the answer was refused; 2 nobody is there.
+    """
+    with attendant(domain) as orchestrator:
+        if not orchestrator.hear():
+            raise nobody()
+        asked = orchestrator.asked()
+        if asked and choice is not None:
+            known = [name for question in asked for name, _ in question.choices]
+            if choice not in known:
+                raise UsageError(f"{choice!r} is no choice; {nearest(choice, known)}")
+            return told(orchestrator.command(ANSWER_VERB, request={"choice": choice}))
+    from lupin_cli.terminal.view import default_text
+
+    for question in asked:
+        click.echo(question.question)
+        width = max(len(name) for name, _ in question.choices)
+        for name, label in question.choices:
+            click.echo(f"  {name:<{width}}  {label}")
+        click.echo(f"  {default_text(question)}")
+    if not asked:
+        click.echo("nothing is asked")
+    return ACCEPTED if asked else REFUSED

@@ -1,0 +1,59 @@
+"""What the verbs of an operator share: the way to the orchestrator, and what its answer is worth."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import click
+
+from lupin_cli.exit_codes import ACCEPTED, REFUSED
+from lupin_engine.errors import Problems, UsageError
+from lupin_engine.ros.launch.environment import close_the_doors, current_domain
+
+if TYPE_CHECKING:
+    from lupin_engine.ros.operator import Answer, Attendant
+
+
+@contextlib.contextmanager
+def attendant(domain: int | None) -> Iterator[Attendant]:
+    """Join the network to look at the orchestrator and to command it, for as long as the body takes.
+
+    Raises:
+        UsageError: ROS is missing, or the shell's variables keep nodes from finding each other.
+    """
+    from lupin_engine.ros.launch.requirements import prepare_ros
+
+    problems = Problems(UsageError)
+    with problems.collecting():
+        close_the_doors(domain)
+    with problems.collecting():
+        prepare_ros()
+    problems.tell()
+    from lupin_engine.ros.operator import Attendant  # needs rclpy
+
+    found = Attendant()
+    try:
+        yield found
+    finally:
+        found.close()
+
+
+def nobody() -> UsageError:
+    """Return the error that no orchestrator is there."""
+    return UsageError(
+        f"no orchestrator speaks in ROS domain {current_domain()}; give --domain, or `lupin up`"
+    )
+
+
+def told(answer: Answer) -> int:
+    """Print the orchestrator's sentence and return the exit code.
+
+    Raises:
+        UsageError: it said nothing.
+    """
+    if not answer.reached:
+        raise UsageError(answer.text) if answer.found else nobody()
+    click.echo(answer.text)
+    return ACCEPTED if answer.accepted else REFUSED

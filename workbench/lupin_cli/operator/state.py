@@ -1,0 +1,95 @@
+"""`lupin state`: where the orchestrator on the network stands, and what can be asked of it."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lupin_cli import options
+from lupin_cli.exit_codes import ACCEPTED
+from lupin_cli.operator.network import attendant, nobody
+from lupin_engine.plugin.profile import Profile
+from lupin_engine.plugin.registry import load_profiles
+
+if TYPE_CHECKING:
+    from lupin_engine.ros.operator import Attendant
+
+#: How often what is watched is looked at, in seconds.
+WATCH_PERIOD_S = 0.25
+
+
+@click.command(short_help="Show where the orchestrator stands, and what can be asked of it.")
+@click.option("--watch", is_flag=True, help="Show it again whenever it changes, until Ctrl-C.")
+@click.option("--json", "as_json", is_flag=True, help="Write it as a JSON object; with --watch, one a line.")
+@options.domain
+def state(watch: bool, as_json: bool, domain: int | None) -> int:
+    """Show where the orchestrator stands, and what can be asked of it.
+
+    Exit code: 0 shown; 2 nobody is there.
+    """
+    with attendant(domain) as orchestrator:
+        if not orchestrator.hear():
+            raise nobody()
+        if not watch:
+            found = _look(orchestrator)
+            click.echo(json.dumps(found, indent=2) if as_json else _text(found))
+        else:
+            _watch(orchestrator, as_json)
+    return ACCEPTED
+
+
+@functools.cache
+def _profiles() -> list[Profile]:
+    return load_profiles()
+
+
+def _look(orchestrator: Attendant) -> dict[str, Any]:
+    from lupin_cli.operator.look import look
+
+    return look(orchestrator.steps, orchestrator.possible, orchestrator.offer, orchestrator.now)
+
+
+def _text(found: Mapping[str, Any]) -> str:
+    from lupin_cli.operator.look import lines
+
+    verbs = {name: verb for profile in _profiles() for name, verb in profile.verbs.items()}
+    return "\n".join(lines(found, verbs))
+
+
+def _watch(orchestrator: Attendant, as_json: bool) -> None:
+    """Show it again and again until Ctrl-C, also when the orchestrator goes and comes back."""
+    from rich.console import Console
+    from rich.live import Live
+    from rich.text import Text
+
+    from lupin_engine.ros.launch.interrupts import Interrupts
+
+    console = Console(highlight=False)
+    in_place = console.is_terminal and not console.is_dumb_terminal and not as_json
+    shown: Any = None
+    screen = Live(console=console, auto_refresh=False) if in_place else contextlib.nullcontext()
+    # Counted: an exception that comes while an object is being freed would be lost.
+    with Interrupts() as interrupts, screen as live:
+        while not interrupts.count:
+            found = _look(orchestrator) if orchestrator.is_there() else None
+            text = _text(found) if found else str(nobody())
+            news = _lasting(found) if live is None else text
+            if news != shown and live is not None:
+                live.update(Text(text), refresh=True)
+            elif news != shown:
+                click.echo(json.dumps(found or {"lifecycle": ""}) if as_json else f"{text}\n")
+            shown = news
+            orchestrator.spin(WATCH_PERIOD_S)
+
+
+def _lasting(found: Mapping[str, Any] | None) -> Any:
+    """Return what is worth showing when it changes: all but what the passing of time does."""
+    if found is None:
+        return None
+    asked = [question["question"] for question in found["asking"]]
+    return {**found, "seconds": None, "asking": asked}

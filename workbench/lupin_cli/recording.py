@@ -1,0 +1,58 @@
+"""What `run` and `record` share: whether a recording can be made, and what is told of it."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lupin_cli.run_folders import writable
+from lupin_engine.errors import Severity, UsageError
+
+if TYPE_CHECKING:
+    from lupin_engine.ros.recording.recorder import TopicRecorder
+
+
+def check_recording(path: Path) -> None:
+    """Check that a recording can be made there, before anything is started.
+
+    Raises:
+        UsageError: it cannot.
+    """
+    if importlib.util.find_spec("mcap") is None:
+        raise UsageError("to record, the package mcap is needed: `pip install 'lupin-engine[record]'`")
+    if path.exists():
+        raise UsageError(f"{str(path)!r} is there already; name another file")
+    writable(path.parent, "recording")
+
+
+def amount(recorder: TopicRecorder) -> str:
+    """Return how much was recorded, in words."""
+    size = recorder.size / 1e6
+    written = f"{size:.1f} MB" if size >= 1.0 else f"{1e3 * size:.0f} kB"
+    return f"{recorder.messages:,} messages of {recorder.topics} topics, {written}"
+
+
+def result(recorder: TopicRecorder) -> str:
+    """Return what became of a recording that has ended."""
+    if not recorder.messages:
+        return "nothing was published: there is no recording"
+    return f"recorded {amount(recorder)}, in {recorder.path}"
+
+
+@contextlib.contextmanager
+def recorded(path: Path | None, observer: Any) -> Iterator[Any]:
+    """Record a run; yields the observer that also tells what is new of that. Nothing without a path."""
+    if path is None:
+        yield observer
+        return
+    from lupin_cli.terminal.observers import TellingRecorder
+    from lupin_engine.ros.recording.recorder import TopicRecorder  # needs rclpy
+
+    with TopicRecorder(path) as recorder:
+        yield TellingRecorder(observer, recorder)
+    for text, severity in recorder.news():
+        observer.note(text, severity)
+    observer.note(result(recorder), Severity.INFO)

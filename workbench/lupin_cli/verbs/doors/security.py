@@ -1,0 +1,95 @@
+"""`lupin security`: permissions for SROS2."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from lupin_cli.files import write_text
+from lupin_engine.plugin.contract import Access
+from lupin_engine.plugin.registry import load_catalog
+
+if TYPE_CHECKING:
+    from lupin_engine.missions.load import LoadedMissions
+
+_ROLES = ("viewer", "operator", "engineer")
+
+
+@click.group(short_help="Write permissions of the nodes, for SROS2.")
+def security() -> None:
+    """Write permissions of the nodes, for SROS2."""
+
+
+@security.command()
+@click.argument("missions", nargs=-1)
+@click.option("--sim", is_flag=True, help="Also for the simulated robot.")
+@click.option(
+    "--into",
+    "folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Write policy.xml and governance.xml there; otherwise the policy is printed.",
+)
+def policy(missions: tuple[str, ...], sim: bool, folder: Path | None) -> int:
+    """Write what each node of MISSIONS may publish, hear, serve and call, for `ros2 security`.
+
+    It is read off the nodes themselves, with the bindings of the missions: each is started in a ROS domain of
+    its own, where there is nothing, and ends at once. Without MISSIONS it is for all of the nearest folder.
+
+    Exit code: 0 written, 1 a mission has errors or a node does not start, 2 wrong usage.
+    """
+    from lupin_engine.missions.selection import load_missions
+    from lupin_engine.ros.launch.environment import close_the_doors, current_domain
+    from lupin_engine.ros.launch.requirements import prepare_ros
+
+    loaded = load_missions(missions, load_catalog(), reaching=True)
+    close_the_doors()
+    prepare_ros()
+    from lupin_engine.ros.launch import sros2
+    from lupin_engine.ros.launch.description import PresentEndpoints, describe_launch
+    from lupin_engine.ros.launch.nodes import ORCHESTRATOR
+    from lupin_harness.rehearsal import declared_by
+
+    catalog = loaded.chart.catalog
+    serving = [name for name, plugin in catalog.plugins.items() if plugin.hmi]
+    parameters = {ORCHESTRATOR: loaded.parameters()}
+    found = {
+        simulate: describe_launch(
+            (*loaded.plugins, *serving), catalog, PresentEndpoints(), parameters, simulate=simulate
+        ).launches
+        for simulate in (sim, True)  # a simulated robot tells what the real one has, too
+    }
+    nodes = {f"/{launch.node.name}": launch for launch in found[sim]}
+    launches = {f"/{launch.node.name}": launch for launch in found[True]} | nodes
+    pages = {f"/{node}": _access(loaded) for name in serving for node in catalog.plugins[name].nodes}
+    text = sros2.policy(declared_by(launches.values()), nodes, pages, _asked(loaded))
+    if folder is None:
+        click.echo(text, nl=False)
+        return 0
+    for name, content in (("policy.xml", text), ("governance.xml", sros2.governance(current_domain()))):
+        write_text(folder / name, content)
+        click.echo(f"wrote {folder / name}")
+    return 0
+
+
+def _asked(loaded: LoadedMissions) -> list[str]:
+    """Return the services that people's verbs call."""
+    from lupin_engine.ros.names import COMMAND_SERVICE
+
+    profile = loaded.chart.profile
+    wire = profile.wire
+    requests = [wire.start.name, *map(wire.requests.format, profile.requests)] if wire else []
+    return [COMMAND_SERVICE, *requests]
+
+
+def _access(loaded: LoadedMissions) -> Access:
+    """Return what pages may use: what the profile, the engine, plugins and bindings say."""
+    from lupin_engine.plugin.pages import declared_access
+    from lupin_engine.ros.names import ACCESS
+
+    catalog = loaded.chart.catalog
+    called = (call.endpoint.name for one in loaded.bindings.values() for call in one.calls.values())
+    bound = Access(viewer=tuple(loaded.heard), engineer=tuple(called))
+    every = [*declared_access(catalog), ACCESS, bound]
+    return Access(*(tuple(name for one in every for name in getattr(one, role)) for role in _ROLES))

@@ -1,0 +1,105 @@
+"""`lupin graph`: who publishes, subscribes, serves and calls what, now."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from lupin_cli import options
+from lupin_engine.errors import Problems, UsageError, meant
+from lupin_engine.ros.launch.environment import close_the_doors, current_domain
+
+if TYPE_CHECKING:
+    from lupin_engine.ros.adapter.network import Interface
+
+
+@click.command()
+@click.argument("words", nargs=-1)
+@options.domain
+@click.option("--all", "everything", is_flag=True, help="Also what every node has: parameters, logs.")
+@click.option("--mermaid", is_flag=True, help="Print the map as a Mermaid flowchart, for a page.")
+@click.option("--json", "as_json", is_flag=True, help="Print the map as JSON.")
+def graph(words: Sequence[str], domain: int | None, everything: bool, mermaid: bool, as_json: bool) -> int:
+    """Show the live map: who publishes, subscribes, serves and calls what.
+
+    WORDS choose: only what has one of them in its name, its type or the name of a node is shown.
+
+    Exit code: 0; 1 when something that is sent does not arrive, or arrives twice; 2 when nobody is there.
+    """
+    import json
+    from dataclasses import asdict
+
+    from lupin_engine.ros.launch.requirements import prepare_ros
+
+    problems = Problems(UsageError)
+    if mermaid and as_json:
+        problems.add("--mermaid and --json are two forms of the same map: give one of them")
+    with problems.collecting():
+        close_the_doors(domain)
+    with problems.collecting():
+        prepare_ros()
+    problems.tell()
+    chosen = _chosen(words, everything)
+    if as_json:
+        click.echo(json.dumps([asdict(interface) for interface in chosen], indent=2, ensure_ascii=False))
+    elif mermaid:
+        click.echo("\n".join(flowchart(chosen)))
+    else:
+        from lupin_cli.terminal.tables import print_network
+
+        print_network(chosen)
+    return 1 if any(interface.problems for interface in chosen) else 0
+
+
+def _chosen(words: Sequence[str], everything: bool) -> list[Interface]:
+    """Return the interfaces to show.
+
+    Raises:
+        UsageError: there are none.
+    """
+    from lupin_engine.ros.launch.graph import network  # needs rclpy
+
+    seen = network()
+    if not seen:
+        raise UsageError(
+            f"there is no other node in ROS domain {current_domain()}; give --domain, or `lupin up`"
+        )
+    shown = [i for i in seen if everything or not i.is_housekeeping]
+    if not shown:
+        raise UsageError("nobody here has more than what every node has; --all shows that")
+    chosen = [i for i in shown if not words or any(w in text for w in words for text in _texts(i))]
+    if not chosen:
+        raise UsageError(_not_found(words, shown))
+    return chosen
+
+
+def _texts(interface: Interface) -> tuple[str, ...]:
+    return interface.name, interface.type, *interface.producers, *interface.consumers
+
+
+def _not_found(words: Sequence[str], shown: Iterable[Interface]) -> str:
+    hint = meant(words[0], {text for interface in shown for text in _texts(interface)})
+    problem = f"nothing here has {' or '.join(map(repr, words))} in its name, type or nodes"
+    return f"{problem}; {hint}" if hint else problem
+
+
+def flowchart(chosen: Sequence[Interface]) -> Iterator[str]:
+    """Yield the lines of a Mermaid flowchart: from the producer through the interface to the consumer.
+
+    A client stands to the left of its server, as data flows in a topic from left to right.
+    """
+    yield "flowchart LR"
+    nodes = sorted({node for i in chosen for node in (*i.producers, *i.consumers)})
+    numbers = {node: f"n{number}" for number, node in enumerate(nodes)}
+    for node, number in numbers.items():
+        yield f'  {number}["{node.removeprefix("/")}"]'
+    for position, interface in enumerate(chosen):
+        opening, closing = ("([", "])") if interface.kind == "topic" else ("{{", "}}")
+        yield f'  i{position}{opening}"{interface.name}"{closing}'
+        left, right = interface.producers, interface.consumers
+        if interface.kind != "topic":
+            left, right = right, left
+        yield from (f"  {numbers[node]} --> i{position}" for node in left)
+        yield from (f"  i{position} --> {numbers[node]}" for node in right)

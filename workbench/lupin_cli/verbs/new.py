@@ -1,0 +1,152 @@
+"""`lupin new`: a folder in which a mission can be written: the mission, its lifecycle, a scenario.
+
+What stands there already is left as it is; a mission that exists is never written over.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+
+from lupin_cli.files import nearest_name, title_of, write_text
+from lupin_engine.errors import Problems, UsageError
+from lupin_engine.plugin.registry import NAME, load_catalog
+from lupin_engine.sim import SUFFIX
+
+MISSION = """\
+mission: {title}
+summary: Wait a little and come home.
+initial: PREPARE
+states:
+  PREPARE:                                 # before the robot moves
+    after: {{2 s: WORKING}}
+  WORKING:                                 # what the robot does stands here
+    after: {{5 s: done}}
+  done: {{type: final}}                      # the end: the lifecycle takes the robot home
+"""
+
+SCENARIO = """\
+scenario: the mission runs to its end
+mission: {name}
+expect:
+  passes: [PREPARE, WORKING, done]         # in this order, others between them
+  never: [FAULT]
+"""
+
+#: The scenario of a mission that is copied from another one.
+SCENARIO_LIKE = """\
+scenario: the mission runs to its end
+mission: {name}
+expect:
+  never: [FAULT]
+"""
+
+
+@click.command(short_help="Begin a mission: its file, the lifecycle around it, a scenario.")
+@click.argument("name")
+@click.option("--like", metavar="MISSION", help="Begin with a copy of this mission, and the parts it uses.")
+def new(name: str, like: str | None) -> int:
+    """Begin a mission: its file, the lifecycle around it, a scenario.
+
+    NAME is what the file is called, such as water_beds. In the current folder this writes
+    missions/NAME.yaml and scenarios/NAME.scenario.yaml. Where there is no missions/lifecycle.yaml it copies
+    the shipped one, which is written for the profile that it names. What exists is left as it is.
+
+    Example: lupin new my_inspection --like inspection
+    """
+    written, kept = write_mission(name, like, Path())
+    for file in written:
+        click.echo(f"wrote {file}")
+    for file in kept:
+        click.echo(f"kept  {file}")
+    click.echo(f"next: lupin check missions; lupin simulate {name}; lupin test")
+    return 0
+
+
+def write_mission(
+    name: str, like: str | None, folder: Path, text: str | None = None, binding: str = ""
+) -> tuple[list[Path], list[Path]]:
+    """Write what a mission needs below `folder`; with a `text` that is the mission, and there is no scenario.
+
+    A `binding` is written beside it under the same name.
+
+    Returns:
+        The files that were written, and those that stood there already.
+
+    Raises:
+        UsageError: the name cannot be one, the mission exists, or there is none to be `like`.
+    """
+    from lupin_engine.bindings.catalog import BINDINGS, LUPIN_FILE
+    from lupin_engine.missions import folders
+    from lupin_engine.missions.selection import LOCAL
+
+    missions = folder / LOCAL
+    scenario = folder / "scenarios" / f"{name}{SUFFIX}"
+    problems = Problems(UsageError)
+    with problems.collecting():
+        _check_name(name, (missions / f"{name}.yaml", *(() if text else (scenario,))))
+    with problems.collecting():
+        model = None if like is None else _model(like, folder)
+    problems.tell()
+    own = {
+        missions / f"{name}.yaml": MISSION.format(title=title_of(name)),
+        scenario: (SCENARIO_LIKE if like else SCENARIO).format(name=name),
+    }
+    if text is not None:
+        own = {missions / f"{name}.yaml": text}
+    source = folders.default_missions_folder()
+    lifecycle, others = source / folders.LIFECYCLE, list[str]()
+    if model is not None:
+        file, parts = model
+        source, lifecycle = file.parent, folders.lifecycle_of(file)
+        own[missions / f"{name}.yaml"] = _renamed(file.read_text(encoding="utf-8"), title_of(name))
+        others += parts
+    origins = {
+        missions / folders.LIFECYCLE: lifecycle,
+        **{missions / other: source / other for other in others},
+    }
+    shared = {file: origin.read_text(encoding="utf-8") for file, origin in origins.items()}
+    if binding:
+        shared[missions / BINDINGS / f"{name}.yaml"] = binding
+        shared[folder / LUPIN_FILE] = f"allow:\n  subscribe: /{name}/*\n"
+    kept = [file for file in shared if file.exists()]
+    written = {file: text for file, text in {**shared, **own}.items() if file not in kept}
+    for file, text in written.items():
+        write_text(file, text)
+    return list(written), kept
+
+
+def _check_name(name: str, files: Iterable[Path]) -> None:
+    """Check the name of a mission, and that its files do not exist."""
+    from lupin_engine.missions import folders
+
+    if not NAME.fullmatch(name) or name == Path(folders.LIFECYCLE).stem:
+        wanted = "lower-case letters, digits and underscores, such as water_beds"
+        raise UsageError(
+            f"{name!r} cannot be the name of a mission's file: write {wanted}{nearest_name(name)}"
+        )
+    for file in files:
+        if file.exists():
+            raise UsageError(f"{str(file)!r} exists; choose another name, or remove it")
+
+
+def _model(like: str, folder: Path) -> tuple[Path, list[str]]:
+    """Return the file of a mission, and the parts and missions that it uses, as named beside it."""
+    from lupin_engine.missions import folders as files
+    from lupin_engine.missions.load import inspect_chart
+    from lupin_engine.missions.selection import LOCAL
+
+    local = folder / LOCAL
+    folders = [local] if files.is_missions_folder(local) else []
+    file = files.find_mission(like, [*folders, files.default_missions_folder()])
+    documents = inspect_chart(files.lifecycle_of(file), [file], load_catalog()).documents
+    own = (files.lifecycle_of(file), file)
+    used = sorted(path.relative_to(file.parent) for path in documents if path not in own)
+    return file, [path.as_posix() for path in used]
+
+
+def _renamed(text: str, title: str) -> str:
+    return re.sub(r"^mission:.*", f"mission: {title}", text, count=1, flags=re.MULTILINE)

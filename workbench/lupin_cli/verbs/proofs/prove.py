@@ -1,0 +1,365 @@
+"""`lupin prove`: every way that missions can go, and what holds in all of them.
+
+Exit codes: 0 all that was asked holds; 1 something is broken; 2 wrong usage, or a mission has errors; 3 not
+proven, because the budget ran out or somebody interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lupin_cli import options
+from lupin_cli.exit_codes import BROKEN, NOT_PROVEN, not_done
+from lupin_engine.errors import Diagnostic, UsageError
+from lupin_engine.plugin.registry import load_catalog
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from lupin_cli.verbs.proofs.evidence import Origin
+    from lupin_engine.chart.model import Chart
+    from lupin_engine.missions.load import LoadedMissions
+    from lupin_verify.proof import Proof, Proven
+    from lupin_verify.proving import ProofTask
+    from lupin_verify.situations.found import ExplorationProgress
+    from lupin_verify.story import FailingScenario
+
+
+@click.command(short_help="Explore every way that missions can go, without ROS.")
+@click.argument("missions", nargs=-1, required=True)
+@options.mission_settings
+@click.option(
+    "--targets",
+    type=click.IntRange(0, 8),
+    default=2,
+    show_default=True,
+    help="Explore itineraries and lists of up to this many elements.",
+)
+@click.option(
+    "--late",
+    type=click.IntRange(0, 4),
+    default=0,
+    show_default=True,
+    help="Explore late answers, too: to up to this many orders that were already given up.",
+)
+@click.option("--no-restarts", is_flag=True, help="Leave out restarts of the process, and reloads.")
+@click.option(
+    "--parameters",
+    "every_class",
+    is_flag=True,
+    help="Prove again for each other value of each parameter that conditions distinguish, one at a time.",
+)
+@click.option(
+    "--outcomes",
+    metavar="PAGE.md",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Compare each cell of this page of outcomes with what follows in every situation.",
+)
+@click.option(
+    "--jobs",
+    "-j",
+    type=click.IntRange(min=1),
+    help="Proofs that run side by side, each in a process of its own; default: one for each core.",
+)
+@click.option(
+    "--budget", metavar="DURATION", help="Stop after this time, for all proofs together, such as '60 s'."
+)
+@click.option("--no-scenarios", is_flag=True, help="Write no failing scenarios beside the mission.")
+@click.option(
+    "--report",
+    metavar="FILE.html",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the results into one page.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the results as a JSON list, an object a proof.")
+@click.option("--quiet", "-q", is_flag=True, help="Print what is broken, and the last line.")
+@not_done()
+def prove(
+    missions: tuple[str, ...],
+    settings: tuple[str, ...],
+    targets: int,
+    late: int,
+    no_restarts: bool,
+    every_class: bool,
+    outcomes: Path | None,
+    jobs: int | None,
+    budget: str | None,
+    no_scenarios: bool,
+    report: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Explore every way that missions can go, and tell what holds in all of them.
+
+    MISSIONS are names of missions or mission files. Servers may answer anything that their catalogs declare,
+    or nothing; inputs change; every request comes at any time. For each broken property a failing scenario
+    is written beside the mission, named after the property.
+
+    Exit code: 0 everything holds; 1 something is broken; 2 wrong usage, or a mission has errors; 3 not
+    proven: the budget ran out, or it was interrupted.
+    """
+    from lupin_cli.settings import settings_in
+    from lupin_cli.verbs.proofs.evidence import origin
+    from lupin_engine.errors import Problems
+    from lupin_engine.missions.selection import load_missions
+    from lupin_verify.proving import proof_tasks, prove_tasks
+    from lupin_verify.situations.explorer import Bounds
+
+    problems, catalog = Problems(UsageError), load_catalog()
+    seconds = None
+    with problems.collecting():
+        seconds = read_budget("--budget", budget)
+    if report is not None and report.suffix != ".html":
+        problems.add(f"--report: {str(report)!r} must end in .html")
+    loaded = {name: load_missions([name], catalog) for name in missions}
+    given = {}
+    for name, one in loaded.items():
+        given[name], wrong = settings_in("--set", settings, one.chart.parameters)
+        problems.add(*wrong)
+    problems.tell()
+    tasks = [
+        task
+        for name, one in loaded.items()
+        for task in proof_tasks(one, name, given[name], every_class, outcomes)
+    ]
+    bounds = Bounds(targets, late, not no_restarts)
+    jobs = jobs or os.cpu_count() or 1
+    shown = not (as_json or quiet) and sys.stderr.isatty()
+    with _progress_of(tasks, loaded, shown) as told:
+        made = prove_tasks(tasks, loaded, bounds, jobs, seconds, told)
+    proofs = []
+    for task, proof in zip(tasks, made, strict=True):
+        one = loaded[task.mission]
+        written = {} if no_scenarios else _write_scenarios(one, proof, task.parameters)
+        proofs.append((one, proof, written))
+    if report is not None or as_json:
+        made_by = origin(click.get_current_context())
+    if report is not None:
+        from lupin_cli.files import write_text
+        from lupin_cli.verbs.proofs.proof_page import proof_page
+
+        write_text(report, proof_page(proofs, made_by))
+    if as_json:
+        click.echo(json.dumps([_record(*one, made_by) for one in proofs], default=str))
+    else:
+        for one, proof, written in proofs:
+            _show(one, proof, written, quiet, not no_scenarios)
+    if any(proof.broken for _, proof, _ in proofs):
+        return BROKEN
+    return 0 if all(proof.complete for _, proof, _ in proofs) else NOT_PROVEN
+
+
+def read_budget(option: str, budget: str | None) -> float | None:
+    """Read the duration of an option, in seconds; UsageError: it is none."""
+    from lupin_engine.plugin.types import DURATION, convert
+
+    try:
+        return None if budget is None else float(convert(budget, DURATION))
+    except ValueError as problem:
+        raise UsageError(f"{option}: {problem}; write a duration such as '60 s'") from None
+
+
+def so_far(name: str, progress: ExplorationProgress, took: float) -> str:
+    """Return how far a proof is, after some seconds."""
+    from lupin_cli.verbs.proofs.proof_words import counted
+
+    rate, about = progress.transitions / took, progress.estimate
+    done = "" if about is None else f"about {progress.expanded / about:.0%} of {about:,}; "
+    return (
+        f"{name}: {done}{counted(progress.situations, 'situation')}, {progress.waiting:,} to explore,"
+        f" {rate:,.0f} transitions/s, {progress.depth} deep"
+    )
+
+
+@contextmanager
+def _progress_of(
+    tasks: Sequence[ProofTask], loaded: Mapping[str, LoadedMissions], shown: bool
+) -> Iterator[Callable[[int, ExplorationProgress, float], None]]:
+    """Show a line for each proof that is under way; what is given takes how far one is."""
+    from rich.console import Console
+    from rich.progress import Progress, TextColumn
+
+    from lupin_cli.verbs.proofs.proof_words import name_of
+
+    lines: dict[int, Any] = {}
+    bar = Progress(TextColumn("{task.description}"), console=Console(stderr=True), disable=not shown)
+
+    def told(number: int, progress: ExplorationProgress, took: float) -> None:
+        task = tasks[number]
+        if number not in lines:
+            lines[number] = bar.add_task("")
+        name = name_of(loaded[task.mission], task.varied)
+        bar.update(lines[number], description=so_far(name, progress, took))
+
+    with bar:
+        yield told
+
+
+def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Diagnostic, ...]:
+    """Prove missions within a time, shared among them, and return what is broken.
+
+    A line tells of each what came of it; where somebody is `told`, how it comes to what is broken as well.
+    What was not proven in time is no error. A part of a file that several missions use is told as never
+    reached where none of them reaches it.
+
+    Raises:
+        KeyboardInterrupt: somebody has interrupted; nothing more is proven.
+    """
+    from lupin_cli.verbs.proofs.proof_words import last_line
+    from lupin_engine.missions.selection import load_missions
+    from lupin_verify.breach import findings
+    from lupin_verify.proving import INTERRUPTED, ProofTask, prove_tasks
+    from lupin_verify.situations.explorer import Bounds
+
+    found: list[list[Diagnostic]] = []
+    charts: list[Chart] = []
+    for file in files:
+        loaded = load_missions([str(file)], load_catalog())
+        task, of = ProofTask(str(file), {}), {str(file): loaded}
+        (proof,) = prove_tasks([task], of, Bounds(), 1, seconds / len(files), lambda *_: None)
+        if told:
+            _show(loaded, proof, {}, quiet=True, wanted=False)
+        else:
+            click.echo(f"{loaded.names[0]}: {last_line(proof)}", err=True)
+        if proof.stopped == INTERRUPTED:
+            raise KeyboardInterrupt
+        found.append(findings(proof, str(file)))
+        charts.append(proof.chart)
+    return tuple(dict.fromkeys(one for each in found for one in each if _is_of_all(one, charts, found)))
+
+
+def _is_of_all(one: Diagnostic, charts: Sequence[Chart], found: Sequence[Sequence[Diagnostic]]) -> bool:
+    """Say whether none of the missions that use a file reaches something; true of what other rules find."""
+    from lupin_verify.breach import UNREACHED
+
+    users = [told for chart, told in zip(charts, found, strict=True) if one.place.file in chart.files]
+    return one.rule != UNREACHED or all(any(_is_same(one, other) for other in told) for told in users)
+
+
+def _is_same(one: Diagnostic, other: Diagnostic) -> bool:
+    return (one.place, one.rule) == (other.place, other.rule)
+
+
+def _write_scenarios(
+    loaded: LoadedMissions, proof: Proof, parameters: Mapping[str, Any]
+) -> dict[str, FailingScenario]:
+    """Write a scenario that fails for each property that is broken; return them by the property."""
+    from lupin_cli.files import write_text
+    from lupin_engine.sim.scenario import Missions
+    from lupin_verify.story import failing_scenario
+
+    written = {}
+    missions = Missions(load_catalog())
+    for one in proof.broken:
+        found = failing_scenario(one, Path(loaded.files[0]), parameters, missions)
+        if found is not None:
+            write_text(found.file, found.text)
+            written[one.name] = found
+    return written
+
+
+def _show(
+    loaded: LoadedMissions,
+    proof: Proof,
+    written: Mapping[str, FailingScenario],
+    quiet: bool,
+    wanted: bool = True,
+) -> None:
+    from lupin_cli.terminal.outcome import make_console
+    from lupin_cli.verbs.proofs.proof_words import last_line, name_of, shown_place
+
+    console, name = make_console(), name_of(loaded, proof.varied)
+    if not quiet:
+        click.echo(name)
+    for one in proof.properties:
+        if not quiet or one.verdict is one.verdict.BROKEN:
+            mark, about = _MARKS[one.verdict.value]
+            click.echo(f"  {mark} {one.name}: {one.says}{about}")
+        if one.verdict is one.verdict.BROKEN:
+            _show_breach(one, written.get(one.name), console, wanted)
+    if not quiet:
+        for part in proof.dead:
+            click.echo(f"  warning: {part.told(shown_place(loaded, part.place))}")
+        click.echo("  What was explored, and its bounds:")
+        for text in proof.bounds:
+            click.echo(f"    {text}")
+    click.echo(f"{name}: {last_line(proof)}")
+
+
+#: Verdict -> what stands before a property, and after it.
+_MARKS = {
+    "holds": ("✓", ""),
+    "broken": ("✗", ""),
+    "not relevant": ("-", " (never applied: no explored step concerns it)"),
+    "not proven": ("?", " (not proven)"),
+}
+
+
+def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console, wanted: bool) -> None:
+    """Tell how a property is broken: as `lupin simulate` tells it, or as the moves that lead there."""
+    from lupin_cli.terminal.outcome import show_timeline, tell_lines
+    from lupin_engine.replay.story import exact_columns
+    from lupin_engine.replay.timeline import timeline
+    from lupin_verify.story import why_none
+
+    click.echo(f"      {one.text}")
+    if scenario is not None:
+        lines = scenario.lines
+        tell_lines(lines, exact_columns(lines, console.width), console, lambda _: None)
+        show_timeline(timeline(scenario.run), console)
+        if scenario.rest:
+            click.echo(f"      {scenario.rest}")
+        file = shlex.quote(str(scenario.file))
+        click.echo(f"      wrote {file}; lupin test {file} shows it again")
+        return
+    if wanted or one.steps is None:
+        click.echo(f"      {why_none(one)}")
+    for text in one.moves:
+        click.echo(f"      {text}")
+
+
+def _record(
+    loaded: LoadedMissions, proof: Proof, written: Mapping[str, FailingScenario], made_by: Origin
+) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from lupin_cli.verbs.proofs.evidence import ASSUMPTIONS, NOT_SHOWN, catalogs_hash
+    from lupin_engine.runtime.record import step_record
+
+    return {
+        "mission": loaded.names[0],
+        "varied": proof.varied,
+        "parameters": dict(proof.parameters),
+        "chart": loaded.hash,
+        "catalogs": catalogs_hash(loaded),
+        "made": {**asdict(made_by), "seconds": proof.seconds, "processor": proof.processor},
+        "complete": proof.complete,
+        "stopped": proof.stopped,
+        **asdict(proof.progress),
+        "bounds": list(proof.bounds),
+        "assumptions": list(ASSUMPTIONS),
+        "not_shown": list(NOT_SHOWN),
+        "reached": asdict(proof.reached),
+        "dead": [part.told(part.place.shown) for part in proof.dead],
+        "properties": [
+            {
+                "name": one.name,
+                "says": one.says,
+                "verdict": one.verdict.value,
+                "text": one.text,
+                "moves": list(one.moves),
+                "scenario": str(written[one.name].file) if one.name in written else None,
+                "steps": None if one.steps is None else [step_record(step) for step in one.steps],
+            }
+            for one in proof.properties
+        ],
+    }

@@ -1,0 +1,188 @@
+"""`lupin run`: a mission over ROS 2 with everything that it needs, watched, and everything stopped again."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lupin_cli import options
+from lupin_cli.exit_codes import INTERRUPTED, not_done
+from lupin_engine.errors import LupinError, Severity
+from lupin_engine.plugin.registry import load_catalog
+
+if TYPE_CHECKING:
+    from lupin_cli.bring_up import CheckedOptions
+    from lupin_cli.terminal.keys import Press
+    from lupin_engine.missions.load import LoadedMissions
+    from lupin_engine.ros.launch.bringup import Bringup
+    from lupin_engine.ros.launch.interrupts import Interrupts
+    from lupin_engine.ros.launch.monitor import RunMonitor
+
+
+@click.command(cls=options.RequestCommand, short_help="Run a mission over ROS 2 and watch it.")
+@click.argument("mission")
+@options.bring_up
+@click.option(
+    "--patience",
+    type=click.FloatRange(min=0.0),
+    metavar="SECONDS",
+    help="How long the mission may wait for an operator; "
+    f"default: {options.PATIENCE_S:g}, on a terminal for ever.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Write one JSON object a line.")
+@click.option(
+    "--save-svg",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Save a picture from the middle of the run.",
+)
+@click.option(
+    "--record",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.mcap",
+    help="Record every topic of the run into a new file.",
+)
+@not_done()
+def run(
+    mission: str,
+    request: dict[str, Any],
+    patience: float | None,
+    as_json: bool,
+    save_svg: Path | None,
+    record: Path | None,
+    **wanted: Any,
+) -> int:
+    """Run a mission over ROS 2 and watch it.
+
+    MISSION is the name of a mission (inspection, InspectionMission) or a file. What is missing of its nodes
+    is started; what runs already is used and left alone. Ctrl-C aborts the mission, lets the robot drive home
+    and ends everything that was started; a second one stops the robot on the way, a third one forces.
+
+    Exit code: 0 all targets visited, 1 some missed, 2 fault or not started, 130 interrupted, or
+    nobody reads any more.
+    """
+    from lupin_cli.bring_up import CheckedOptions, GivenOptions
+    from lupin_cli.recording import check_recording, recorded
+    from lupin_cli.requests import carried, check_request
+    from lupin_cli.run_folders import writable
+    from lupin_cli.terminal.tty import quiet_terminal
+    from lupin_engine.missions.selection import load_missions
+    from lupin_engine.ros.launch.interrupts import Interrupts
+
+    loaded = load_missions([mission], load_catalog(), reaching=True)
+    given = CheckedOptions(GivenOptions(**wanted), loaded, loaded.chart.catalog)
+    with given.problems.collecting():
+        check_request(loaded, given.values, request)
+    with given.problems.collecting():
+        if save_svg is not None:
+            writable(save_svg.parent, "picture")
+    with given.problems.collecting():
+        if record is not None:
+            check_recording(record)
+    if patience is None and (as_json or not sys.stdout.isatty()):
+        patience = options.PATIENCE_S
+    settings = given.settings(patience)
+    from lupin_engine.ros.launch.bringup import Bringup  # needs rclpy
+
+    keys = not as_json and _is_live() and sys.stdin.isatty()
+    with quiet_terminal(keys), Interrupts() as interrupts:
+        told = _observer(as_json, save_svg, loaded, interrupts)
+        with recorded(record, told) as observer, Bringup(settings, observer, interrupts) as bringup:
+            code = _carry_out(bringup, observer, given, loaded, carried(loaded.chart, request), keys)
+        told.close(bringup.monitor, code)
+    return code
+
+
+def _carry_out(
+    bringup: Bringup,
+    observer: Any,
+    given: CheckedOptions,
+    loaded: LoadedMissions,
+    request: dict[str, Any],
+    keys: bool,
+) -> int:
+    """Run the mission; an error is reported to the observer and aborts the mission."""
+    from lupin_engine.ros.launch.interrupts import Interrupted
+    from lupin_engine.ros.launch.monitor import NOT_DONE
+
+    try:
+        bringup.bring_up(given.plugins, loaded.chart.catalog, loaded.heard)
+        for line in given.addresses(bringup.description.launches):
+            observer.note(line)
+        monitor = bringup.start(loaded.names[0], request)
+        bringup.follow(monitor, _hands(bringup, monitor, observer) if keys else lambda: None)
+        return monitor.verdict
+    except Interrupted:
+        code = INTERRUPTED
+    except LupinError as problem:
+        observer.note(str(problem), Severity.ERROR)
+        code = NOT_DONE
+    if bringup.monitor is not None and not bringup.monitor.ended:
+        bringup.abort(bringup.monitor)
+    return code
+
+
+def _hands(bringup: Bringup, monitor: RunMonitor, observer: Any) -> Callable[[], None]:
+    """Return what looks at the keys, commands what they ask for, and shows what was answered."""
+    from lupin_cli.terminal.keys import Keypad, typed
+
+    pad = Keypad(monitor.profile)
+    observer.note(pad.help)
+    typed()  # what was pressed before there was a mission was not meant for it
+
+    def look() -> None:
+        for key in typed():
+            pressed = pad.press(key, monitor.asking(time.monotonic()), time.monotonic())
+            if pressed is None:
+                continue
+            severity, text = Severity.INFO, pressed.text
+            if pressed.verb:
+                accepted, said = _commanded(bringup, pressed)
+                severity, text = (Severity.INFO if accepted else Severity.WARN), f"{text}: {said}"
+            monitor.note(time.monotonic(), severity, text)
+
+    return look
+
+
+def _commanded(bringup: Bringup, pressed: Press) -> tuple[bool, str]:
+    """Command what a key asks for; the mission goes on whatever comes of it."""
+    try:
+        answer = bringup.command(pressed.verb, pressed.request)
+    except LupinError as problem:
+        return False, str(problem)
+    return answer.accepted, answer.text
+
+
+def _is_live() -> bool:
+    """Say whether the picture of a run can be drawn."""
+    from rich.console import Console
+
+    console = Console()
+    return console.is_terminal and not console.is_dumb_terminal
+
+
+def _observer(as_json: bool, save_svg: Path | None, loaded: LoadedMissions, interrupts: Interrupts) -> Any:
+    from rich.console import Console
+
+    from lupin_cli.terminal.observers import (
+        Heard,
+        JsonObserver,
+        LiveObserver,
+        PlainObserver,
+        SavingPicture,
+    )
+
+    observer: Any
+    console = Console(highlight=False)
+    if as_json:
+        observer = JsonObserver()
+    elif _is_live():
+        observer = LiveObserver(console, loaded.chart)
+    else:
+        observer = PlainObserver()
+    observer = Heard(observer, interrupts.stop)
+    return SavingPicture(observer, loaded.chart, save_svg) if save_svg else observer

@@ -1,0 +1,287 @@
+"""`lupin simulate`: a mission in virtual time: told as a story, drawn as a timeline, or worked by hand."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lupin_cli import options
+from lupin_cli.exit_codes import INTERRUPTED, not_done
+from lupin_cli.options import PNG, SVG, TERMINAL
+from lupin_engine.errors import Problems, UsageError, nearest
+from lupin_engine.plugin.registry import load_catalog
+
+if TYPE_CHECKING:
+    from lupin_engine.chart.model import Chart
+    from lupin_engine.machine.scope import World
+    from lupin_engine.missions.load import LoadedMissions
+    from lupin_engine.sim.simulation import Run, Script
+
+
+@click.command(cls=options.RequestCommand, short_help="Run a mission in virtual time, without ROS.")
+@click.argument("mission")
+@options.mission_settings
+@click.option(
+    "--clock",
+    metavar="DATE TIME",
+    help="What the robot's clock shows at the beginning, such as '2026-11-22 22:00'.",
+)
+@click.option(
+    "--until",
+    metavar="DURATION|STATE",
+    help="Stop after so much virtual time, such as '20 min', or when a state is entered.",
+)
+@click.option("--seed", type=click.IntRange(min=0), help="What is drawn from where chance has a part.")
+@click.option(
+    "--speed",
+    type=click.FloatRange(min=0.0),
+    default=0.0,
+    metavar="FACTOR",
+    help="Tell the story as time goes by, so many times as fast; default: at once.",
+)
+@click.option(
+    "--timeline",
+    "picture",
+    metavar="FILE",
+    help="Draw states and operations over time into FILE.svg or FILE.png; - draws in the terminal.",
+)
+@click.option("--interactive", "-i", is_flag=True, help="Work the simulation by hand; help tells how.")
+@options.hmi
+@options.pages_port
+@click.option("--json", "as_json", is_flag=True, help="Print all that came of it as one JSON object.")
+@click.option("--quiet", "-q", is_flag=True, help="Print the summary only.")
+@not_done()
+def simulate(
+    mission: str,
+    request: dict[str, Any],
+    settings: tuple[str, ...],
+    clock: str | None,
+    until: str | None,
+    seed: int | None,
+    speed: float,
+    picture: str | None,
+    interactive: bool,
+    hmi: bool,
+    port: int,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Run a mission in virtual time, without ROS, and tell what happens.
+
+    MISSION is the name of a mission (inspection, InspectionMission), a mission file, or a scenario file,
+    whose mocks and happenings are then used. The plugins answer as their mocks say: everything succeeds.
+
+    Exit code: 0 all targets visited, or stopped where --until says; 1 some missed; 2 fault, not started
+    or not ended, or an expression or action failed; 130 interrupted.
+    """
+    from lupin_cli.terminal import outcome
+    from lupin_engine.replay.timeline import timeline
+
+    problems = Problems(UsageError)
+    if interactive and (as_json or quiet or speed or picture or until is not None):
+        allowed = ", ".join((*options.request_options(), "--set"))
+        problems.add(f"--interactive goes with {allowed}, --clock and --seed only")
+    if hmi and (interactive or as_json or quiet or picture or until is not None):
+        allowed = ", ".join((*options.request_options(), "--set"))
+        problems.add(f"--hmi goes with {allowed}, --clock, --seed, --speed and --port only")
+    with problems.collecting():
+        _check_picture(picture)
+    with problems.collecting():
+        subject = _subject(problems, mission, request, settings, until, started=not (interactive or hmi))
+    with problems.collecting():
+        _check_clock(clock)
+    problems.tell()
+    if seed is not None:
+        subject = replace(subject, script=replace(subject.script, seed=seed))
+    if clock is not None:
+        subject = replace(subject, script=replace(subject.script, clock=clock))
+    if hmi:
+        return _serve(subject, speed, port)
+    if interactive:
+        return _interact(subject)
+    began = time.perf_counter()
+    run = subject.run()
+    wall = time.perf_counter() - began
+    lanes = timeline(run)
+    if picture not in (None, TERMINAL):
+        outcome.draw(lanes, Path(picture or ""))
+    if as_json:
+        click.echo(json.dumps(outcome.record(run, lanes, subject.script.seed), default=str))
+        return outcome.verdict(run)
+    console = outcome.make_console()
+    try:
+        if not quiet:
+            outcome.tell_story(run, console, _pacing(speed))
+    except KeyboardInterrupt:
+        console.print()
+        return INTERRUPTED
+    if picture == TERMINAL:
+        outcome.show_timeline(lanes, console)
+    outcome.show_outcome(run, lanes, wall, console)
+    return outcome.verdict(run)
+
+
+# -- what is simulated ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class SimulationTask:
+    """What is simulated, at most until the time or state `until`: the request of a mission, or a scenario.
+
+    `is_complete`: more was said than which mission it is, so nobody need start it.
+    """
+
+    loaded: LoadedMissions
+    script: Script
+    world: World
+    until: float | str | None
+    is_complete: bool
+
+    @property
+    def chart(self) -> Chart:
+        """The chart of the mission."""
+        return self.loaded.chart
+
+    def run(self) -> Run:
+        """Simulate it; errors as for `simulation.simulate`."""
+        from lupin_engine.sim.simulation import simulate as run_script
+
+        if isinstance(self.until, str):
+            return run_script(self.chart, replace(self.script, stop_at=self.until), world=self.world)
+        if self.until is None:
+            return run_script(self.chart, self.script, world=self.world)
+        run = run_script(self.chart, replace(self.script, limit=self.until), world=self.world)
+        # A run that reaches the given time has ended as wanted.
+        return replace(run, cut_off=False, stopped=True) if run.cut_off else run
+
+
+def _subject(
+    problems: Problems,
+    mission: str,
+    request: dict[str, Any],
+    settings: tuple[str, ...],
+    until: str | None,
+    *,
+    started: bool,
+) -> SimulationTask:
+    """Return what is to be simulated; `problems` gets what is wrong with options.
+
+    One that is `started` at once must have its whole request; else people start it, by hand or on a page.
+
+    Raises:
+        LupinError: there is no such mission or scenario, or it cannot be used.
+    """
+    from lupin_cli.requests import carried, check_complete, check_fields
+    from lupin_cli.settings import settings_in
+    from lupin_engine.missions.selection import load_missions
+    from lupin_engine.runtime.setup import make_world
+    from lupin_engine.sim.scenario import is_scenario, load_scenario
+    from lupin_engine.sim.simulation import LIMIT, Script
+
+    catalog = load_catalog()
+    if is_scenario(mission):
+        if any(request.values()) or settings:
+            names = ", ".join(options.request_options())
+            problems.add(
+                f"a scenario names its own request and parameters; {names} and --set are for missions"
+            )
+        scenario = load_scenario(mission, catalog)
+        loaded = load_missions([str(scenario.mission)], catalog)
+        chart, script, parameters = loaded.chart, scenario.script, scenario.parameters
+    else:
+        loaded = load_missions([mission], catalog)
+        chart = loaded.chart
+        script = Script(loaded.names[0], carried(chart, request), limit=LIMIT)
+        with problems.collecting():
+            check_fields(loaded, request)
+        with problems.collecting():
+            if started:
+                check_complete(loaded, request)
+        parameters, wrong = settings_in("--set", settings, chart.parameters)
+        problems.add(*wrong)
+    is_complete = is_scenario(mission) or any(request.values())
+    end: float | str | None = None
+    with problems.collecting():
+        end = read_until(chart, until)
+    return SimulationTask(loaded, script, make_world(chart, parameters), end, is_complete)
+
+
+def read_until(chart: Chart, text: str | None) -> float | str | None:
+    """Read `--until`: a duration, in seconds, or the name of a state."""
+    from lupin_engine.plugin.types import DURATION, convert
+    from lupin_engine.sim.simulation import is_named
+
+    if text is None:
+        return None
+    if text[:1].isdigit():
+        try:
+            return float(convert(text, DURATION))
+        except ValueError as problem:
+            hint = "write a duration such as '90 s' or '20 min'"
+            raise UsageError(f"--until: {problem}; {hint}") from None
+    names = [state for state in chart.states if state]
+    if not any(is_named(state, text) for state in names):
+        local = {state.rpartition(".")[2] for state in names}
+        raise UsageError(f"--until: no state {text!r}; {nearest(text, local)}")
+    return text
+
+
+def _check_clock(text: str | None) -> None:
+    """Check that a text is a date with a time of day."""
+    from lupin_engine.runtime.clock import UTC, calendar_of
+
+    try:
+        if text is not None:
+            calendar_of(UTC).moment(text)
+    except ValueError as problem:
+        raise UsageError(f"--clock: {problem}") from None
+
+
+def _check_picture(name: str | None) -> None:
+    """Check that a timeline can be drawn there."""
+    from lupin_cli.run_folders import writable
+
+    if name is None or name == TERMINAL:
+        return
+    if Path(name).suffix not in (SVG, PNG):
+        raise UsageError(
+            f"--timeline: {name!r} ends in neither {SVG} nor {PNG}; {TERMINAL} draws in the terminal"
+        )
+    writable(Path(name).parent, "picture")
+
+
+def _interact(subject: SimulationTask) -> int:
+    from lupin_cli.settings import read_value
+    from lupin_cli.terminal.interactive import interact
+    from lupin_cli.terminal.outcome import make_console
+    from lupin_engine.replay.debugger import Debugger
+
+    # The user starts a mission; a scenario starts by itself.
+    script = subject.script if subject.script.happenings else replace(subject.script, starts=False)
+    console = make_console()
+    debugger = Debugger(subject.chart, script, subject.world, read_value, console.width)
+    return interact(debugger, console)
+
+
+def _serve(subject: SimulationTask, speed: float, port: int) -> int:
+    from lupin_cli.pages import find_server, serve
+    from lupin_cli.settings import read_value
+    from lupin_engine.ros.virtual.simulated import SimulatedPages
+
+    server = find_server(subject.chart.catalog)
+    script = subject.script if subject.is_complete else replace(subject.script, starts=False)
+    pages = SimulatedPages(
+        subject.loaded, script, subject.world, read_value, time.monotonic, speed if speed else None
+    )
+    return serve(pages, server, port)
+
+
+def _pacing(speed: float) -> Callable[[float], None]:
+    """Return a function that waits for so many seconds of virtual time."""
+    return (lambda seconds: time.sleep(seconds / speed)) if speed else (lambda seconds: None)

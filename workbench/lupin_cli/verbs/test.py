@@ -1,0 +1,244 @@
+"""`lupin test`: scenarios against missions, one line each, failures explained, and what was not reached."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lupin_cli.files import write_text
+from lupin_engine.errors import Problems, UsageError
+from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.sim import SUFFIX
+
+if TYPE_CHECKING:
+    from lupin_engine.replay.coverage import Coverage
+    from lupin_engine.sim.suite import ScenarioResult
+
+#: Where scenarios are looked for when none is named, nearest first.
+_PLACES = (Path("scenarios"), Path("tests/scenarios"))
+
+
+@click.command(short_help="Run scenarios against missions, without ROS.")
+@click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
+@click.option("--seed", type=int, default=0, help="Added to the seeds of random scenarios.")
+@click.option(
+    "--seeds", type=click.IntRange(min=1), default=1, help="Run random scenarios with so many seeds."
+)
+@click.option("--coverage", "covers", is_flag=True, help="Tell what no scenario reached.")
+@click.option(
+    "--min-coverage", type=click.FloatRange(0, 100), metavar="PERCENT", help="Fail when less was reached."
+)
+@click.option(
+    "--coverage-diagram",
+    "drawing",
+    metavar="FILE.svg",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw the mission coloured by what was reached; of several missions each into FILE-MISSION.svg.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option("--quiet", "-q", is_flag=True, help="Print failures and the last line only.")
+@click.option(
+    "--record",
+    "recording",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Make a scenario of a recorded run: the output of 'lupin simulate --json', or steps.",
+)
+@click.option("-o", "output", type=click.Path(path_type=Path), help="The scenario that --record makes.")
+def test(
+    paths: tuple[Path, ...],
+    seed: int,
+    seeds: int,
+    covers: bool,
+    min_coverage: float | None,
+    drawing: Path | None,
+    as_json: bool,
+    quiet: bool,
+    recording: Path | None,
+    output: Path | None,
+) -> int:
+    """Run scenarios against missions, without ROS.
+
+    PATHS are scenario files (*.scenario.yaml) or folders of them; without any, the folder scenarios or
+    tests/scenarios is taken, and what lupin prove has written beside the missions in missions. To choose by
+    name, to share the work between processes and to write JUnit XML, run them with pytest:
+    pytest scenarios -k abort -n auto --junitxml report.xml
+
+    Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run.
+    """
+    from lupin_engine.replay.coverage import CoverageObserver, add_up
+    from lupin_engine.sim.scenario import Missions
+    from lupin_engine.sim.suite import Suite
+
+    catalog = load_catalog()
+    if recording is not None or output is not None:
+        return _make_scenario(recording, output, paths, catalog)
+    problems = Problems(UsageError)
+    with problems.collecting():
+        files = _chosen(paths)
+    if drawing is not None and drawing.suffix != ".svg":
+        problems.add(f"{str(drawing)!r} must end in .svg")
+    problems.tell()
+    counts = covers or min_coverage is not None or drawing is not None
+    results = []
+    suite = Suite(catalog, CoverageObserver() if counts else None)
+    for file in files:
+        result = suite.run(file, range(seed, seed + seeds))
+        results.append(result)
+        if not as_json:
+            _show(result, quiet)
+    coverage = add_up(results, Missions(catalog)) if counts else None
+    if coverage is not None and drawing is not None:
+        _draw(coverage, drawing)
+    if as_json:
+        click.echo(json.dumps(_record(results, coverage), default=str))
+    else:
+        _sum_up(results, coverage)
+    enough = coverage is None or min_coverage is None or coverage.percent >= min_coverage
+    if not enough and not as_json:
+        click.echo(f"less than {min_coverage:g} % was reached")
+    return 0 if enough and all(result.holds for result in results) else 1
+
+
+def _chosen(paths: Sequence[Path]) -> list[Path]:
+    """Return the files to run; UsageError when there are none."""
+    from lupin_engine.sim.scenario import scenario_files
+
+    return scenario_files(paths or _default())
+
+
+def _default() -> Iterable[Path]:
+    """Return the nearest folder of scenarios, and what `lupin prove` has written beside missions."""
+    folder = next(([place] for place in _PLACES if place.is_dir()), [])
+    found = [*folder, *sorted(Path("missions").glob(f"*{SUFFIX}"))]
+    if found:
+        return found
+    raise UsageError(f"name scenario files or a folder; neither {_PLACES[0]} nor {_PLACES[1]} is here")
+
+
+def _make_scenario(
+    recording: Path | None, output: Path | None, paths: Sequence[Path], catalog: Catalog
+) -> int:
+    """Make a scenario of a recorded run; nothing is written over."""
+    from lupin_engine.replay.reconstruction import read_recording, scenario_text
+    from lupin_engine.sim.scenario import Missions, is_scenario
+
+    if recording is None or output is None or paths:
+        raise UsageError("write 'lupin test --record RUN.json -o NAME.scenario.yaml'")
+    problems = Problems(UsageError)
+    if not is_scenario(output.name):
+        problems.add(f"{str(output)!r} must end in {SUFFIX}")
+    if output.exists():
+        problems.add(f"{str(output)!r} exists; remove it, or choose another name")
+    with problems.collecting():
+        recorded = read_recording(_text(recording), str(recording))
+    problems.tell()
+    promise = f"{recorded.mission} as it was recorded in {recording.name}"
+    write_text(output, scenario_text(recorded, promise, output, Missions(catalog)))
+    click.echo(f"wrote {output}")
+    return 0
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise UsageError(f"cannot read {str(file)!r}: {problem}") from None
+
+
+def _draw(coverage: Coverage, file: Path) -> None:
+    """Draw every mission that was tested, coloured by what its scenarios reached."""
+    from lupin_engine.diagram.outline import outline
+    from lupin_engine.diagram.svg import svg
+    from lupin_engine.diagram.trace import Counts, coloured
+    from lupin_engine.replay.coverage import STATE, TRANSITION
+
+    for mission, (chart, reached) in coverage.charts.items():
+        states = {name: count for (kind, name, _), count in reached.items() if kind == STATE}
+        ways = {name: count for (kind, name, _), count in reached.items() if kind == TRANSITION}
+        picture = coloured(outline(chart), Counts(states, ways, "reached by scenarios; pale: never"))
+        alone = len(coverage.charts) == 1
+        write_text(file if alone else file.with_name(f"{file.stem}-{mission.stem}.svg"), svg(picture))
+
+
+def _show(result: ScenarioResult, quiet: bool) -> None:
+    """Tell how a scenario went; one that cannot be read is one that fails."""
+    from lupin_engine.sim import failure
+
+    styles: dict[str, dict[str, Any]] = {
+        failure.HEAD: {"bold": True},
+        failure.EXPECTED: {"fg": "green"},
+        failure.ACTUAL: {"fg": "red"},
+        failure.CARET: {"fg": "yellow"},
+        failure.CHART: {"fg": "cyan"},
+        failure.STORY: {"dim": True},
+        failure.MARKED: {"bold": True},
+    }
+    if result.problem:
+        click.echo(f"{click.style('ERROR', fg='red')} {result.file}\n{result.problem}")
+    elif result.failures or not quiet:
+        word = click.style("FAIL ", fg="red") if result.failures else click.style("ok   ", fg="green")
+        click.echo(f"{word} {result.name}: {result.promise} ({_how(result)})")
+    for kind, line in failure.failure_lines(result.failures):
+        click.echo(click.style(line, **styles.get(kind, {})))
+
+
+def _how(result: ScenarioResult) -> str:
+    """Return the virtual time, and the seed where there was something to draw."""
+    lasted = f"{result.seconds:.1f} s"
+    if result.seed is None:
+        return lasted
+    if result.failures:
+        return f"{lasted}, with --seed {result.seed}"
+    return f"{lasted}, {result.runs} seeds" if result.runs > 1 else f"{lasted}, seed {result.seed}"
+
+
+def _sum_up(results: Sequence[ScenarioResult], coverage: Coverage | None) -> None:
+    from lupin_engine.replay.coverage import coverage_lines
+
+    if coverage is not None:
+        click.echo("\n".join(("", *coverage_lines(coverage), "")))
+    failed = sum(1 for result in results if not result.holds)
+    count = f"{len(results)} scenario{'s' if len(results) != 1 else ''}"
+    click.echo(f"{failed} of {count} failed" if failed else f"{count}: all hold")
+
+
+def _record(results: Sequence[ScenarioResult], coverage: Coverage | None) -> dict[str, Any]:
+    """Return the results as JSON data."""
+    record: dict[str, Any] = {
+        "scenarios": [_result_record(result) for result in results],
+        "failed": sum(1 for result in results if not result.holds),
+    }
+    if coverage is not None:
+        record["coverage"] = coverage.record()
+    return record
+
+
+def _result_record(result: ScenarioResult) -> dict[str, Any]:
+
+    failures = [
+        {
+            "place": failure.place.shown,
+            "what": failure.what,
+            "expected": failure.expected,
+            "actual": failure.actual,
+            "concerned": [{"place": place.shown, "what": what} for what, place in failure.concerned],
+            "story": list(failure.story),
+        }
+        for failure in result.failures
+    ]
+    return {
+        "file": str(result.file),
+        "name": result.name,
+        "promise": result.promise,
+        "holds": result.holds,
+        "problem": result.problem,
+        "seconds": result.seconds,
+        "took": round(result.took, 6),
+        "seed": result.seed,
+        "runs": result.runs,
+        "failures": failures,
+    }

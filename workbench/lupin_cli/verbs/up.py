@@ -1,0 +1,98 @@
+"""`lupin up`: the nodes of missions, without starting one: that is left to the operator."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lupin_cli import options
+from lupin_cli.exit_codes import not_done
+from lupin_engine.errors import LupinError, Severity
+from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.ros.launch.environment import current_domain
+
+if TYPE_CHECKING:
+    from lupin_cli.bring_up import CheckedOptions
+    from lupin_engine.missions.load import LoadedMissions
+    from lupin_engine.plugin.profile import Profile, Progress
+    from lupin_engine.ros.launch.bringup import Bringup, Observer
+
+
+@click.command(short_help="Start the nodes of missions; an operator starts the missions.")
+@click.argument("missions", nargs=-1)
+@options.bring_up
+@not_done()
+def up(missions: tuple[str, ...], **wanted: Any) -> int:
+    """Start the nodes of missions; an operator starts the missions.
+
+    MISSIONS are names or files; without any, all missions of the folder. Ctrl-C stops what was started.
+
+    Exit code: 0 ended by Ctrl-C, 2 not started, or ended by what went wrong.
+    """
+    from lupin_cli.bring_up import CheckedOptions, GivenOptions
+    from lupin_cli.terminal.observers import Heard, PlainObserver
+    from lupin_engine.missions.selection import load_missions
+    from lupin_engine.ros.launch.interrupts import Interrupts
+    from lupin_engine.runtime.setup import make_world
+
+    loaded = load_missions(missions, load_catalog(), reaching=True)
+    catalog = loaded.chart.catalog
+    given = CheckedOptions(GivenOptions(**wanted), loaded, catalog)
+    with given.problems.collecting():
+        make_world(loaded.chart, given.values)
+    settings = given.settings()
+    from lupin_engine.ros.launch.bringup import Bringup  # needs rclpy
+
+    with Interrupts() as interrupts:
+        observer = Heard(PlainObserver(), interrupts.stop)
+        with Bringup(settings, observer, interrupts) as bringup:
+            return _serve(bringup, observer, given, loaded, catalog)
+
+
+def _serve(
+    bringup: Bringup, observer: Observer, given: CheckedOptions, loaded: LoadedMissions, catalog: Catalog
+) -> int:
+    from lupin_engine.ros.launch.interrupts import Interrupted
+    from lupin_engine.ros.launch.monitor import NOT_DONE
+
+    try:
+        bringup.bring_up(given.plugins, catalog, loaded.heard)
+        for line in given.addresses(bringup.description.launches):
+            observer.note(line)
+        observer.note("\n".join(served(loaded, current_domain())))
+        bringup.watch(_StateLines(observer, loaded.chart.profile))
+    except Interrupted:
+        return 0  # the way to end it
+    except LupinError as problem:
+        observer.note(str(problem), Severity.ERROR)
+    return NOT_DONE
+
+
+class _StateLines:
+    """Writes a line when the published state is another one."""
+
+    def __init__(self, observer: Observer, profile: Profile) -> None:
+        self._observer = observer
+        self._profile = profile
+        self._last: tuple[Any, ...] = ()
+
+    def __call__(self, progress: Progress) -> None:
+        from lupin_cli.terminal import view
+
+        if progress.lifecycle and (key := view.changed_key(progress)) != self._last:
+            self._last = key
+            self._observer.note(view.plain_state(progress, self._profile))
+
+
+def served(loaded: LoadedMissions, domain: int) -> list[str]:
+    """Return what to tell an operator: how each mission is started, and what else can be asked for."""
+    option = f" --domain {domain}" if domain else ""  # which a shell of its own does not know
+    start = [f"  lupin start {file.stem}{option}" for file in loaded.files]
+    verbs = ", ".join(["state", "answer", *loaded.chart.profile.verbs.values()])
+    return [
+        f"ready in ROS domain {domain}; start a mission from the HMI, or with",
+        *start,
+        f"and operate it with lupin {verbs}{f'; all of them with{option}' if option else ''}",
+        "Ctrl-C stops everything",
+    ]
