@@ -39,7 +39,7 @@ check test: export PYTHONDONTWRITEBYTECODE =
 
 # Through the environment module, which completes the library path where ROS 2 came from apt.
 check test: environment-dev
-	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) tools/suite.py $@ $(ARGS)
+	@$(VENV_PYTHON) -m lupin_ros.adapter.environment $(VENV_PYTHON) tools/suite.py $@ $(ARGS)
 
 audit: environment-dev
 	@$(VENV_PYTHON) tools/audit.py
@@ -49,13 +49,13 @@ mutants: environment-dev
 	@$(VENV_PYTHON) tools/mutants.py $(ARGS)
 
 soak: environment-dev
-	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) benchmarks/soak.py --hours $(or $(HOURS),2) $(ARGS)
+	@$(VENV_PYTHON) -m lupin_ros.adapter.environment $(VENV_PYTHON) benchmarks/soak.py --hours $(or $(HOURS),2) $(ARGS)
 
 faults: environment-dev
-	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) -m tests.faults.campaign --seeds $(or $(SEEDS),1-20) $(ARGS)
+	@$(VENV_PYTHON) -m lupin_ros.adapter.environment $(VENV_PYTHON) -m tests.faults.campaign --seeds $(or $(SEEDS),1-20) $(ARGS)
 
 matrix: environment-dev
-	@$(VENV_PYTHON) -m lupin_engine.ros.adapter.environment $(VENV_PYTHON) -m tests.ros.safety.matrix.run $(ARGS)
+	@$(VENV_PYTHON) -m lupin_ros.adapter.environment $(VENV_PYTHON) -m tests.ros.safety.matrix.run $(ARGS)
 
 # The pages for authors are brought up to date first: what they show is what the commands print.
 docs: environment-dev

@@ -29,8 +29,8 @@ from idle_cpu import cpu_seconds
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import MissionState, Observation
+from lupin_ros.adapter.node import Qos, RosNode
 
 LUPIN = str(Path(sys.executable).with_name("lupin"))
 #: Targets change so fast here that a frame comes sooner than a detector's delay after its target.

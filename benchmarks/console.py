@@ -42,7 +42,7 @@ from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 from std_msgs.msg import Bool
 from websockets.sync.client import connect
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.node import Qos, RosNode
 
 DOMAIN, PORT = "93", 8193
 URL = f"http://127.0.0.1:{PORT}/"

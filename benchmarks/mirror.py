@@ -21,7 +21,7 @@ import rclpy
 from rclpy.action import ActionClient, ActionServer
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
-from lupin_engine.ros.adapter.network import Interface, interfaces
+from lupin_ros.adapter.network import Interface, interfaces
 
 #: Seconds until everybody has been discovered.
 DISCOVERY_S = 3.0

@@ -33,8 +33,8 @@ RULE = {
     "lupin_engine.replay": ("lupin_engine.sim",),
     "lupin_engine.diagram": ("lupin_engine.chart",),
     "lupin_engine.pytest_plugin": ("lupin_engine.replay",),
-    "lupin_engine.ros.adapter": ("lupin_engine.plugin",),
-    "lupin_engine.ros.bindings": ("lupin_engine.ros.adapter", "lupin_engine.bindings"),
+    "lupin_ros.adapter": ("lupin_engine.plugin",),
+    "lupin_engine.ros.bindings": ("lupin_ros.adapter", "lupin_engine.bindings"),
     "lupin_engine.ros": ("lupin_engine.sim", "lupin_engine.ros.bindings", "lupin_engine.diagram"),
     "lupin_engine.ros.launch": ("lupin_engine.ros",),
     "lupin_harness": ("lupin_engine.ros.launch",),
@@ -53,7 +53,7 @@ RULE = {
 }
 #: Outside packages that belong to certain rooms only.
 OWNED = {
-    "rclpy": {"lupin_engine.ros.adapter", "lupin_engine.ros.bindings"},
+    "rclpy": {"lupin_ros.adapter", "lupin_engine.ros.bindings"},
     "transitions": {"lupin_engine.machine"},
     "click": {"lupin_cli"},
     "rich": {"lupin_cli"},
@@ -63,7 +63,7 @@ OWNED = {
     "resvg_py": {"lupin_engine.diagram"},
     "mcap": {"lupin_engine.ros"},
     "mcap_ros2": {"lupin_engine.ros"},
-    "structlog": {"lupin_engine.ros.adapter", "lupin_engine.ros.launch", "lupin_cli"},
+    "structlog": {"lupin_ros.adapter", "lupin_engine.ros.launch", "lupin_cli"},
 }
 #: Rooms that depend on nothing but their inputs.
 PURE = ("lupin_engine.chart", "lupin_engine.machine")
@@ -201,7 +201,7 @@ def test_modules_do_not_go_in_circles() -> None:
 
 def test_a_circle_of_types_is_one() -> None:
     """`cli.terminal.tables` imports `ros.adapter.network` for the type checker only."""
-    user, used = "lupin_cli.terminal.tables", "lupin_engine.ros.adapter.network"
+    user, used = "lupin_cli.terminal.tables", "lupin_ros.adapter.network"
     graph = all_imports()
     assert set(circle({**graph, used: graph[used] | {user}})) == {user, used}
 

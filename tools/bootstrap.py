@@ -335,7 +335,7 @@ def bring_up_to_date(purpose: str) -> None:
         wait(compiling, INTERFACES_LOG)
         install(mode, "--no-deps", "--no-index", "--force-reinstall", *map(str, wheels.glob("*.whl")))
     say("Trying it")
-    run([PYTHON, "-m", "lupin_engine.ros.adapter.environment", PYTHON, "-c", CHECK], mode, LOG, "Trying it")
+    run([PYTHON, "-m", "lupin_ros.adapter.environment", PYTHON, "-c", CHECK], mode, LOG, "Trying it")
     STAMP.with_suffix(".partial").write_text(json.dumps(wanted, indent=2), encoding="utf-8")
     os.replace(str(STAMP.with_suffix(".partial")), str(STAMP))
     say("Done")

@@ -40,9 +40,6 @@ from lupin_engine.plugin.profile import (
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
 from lupin_engine.ros import commands, messages
-from lupin_engine.ros.adapter.executor import StaleAfter
-from lupin_engine.ros.adapter.node import Qos, RosNode, RosTimer
-from lupin_engine.ros.adapter.process import signals_call
 from lupin_engine.ros.bindings.client import BoundClient
 from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.commands import CommandAnswer, CommandMemory, CommandRequest
@@ -62,6 +59,9 @@ from lupin_engine.runtime.journal.records import JournalRecord
 from lupin_engine.runtime.journal.recovery import outcomes_of, resumed_event
 from lupin_engine.runtime.journal.replay import resumed
 from lupin_engine.runtime.setup import make_machine, make_world
+from lupin_ros.adapter.executor import StaleAfter
+from lupin_ros.adapter.node import Qos, RosNode, RosTimer
+from lupin_ros.adapter.process import signals_call
 
 #: Parameters of the node itself, beside those of the missions.
 OWN_PARAMETERS: Mapping[str, Parameter] = {

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_engine.runtime.engine import Engine, EngineOutlet
+from lupin_ros.adapter.node import RosNode
 
 
 class NodeClock:

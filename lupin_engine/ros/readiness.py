@@ -9,7 +9,7 @@ from typing import Any
 
 from lupin_engine.plugin.builtin import MISSING
 from lupin_engine.plugin.contract import Driver, Outlet
-from lupin_engine.ros.adapter.host import TimerHandle
+from lupin_ros.adapter.host import TimerHandle
 
 #: How often the drivers are asked, in seconds.
 POLL_PERIOD_S = 0.2

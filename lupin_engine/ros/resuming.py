@@ -14,7 +14,6 @@ from lupin_engine.missions.load import LoadedMissions, load_chart
 from lupin_engine.plugin.contract import CLOSED_CODE, Parameter
 from lupin_engine.plugin.profile import Publish, Rating
 from lupin_engine.plugin.types import TEXT
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_engine.runtime.journal.journal import CHARTS
 from lupin_engine.runtime.journal.recovery import (
     Leftover,
@@ -25,6 +24,7 @@ from lupin_engine.runtime.journal.recovery import (
     recover,
 )
 from lupin_engine.runtime.setup import make_world
+from lupin_ros.adapter.node import RosNode
 
 ASK, CONTINUE, ABORT = POLICIES = ("ask", "continue", "abort")
 POLICY = "resume_policy"

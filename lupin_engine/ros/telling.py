@@ -22,8 +22,6 @@ from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, TEXT
 from lupin_engine.ros import messages
-from lupin_engine.ros.adapter.host import Slices
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.displays import giving_way
 from lupin_engine.ros.names import CHART_TOPIC, MISSIONS_TOPIC, NODE, POSSIBLE_TOPIC, STEPS_TOPIC
 from lupin_engine.ros.single import new_boot
@@ -31,6 +29,8 @@ from lupin_engine.ros.told import StepMoment, StepNews, ToldPossible, step_told
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.journal.journal import domain_folder
 from lupin_engine.runtime.offer import missions_record
+from lupin_ros.adapter.host import Slices
+from lupin_ros.adapter.node import Qos, RosNode
 
 #: The node's parameters about its log.
 LOG_PARAMETERS: Mapping[str, Parameter] = {

@@ -7,8 +7,8 @@ from functools import partial
 from typing import Any
 
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.adapter.node import CallFailure, RosNode
 from lupin_msgs.srv import SetArmPreset
+from lupin_ros.adapter.node import CallFailure, RosNode
 
 #: Timeout of a preset, in seconds. The server answers when it has sent the motion, not when the arm arrives.
 CALL_DEADLINE_S = 5.0

@@ -9,10 +9,10 @@ from typing import Any
 from lupin_bridge.catalog import SCAN_FAILED, UNKNOWN_TAG
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.plugin.wire import seconds_of
-from lupin_engine.ros.adapter.node import CallFailure, RosNode
-from lupin_engine.ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_msgs.msg import TagReading
 from lupin_msgs.srv import GetTagReading
+from lupin_ros.adapter.node import CallFailure, RosNode
+from lupin_ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 
 
 class BridgeClient(ServiceDriver):

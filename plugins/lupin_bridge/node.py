@@ -9,9 +9,9 @@ from lupin_bridge.backend import Clocks, ReadingFailed, UnknownTag
 from lupin_bridge.catalog import NODE_PARAMETERS as PARAMETERS
 from lupin_bridge.choice import check, make_backend
 from lupin_engine.errors import Severity
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import GetTagReading
+from lupin_ros.adapter.node import RosNode
 
 __all__ = ["PARAMETERS", "BridgeNode", "check", "main"]
 

@@ -19,16 +19,6 @@ from tf2_msgs.msg import TFMessage
 
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.plugin.wire import pose_fields
-from lupin_engine.ros.adapter.action_driver import (
-    WATCH_PERIOD_S,
-    ActionAttempts,
-    ActionOperation,
-    ActionServer,
-)
-from lupin_engine.ros.adapter.host import Repeater
-from lupin_engine.ros.adapter.logs import WarnOnce
-from lupin_engine.ros.adapter.node import Qos, RosNode
-from lupin_engine.ros.adapter.service_driver import Done, Failed
 from lupin_greenhouse.frames import frame_name
 from lupin_greenhouse.node.estop import StopListener
 from lupin_greenhouse.stops import StopState
@@ -37,6 +27,16 @@ from lupin_nav.battery import Charges, charge
 from lupin_nav.exploration import Explorer
 from lupin_nav.frontier import Point
 from lupin_nav.standstill import MovementWatch
+from lupin_ros.adapter.action_driver import (
+    WATCH_PERIOD_S,
+    ActionAttempts,
+    ActionOperation,
+    ActionServer,
+)
+from lupin_ros.adapter.host import Repeater
+from lupin_ros.adapter.logs import WarnOnce
+from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.service_driver import Done, Failed
 
 #: What people are told when the robot does not stop.
 REFUSES = "the robot may be moving: navigation refuses to stop"

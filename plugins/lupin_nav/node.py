@@ -17,14 +17,14 @@ from std_msgs.msg import Bool
 
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import DURATION, ROS_NAME
-from lupin_engine.ros.adapter.host import Repeater
-from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode
 from lupin_greenhouse.mission import is_under_way
 from lupin_greenhouse.node import watchdog
 from lupin_greenhouse.node.estop import StopListener
 from lupin_greenhouse.node.watchdog import SilenceWatchdog
 from lupin_greenhouse.stops import PAGES_TOPIC, StopState
 from lupin_msgs.msg import MissionState
+from lupin_ros.adapter.host import Repeater
+from lupin_ros.adapter.node import CallFailure, Qos, RosNode
 
 #: Seconds between two cancels, and how long the answer to one may take.
 PERIOD_S = 0.5

@@ -7,8 +7,8 @@ from typing import Any
 
 from lupin_engine.plugin.contract import Outlet
 from lupin_engine.plugin.wire import seconds_of
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import TwinState, TwinTagState
+from lupin_ros.adapter.node import Qos, RosNode
 
 
 class TwinClient:

@@ -15,9 +15,9 @@ from std_msgs.msg import Header, String
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, NUMBER, ROS_NAME, TEXT, number_in
 from lupin_engine.plugin.wire import filled_in, time_fields
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import DiscoveredTags, FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
 from lupin_msgs.srv import GetField
+from lupin_ros.adapter.node import Qos, RosNode
 from lupin_twin import wire
 from lupin_twin.field import DEFAULTS, InterpolationSettings, OccupancyMap
 from lupin_twin.heatmap import FieldRequestRefused, Heatmap, Heatmaps, Request

@@ -145,7 +145,7 @@ def test_without_ros_the_way_to_get_it_is_told(
     from lupin_engine.ros.launch.requirements import prepare_ros
 
     monkeypatch.setattr("lupin_cli.bring_up.prepare_ros", prepare_ros)
-    monkeypatch.setattr("lupin_engine.ros.adapter.environment.rclpy_source", lambda: None)
+    monkeypatch.setattr("lupin_ros.adapter.environment.rclpy_source", lambda: None)
     assert main(["run", "inspection"]) == 2
     told = capsys.readouterr().err
     assert told.startswith("lupin: ROS 2 is not installed for this Python; install it with `pip install ")

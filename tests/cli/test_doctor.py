@@ -11,12 +11,12 @@ import pytest
 
 from lupin_cli.main import main
 from lupin_engine.plugin.discovery import EntryPoint
-from lupin_engine.ros.adapter import environment
-from lupin_engine.ros.adapter.dds.profile import VARIABLES
 from lupin_engine.ros.launch import health
 from lupin_engine.ros.launch.environment import open_to
 from lupin_engine.ros.launch.health import RIHS, Finding
 from lupin_greenhouse.profile import HASHES
+from lupin_ros.adapter import environment
+from lupin_ros.adapter.dds.profile import VARIABLES
 
 TABLE = json.loads((Path(__file__).parents[1] / "msgs" / "wire.json").read_text(encoding="utf-8"))
 
@@ -36,7 +36,7 @@ def test_a_machine_without_ros_is_told_how_to_get_it(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The rest is looked at all the same; exit code 1."""
-    monkeypatch.setattr("lupin_engine.ros.adapter.environment.rclpy_source", lambda: None)
+    monkeypatch.setattr("lupin_ros.adapter.environment.rclpy_source", lambda: None)
     assert main(["doctor", "--json"]) == 1
     found = findings(capsys)
     assert found["rclpy"]["state"] == "problem"
@@ -52,7 +52,7 @@ def test_a_ros_that_was_not_sourced_is_told_so(
     (tmp_path / "rclpy" / "__init__.py").write_text("raise ImportError('librcl.so: cannot open\\nSee URL')")
     monkeypatch.delitem(sys.modules, "rclpy", raising=False)
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
-    monkeypatch.setattr("lupin_engine.ros.adapter.environment.prepare", lambda: None)
+    monkeypatch.setattr("lupin_ros.adapter.environment.prepare", lambda: None)
     assert main(["doctor", "--json"]) == 1
     found = findings(capsys)["rclpy"]
     advice = "source the setup.bash of its installation in this shell"

@@ -17,7 +17,7 @@ from lupin_engine.sim import SUFFIX
 
 ROOT = Path(__file__).parents[2]
 #: What makes a node, and what starts a process.
-NODES = ("lupin_engine.ros.adapter.node.RosNode", "rclpy.create_node")
+NODES = ("lupin_ros.adapter.node.RosNode", "rclpy.create_node")
 PROCESSES = ("subprocess.Popen", "subprocess.run", "subprocess.check_output")
 SIMULATES = "lupin_engine.sim"
 

@@ -13,8 +13,8 @@ from typing import Any
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from std_msgs.msg import Bool
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.srv import StartMission
+from lupin_ros.adapter.node import Qos, RosNode
 
 #: So many requests wait for their answers; more of them would only fill the flood's own queues.
 UNDER_WAY = 200

@@ -12,9 +12,9 @@ from typing import Any
 
 from std_srvs.srv import Trigger
 
-from lupin_engine.ros.adapter.node import CallFailure
-from lupin_engine.ros.adapter.process import StoodStill
 from lupin_msgs.msg import Observation
+from lupin_ros.adapter.node import CallFailure
+from lupin_ros.adapter.process import StoodStill
 from tests.faults.arena import Arena
 from tests.faults.plan import ORCHESTRATOR, Fault, Plan
 from tests.faults.verdict import BOUND_S, OK, STOP_S, Lost, Outcome, Seen, name_of

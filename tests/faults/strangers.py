@@ -10,8 +10,8 @@ from rcl_interfaces.srv import SetParameters
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
+from lupin_ros.adapter.node import Qos, RosNode
 
 #: Seconds between two stops of today's HMI, and between two charges of a battery.
 STOP_PERIOD_S, BATTERY_PERIOD_S = 0.5, 1.0

@@ -11,8 +11,8 @@ import time
 
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
-from lupin_engine.ros.adapter.process import end_with_supervisor
+from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.process import end_with_supervisor
 
 #: Seconds between two lines without a place.
 PULSE_S = 0.1

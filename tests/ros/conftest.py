@@ -10,8 +10,8 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_harness.domains import claimed_domain
+from lupin_ros.adapter.node import RosNode
 from tests.ros.world import Operator, World
 
 

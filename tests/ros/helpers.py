@@ -8,7 +8,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 
-from lupin_engine.ros.adapter.node import RosNode
+from lupin_ros.adapter.node import RosNode
 
 #: Seconds that a condition may take on a busy machine.
 PATIENCE = 30.0

@@ -19,14 +19,14 @@ from lupin_engine.plugin.clients import make_client
 from lupin_engine.plugin.contract import Argument, Driver, Plugin
 from lupin_engine.plugin.discovery import told
 from lupin_engine.plugin.types import convert
-from lupin_engine.ros.adapter.environment import child_environment
-from lupin_engine.ros.adapter.network import interfaces
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_engine.ros.launch.supervisor import Death, Patience, Supervisor
 from lupin_harness.domains import claimed_domain
 from lupin_harness.examples import arguments_for, defaults_of
 from lupin_harness.referee import ContractBroken, Referee, RefereedAttempt, Untried
 from lupin_harness.rules import Given, as_told, changes
+from lupin_ros.adapter.environment import child_environment
+from lupin_ros.adapter.network import interfaces
+from lupin_ros.adapter.node import RosNode
 
 #: Seconds in which everything that must happen has happened, on a busy machine.
 PATIENCE_S = 30.0
@@ -47,8 +47,8 @@ CRASH = Patience(interrupt=None, terminate=None)
 _STEP = re.compile(r'\s+File "(.+)", line (\d+)')
 #: Runs `module:function` with the ROS arguments that follow.
 _RUN = (
-    "import importlib, sys; from lupin_engine.ros.adapter.environment import prepare; prepare(); "
-    "from lupin_engine.ros.adapter.process import end_with_supervisor; end_with_supervisor(); "
+    "import importlib, sys; from lupin_ros.adapter.environment import prepare; prepare(); "
+    "from lupin_ros.adapter.process import end_with_supervisor; end_with_supervisor(); "
     "module, _, name = sys.argv[1].partition(':'); "
     "sys.exit(getattr(importlib.import_module(module), name)(sys.argv[2:]))"
 )

@@ -27,8 +27,8 @@ from lupin_harness.referee import ContractBroken
 from lupin_harness.rules import RULES, Given, PluginUnderTest, find_subject, problems_with
 
 if TYPE_CHECKING:
-    from lupin_engine.ros.adapter.node import RosNode
     from lupin_harness.bench import Lab
+    from lupin_ros.adapter.node import RosNode
 
 
 def _subject(plugin: str, arguments: Given = MappingProxyType({})) -> PluginUnderTest:

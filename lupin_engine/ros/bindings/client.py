@@ -15,23 +15,23 @@ from rclpy.publisher import Publisher
 
 from lupin_engine.bindings.data import Binding, Endpoint, MessageHeard, MessageSent, OperationCall, Sending
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
-from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode, RosTimer, peer_mismatches
-from lupin_engine.ros.adapter.peers import is_listened_to
-from lupin_engine.ros.adapter.qos import OBJECT_BYTES
-from lupin_engine.ros.adapter.service_driver import (
-    CALL_DEADLINE_S,
-    Done,
-    Failed,
-    ServiceDriver,
-    ServiceOperation,
-)
 from lupin_engine.ros.bindings.definitions import (
     fill,
     interface_class,
     interface_constants,
     interface_types,
     plain,
+)
+from lupin_ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
+from lupin_ros.adapter.node import CallFailure, Qos, RosNode, RosTimer, peer_mismatches
+from lupin_ros.adapter.peers import is_listened_to
+from lupin_ros.adapter.qos import OBJECT_BYTES
+from lupin_ros.adapter.service_driver import (
+    CALL_DEADLINE_S,
+    Done,
+    Failed,
+    ServiceDriver,
+    ServiceOperation,
 )
 
 #: How long after it was made a client waits for a server that it does not see, in seconds of real time:

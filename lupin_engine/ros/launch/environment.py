@@ -8,8 +8,8 @@ from pathlib import Path
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.domain import DOMAIN, domain_advice
 from lupin_engine.plugin.files import ros_domain
-from lupin_engine.ros.adapter import environment
-from lupin_engine.ros.adapter.dds.profile import CLOSED, RANGE, close_the_range, is_closed, users_profile
+from lupin_ros.adapter import environment
+from lupin_ros.adapter.dds.profile import CLOSED, RANGE, close_the_range, is_closed, users_profile
 
 PEERS = "ROS_STATIC_PEERS"
 RMW = "RMW_IMPLEMENTATION"

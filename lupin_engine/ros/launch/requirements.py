@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lupin_engine.errors import UsageError
-from lupin_engine.ros.adapter import environment
+from lupin_ros.adapter import environment
 
 #: How to get ROS 2, in the words that every message uses.
 INSTALL_ROS = (

@@ -8,7 +8,7 @@ from sensor_msgs.msg import JointState
 
 from lupin_arm.joints import ARM, FARTHEST, JAW, Pose, read_pose
 from lupin_engine.plugin.wire import seconds_of
-from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.node import Qos, RosNode
 
 #: Seconds for which a measured angle counts as present.
 FRESH_S = 0.5

@@ -24,7 +24,6 @@ from lupin_arm.presets import PRESETS
 from lupin_arm.trajectory import clamp_speed, move
 from lupin_engine.errors import nearest, shortened
 from lupin_engine.plugin.files import user_folder
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.srv import (
     ArmLibraryEdit,
     ArmRecord,
@@ -33,6 +32,7 @@ from lupin_msgs.srv import (
     SaveArmPose,
     SetArmPreset,
 )
+from lupin_ros.adapter.node import Qos, RosNode
 
 #: The name under which saved poses move the arm.
 OWNER = "library"

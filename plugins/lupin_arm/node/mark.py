@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from lupin_engine.plugin.files import write_atomically
-from lupin_engine.ros.adapter.node import RosNode
+from lupin_ros.adapter.node import RosNode
 
 
 class RestoreMarker:

@@ -29,8 +29,8 @@ from lupin_engine.errors import LupinError, Problems
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import ANGLE, list_of
 from lupin_engine.plugin.wire import seconds_of
-from lupin_engine.ros.adapter.host import Repeater
-from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
+from lupin_ros.adapter.host import Repeater
+from lupin_ros.adapter.node import Qos, RosNode, ServedGoal
 
 #: Seconds between two messages while nothing moves, and while something does.
 REST_S, MOVE_S = 0.2, 0.05

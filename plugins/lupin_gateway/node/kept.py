@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.plugin.files import write_atomically
-from lupin_engine.ros.adapter.node import RosNode
+from lupin_ros.adapter.node import RosNode
 
 
 class StateFile:

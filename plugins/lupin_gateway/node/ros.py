@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_gateway.encoding import Sample
 from lupin_gateway.motion import STOPPED
 from lupin_gateway.motion.names import MotionNames
@@ -14,6 +13,7 @@ from lupin_gateway.node.calls import Actions, GoalUnderWay, Services
 from lupin_gateway.node.rosapi import Rosapi
 from lupin_gateway.node.topics import Publishers, Subscription, Subscriptions
 from lupin_gateway.sides import CallFailed, GoalEnd
+from lupin_ros.adapter.node import RosNode
 
 Post = Callable[..., None]
 

@@ -11,7 +11,6 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterType
 
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_gateway.encoding import as_json
 from lupin_gateway.node import types
 from lupin_gateway.node.calls import Services, action_type, service_type
@@ -19,6 +18,7 @@ from lupin_gateway.node.topics import topic_types
 from lupin_gateway.protocol import full_type
 from lupin_gateway.shapes import TEXT, Listed, MessageShape, NotCarried
 from lupin_gateway.sides import CallFailed
+from lupin_ros.adapter.node import RosNode
 
 #: Seconds that a node has to tell a parameter.
 PARAMETER_WITHIN_S = 5.0

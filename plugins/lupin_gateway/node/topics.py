@@ -12,15 +12,15 @@ from typing import Any
 
 from rclpy.qos import QoSProfile
 
-from lupin_engine.ros.adapter.host import Repeater, TimerHandle
-from lupin_engine.ros.adapter.network import type_name
-from lupin_engine.ros.adapter.node import Qos, RosNode
-from lupin_engine.ros.adapter.qos import heard_profile, is_latched
 from lupin_gateway.encoding import Sample
 from lupin_gateway.filling import DoesNotFit, filled
 from lupin_gateway.motion.names import MotionNames
 from lupin_gateway.node import types
 from lupin_gateway.shapes import NotCarried
+from lupin_ros.adapter.host import Repeater, TimerHandle
+from lupin_ros.adapter.network import type_name
+from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.qos import heard_profile, is_latched
 
 #: Messages that ROS keeps until they are taken: a burst, or what is kept for late subscribers.
 DEPTH = 100

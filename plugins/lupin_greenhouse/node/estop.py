@@ -7,8 +7,6 @@ from functools import partial
 
 from std_msgs.msg import Bool
 
-from lupin_engine.ros.adapter.host import Repeater
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_greenhouse.stops import (
     HMI,
     HMI_TOPIC,
@@ -20,6 +18,8 @@ from lupin_greenhouse.stops import (
     StopState,
     rules,
 )
+from lupin_ros.adapter.host import Repeater
+from lupin_ros.adapter.node import Qos, RosNode
 
 #: Looks within the shortest time after which something is over.
 LOOKS = 8

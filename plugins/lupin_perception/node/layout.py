@@ -11,12 +11,12 @@ from typing import Any
 
 from std_msgs.msg import String
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_greenhouse import layout
 from lupin_perception.boxes import PlanterBox
 from lupin_perception.detections import read_boxes
 from lupin_perception.layout import Quality, entries, register
 from lupin_perception.registry import Registry
+from lupin_ros.adapter.node import Qos, RosNode
 
 #: Seconds between two messages about the boxes: consumers in browsers need them again and again.
 TELL_S = 1.0

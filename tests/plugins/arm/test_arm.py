@@ -10,8 +10,8 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_arm.catalog import PLUGIN
 from lupin_arm.client import WARNING_PERIOD_S, ArmClient
-from lupin_engine.ros.adapter.node import CallFailure
 from lupin_msgs.srv import SetArmPreset
+from lupin_ros.adapter.node import CallFailure
 from tests.plugins.fakes import FakeOutlet, FakeRos, defaults
 
 

@@ -11,9 +11,9 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_bridge.catalog import PLUGIN
 from lupin_bridge.client import BridgeClient
-from lupin_engine.ros.adapter.node import CallFailure
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import GetTagReading
+from lupin_ros.adapter.node import CallFailure
 from tests.plugins.fakes import FakeOutlet, FakeRos, defaults
 
 OK = GetTagReading.Response.STATUS_OK

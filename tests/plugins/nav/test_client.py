@@ -16,10 +16,10 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 from unique_identifier_msgs.msg import UUID
 
-from lupin_engine.ros.adapter.action_driver import OTHERS_ASKS, OTHERS_PERIOD_S, SERVER_GRACE_S
-from lupin_engine.ros.adapter.actions import goal_id
 from lupin_greenhouse.stops import HMI_TOPIC, PAGES_TOPIC
 from lupin_nav.goal_status import failure
+from lupin_ros.adapter.action_driver import OTHERS_ASKS, OTHERS_PERIOD_S, SERVER_GRACE_S
+from lupin_ros.adapter.actions import goal_id
 from tests.plugins.fakes import FakeGoal
 from tests.plugins.nav.bench import NavBench
 

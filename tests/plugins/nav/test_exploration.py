@@ -14,9 +14,9 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from nav_msgs.msg import OccupancyGrid
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.ros.adapter.node import Qos
 from lupin_nav.client import SEARCH_PERIOD_S
 from lupin_nav.exploration import SILENCE_S
+from lupin_ros.adapter.node import Qos
 from tests.plugins.nav.bench import NavBench
 
 NO_POSE = "no pose: no transform from map to base_link, no /amcl_pose"

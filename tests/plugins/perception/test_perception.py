@@ -11,11 +11,11 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from geometry_msgs.msg import Pose
 
-from lupin_engine.ros.adapter.node import CallFailure, Qos
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.catalog import DISCOVERED_TAG, PLUGIN
 from lupin_perception.client import PerceptionClient
+from lupin_ros.adapter.node import CallFailure, Qos
 from tests.plugins.fakes import FakeOutlet, FakeRos, defaults
 
 SERVICE = "/perception/confirm_tag"

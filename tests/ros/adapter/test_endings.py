@@ -15,16 +15,16 @@ from types import TracebackType
 import pytest
 from nav2_msgs.action import NavigateToPose
 
-from lupin_engine.ros.adapter.actions import CANCEL_LIMIT_S
-from lupin_engine.ros.adapter.node import DELIVERY_LIMIT_S, ActionCaller, RosNode
-from lupin_engine.ros.adapter.process import SUPERVISED
+from lupin_ros.adapter.actions import CANCEL_LIMIT_S
+from lupin_ros.adapter.node import DELIVERY_LIMIT_S, ActionCaller, RosNode
+from lupin_ros.adapter.process import SUPERVISED
 
 #: Looks at a goal for 0.3 s (with `silent`: for ever) before it takes it, and at a cancel for 0.5 s.
 SERVER = """
 import sys, threading
 from nav2_msgs.action import NavigateToPose
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from lupin_engine.ros.adapter.node import RosNode
+from lupin_ros.adapter.node import RosNode
 
 def look(goal):
     print("asked", flush=True)
@@ -47,9 +47,9 @@ ros.spin()
 CLIENT = """
 import sys
 from nav2_msgs.action import NavigateToPose
-from lupin_engine.ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
-from lupin_engine.ros.adapter.node import RosNode
-from lupin_engine.ros.adapter.process import end_with_supervisor
+from lupin_ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
+from lupin_ros.adapter.node import RosNode
+from lupin_ros.adapter.process import end_with_supervisor
 
 end_with_supervisor()
 ros = RosNode("client")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from lupin_engine.errors import UsageError
-from lupin_engine.ros.adapter import environment
+from lupin_ros.adapter import environment
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import pytest
 
-from lupin_engine.ros.adapter.logs import COUNT_S, MAX_LINE, MOST, NodeLog, _as_line
+from lupin_ros.adapter.logs import COUNT_S, MAX_LINE, MOST, NodeLog, _as_line
 
 
 def test_a_line_has_an_end() -> None:

@@ -28,10 +28,10 @@ from std_srvs.srv import Trigger
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import DURATION, INTEGER, POSE, TEXT, list_of
-from lupin_engine.ros.adapter.dds.profile import OPEN, RANGE, THIS_MACHINE, use_profile
-from lupin_engine.ros.adapter.executor import StaleAfter
-from lupin_engine.ros.adapter.node import ActionCaller, CallFailure, Qos, RosNode, ServedGoal, peer_mismatches
-from lupin_engine.ros.adapter.peers import rival_servers
+from lupin_ros.adapter.dds.profile import OPEN, RANGE, THIS_MACHINE, use_profile
+from lupin_ros.adapter.executor import StaleAfter
+from lupin_ros.adapter.node import ActionCaller, CallFailure, Qos, RosNode, ServedGoal, peer_mismatches
+from lupin_ros.adapter.peers import rival_servers
 from tests.processes import ended
 from tests.ros.helpers import PATIENCE, spin_for, spin_until, work_off
 
@@ -367,7 +367,7 @@ def test_what_is_published_last_arrives(make_node: MakeNode) -> None:
     """The last words of a process, such as the end of a motion, are not lost with it."""
     program = (
         "from std_msgs.msg import String\n"
-        "from lupin_engine.ros.adapter.node import Qos, RosNode\n"
+        "from lupin_ros.adapter.node import Qos, RosNode\n"
         "ros = RosNode('leaving')\n"
         "last = ros.publisher(String, '/last', Qos.EVENT)\n"
         "ros.work_until(last.get_subscription_count, 60.0)\n"
@@ -388,7 +388,7 @@ def test_what_is_published_last_arrives(make_node: MakeNode) -> None:
 def test_a_node_that_cannot_be_released_does_not_keep_the_process() -> None:
     program = (
         "import threading\n"
-        "from lupin_engine.ros.adapter import node as middleware\n"
+        "from lupin_ros.adapter import node as middleware\n"
         "middleware.TEARDOWN_LIMIT_S = 0.2\n"
         "ros = middleware.RosNode('stuck')\n"
         "ros.node.destroy_node = threading.Event().wait\n"
@@ -659,7 +659,7 @@ def test_a_result_is_kept_for_a_while_and_then_forgotten(
     make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whoever goes on with another process's work may ask for it; memory does not grow with goals."""
-    monkeypatch.setattr("lupin_engine.ros.adapter.actions.RESULT_KEPT_S", 2)
+    monkeypatch.setattr("lupin_ros.adapter.actions.RESULT_KEPT_S", 2)
     journey = Journey(make_node)
     journey.send(key="one")
     journey.until(lambda: journey.heard and journey.held)
@@ -798,7 +798,7 @@ def test_what_the_middleware_complains_of_is_no_line_of_our_output(reach: str, r
     """Otherwise it stands among the lines of JSON of `lupin run --json`."""
     port = Path(f"/dev/shm/fastrtps_port{7411 + 250 * ros_domain}")  # of the first participant of a domain
     port.unlink(missing_ok=True)  # a process that was killed may have left it
-    program = "from lupin_engine.ros.adapter.node import RosNode; RosNode('alone').close()"
+    program = "from lupin_ros.adapter.node import RosNode; RosNode('alone').close()"
     command, environment = [sys.executable, "-c", program], {**os.environ, RANGE: reach}
     with open(f"{port}_el", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

@@ -13,8 +13,8 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
 from lupin_cli.main import main
-from lupin_engine.ros.adapter.network import UNKNOWN, Interface, interfaces
-from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.network import UNKNOWN, Interface, interfaces
+from lupin_ros.adapter.node import Qos, RosNode
 
 MakeNode = Callable[..., RosNode]
 

@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter as RosParameter
 from lupin_engine.errors import PluginError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import ANY, BOOL, DURATION, INTEGER, LENGTH, POSE, TEXT, Type, list_of, one_of
-from lupin_engine.ros.adapter.parameters import descriptor, read, ros_type, to_ros
+from lupin_ros.adapter.parameters import descriptor, read, ros_type, to_ros
 
 ORIGIN = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 

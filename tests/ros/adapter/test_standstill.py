@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.ros.adapter.dds.profile import RANGE, VARIABLES, forgotten_after, use_profile
-from lupin_engine.ros.adapter.process import standstill_calls
+from lupin_ros.adapter.dds.profile import RANGE, VARIABLES, forgotten_after, use_profile
+from lupin_ros.adapter.process import standstill_calls
 
 #: Is stopped by itself, and let go on by a child of its own.
 STOPPED = """
 import os, signal, subprocess, threading, time
-from lupin_engine.ros.adapter.process import standstill_calls
+from lupin_ros.adapter.process import standstill_calls
 
 told, found = [], threading.Event()
 with standstill_calls(lambda seconds: (told.append(seconds), found.set()), 0.5, time.monotonic):

@@ -11,8 +11,8 @@ from pathlib import Path
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Int32
 
-from lupin_engine.ros.adapter import vitals
-from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter import vitals
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.helpers import spin_until
 
 MakeNode = Callable[..., RosNode]

@@ -23,9 +23,9 @@ from lupin_arm.joints import ARM, JAW
 from lupin_arm.node.arm import Arm
 from lupin_arm.node.services import serve_all
 from lupin_arm.node.settings import PARAMETERS
-from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode
 from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import ArmRecord, GetArmLibrary
+from lupin_ros.adapter.node import CallFailure, Qos, RosNode
 from tests.ros.arm.scene import near
 from tests.ros.helpers import spin_until
 from tests.ros.wire.wire import Asked, serve_by_hand

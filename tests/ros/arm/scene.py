@@ -23,8 +23,8 @@ from lupin_arm.node.services import serve_all
 from lupin_arm.node.sim import PARAMETERS as SIM_PARAMETERS
 from lupin_arm.node.sim import ArmSimNode
 from lupin_arm.trajectory import Trajectory
-from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal, ServiceCaller
 from lupin_msgs.srv import SetArmPreset
+from lupin_ros.adapter.node import Qos, RosNode, ServedGoal, ServiceCaller
 from tests.ros.helpers import PATIENCE, spin_for, spin_until
 
 MakeNode = Callable[..., RosNode]

@@ -13,8 +13,8 @@ from lupin_arm.calibration.offsets import HOMES
 from lupin_arm.node import torque as torque_module
 from lupin_arm.node.calibration import servos as servos_module
 from lupin_arm.node.calibration.servos import CUT_OFF, LIMP
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.srv import CalibrateArm, SetArmPreset
+from lupin_ros.adapter.node import RosNode
 from tests.ros.arm.bench import CALIBRATE, GATE, POWER, Bench, refuse
 from tests.ros.helpers import PATIENCE, spin_for, work_off
 from tests.ros.wire.wire import Asked

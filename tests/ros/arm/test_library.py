@@ -18,7 +18,6 @@ from lupin_arm.node import feedback as feedback_module
 from lupin_arm.node import library as library_module
 from lupin_arm.node import torque as torque_module
 from lupin_arm.presets import PRESETS
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.srv import (
     ArmLibraryEdit,
     ArmRecord,
@@ -27,6 +26,7 @@ from lupin_msgs.srv import (
     SaveArmPose,
     SetArmPreset,
 )
+from lupin_ros.adapter.node import RosNode
 from tests.ros.arm.bench import GATE, LIBRARY, POWER, Bench, refuse
 from tests.ros.arm.scene import near
 from tests.ros.helpers import PATIENCE, spin_for, work_off

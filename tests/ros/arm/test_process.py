@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lupin_arm.presets import PRESETS
-from lupin_engine.ros.adapter.node import RosNode
+from lupin_ros.adapter.node import RosNode
 from tests.ros.arm.scene import Bystander
 from tests.ros.world import PATIENCE, World
 

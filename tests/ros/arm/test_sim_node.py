@@ -23,7 +23,7 @@ from lupin_arm.node.sim import PARAMETERS, ArmSimNode
 from lupin_arm.presets import PRESETS
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.wire import time_fields
-from lupin_engine.ros.adapter.node import Qos
+from lupin_ros.adapter.node import Qos
 from tests.ros.arm.scene import TRAJECTORIES, Bystander, MakeNode
 from tests.ros.helpers import work_off
 

@@ -14,7 +14,6 @@ from std_srvs.srv import SetBool, Trigger
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, DURATION, NUMBER, TEXT, Type, list_of
-from lupin_engine.ros.adapter.node import RosNode, peer_mismatches
 from lupin_engine.ros.bindings import client as bound_client
 from lupin_engine.ros.bindings.client import BoundClient
 from lupin_engine.ros.bindings.definitions import (
@@ -24,6 +23,7 @@ from lupin_engine.ros.bindings.definitions import (
     interface_types,
     plain,
 )
+from lupin_ros.adapter.node import RosNode, peer_mismatches
 from tests.plugins.fakes import FakeOutlet
 from tests.ros.bindings.bound import binding_of
 from tests.ros.helpers import PATIENCE, spin_for, spin_until

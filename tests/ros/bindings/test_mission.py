@@ -14,7 +14,7 @@ from rcl_interfaces.srv import DescribeParameters
 from std_msgs.msg import String
 
 from lupin_engine.missions.folders import default_missions_folder
-from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.bindings import bound
 from tests.ros.bindings.bound import SPRAYER, Cart, abort, succeed
 from tests.ros.world import PATIENCE, Operator, World

@@ -13,9 +13,9 @@ import pytest
 pytest.importorskip("paho.mqtt.client", reason="paho-mqtt is not installed here")
 
 from lupin_bridge.node import STATUS_READING_FAILED
-from lupin_engine.ros.adapter.node import CallFailure
 from lupin_msgs.msg import Observation, TagReading
 from lupin_msgs.srv import GetTagReading
+from lupin_ros.adapter.node import CallFailure
 from tests.broker import Broker, Sensors, sockets_of
 from tests.ros.world import Operator, World
 

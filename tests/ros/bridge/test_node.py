@@ -17,8 +17,8 @@ from lupin_bridge.catalog import PLUGIN, READING
 from lupin_bridge.client import BridgeClient
 from lupin_bridge.node import PARAMETERS, STATUS_READING_FAILED, BridgeNode
 from lupin_engine.plugin.types import convert
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.srv import GetTagReading
+from lupin_ros.adapter.node import RosNode
 from tests.plugins.fakes import FakeOutlet, defaults
 from tests.ros.helpers import PATIENCE, spin_for, spin_until
 

@@ -14,7 +14,7 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 from std_msgs.msg import Bool
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.browsing import HOLD_MS
 from tests.ros.console.conftest import Served
 from tests.ros.helpers import spin_until

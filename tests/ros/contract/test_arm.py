@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 
 import pytest
 
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_harness.cases import CatalogContract, DriverContract
 from lupin_msgs.srv import SetArmPreset
+from lupin_ros.adapter.node import RosNode
 
 pytestmark = pytest.mark.timeout(120)
 

@@ -29,12 +29,12 @@ from lupin_engine.plugin.contract import (
     Plugin,
 )
 from lupin_engine.plugin.types import BOOL, COUNT, DURATION
-from lupin_engine.ros.adapter.node import Qos, RosNode
-from lupin_engine.ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from lupin_harness import bench as benches
 from lupin_harness.bench import Lab, Setting
 from lupin_harness.live import apply, cases
 from lupin_harness.referee import ContractBroken, Untried
+from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from tests.processes import ended
 from tests.ros.launch.processes import until
 

@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 import pytest
 from geometry_msgs.msg import Pose, Quaternion
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_harness.cases import CatalogContract, DriverContract
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import ConfirmTag
+from lupin_ros.adapter.node import Qos, RosNode
 
 pytestmark = pytest.mark.timeout(120)
 

@@ -12,9 +12,9 @@ from nav2_msgs.action import NavigateToPose
 from rosgraph_msgs.msg import Clock
 
 from lupin_engine.missions.folders import default_missions_folder
-from lupin_engine.ros.adapter.node import Qos, ServedGoal
 from lupin_engine.runtime.clock import calendar_of
 from lupin_msgs.msg import TwinState
+from lupin_ros.adapter.node import Qos, ServedGoal
 from tests.ros.helpers import to_time
 from tests.ros.world import Operator, World
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.ros.adapter.node import RosNode
+from lupin_ros.adapter.node import RosNode
 from tests.ros.gateway.page import PROGRAM, Page
 from tests.ros.world import World
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.ros.adapter.node import RosNode
+from lupin_ros.adapter.node import RosNode
 
 PROGRAM = Path(__file__).with_name("page.mjs")
 #: Seconds that anything may take on a busy machine.

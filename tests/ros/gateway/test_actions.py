@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from nav2_msgs.action import NavigateToPose
 
-from lupin_engine.ros.adapter.node import RosNode, ServedGoal
+from lupin_ros.adapter.node import RosNode, ServedGoal
 from tests.ros.gateway.page import Page
 
 pytestmark = [pytest.mark.node, pytest.mark.timeout(120)]

@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CompressedImage, JointState, LaserScan
 from std_msgs.msg import Header, Int64MultiArray
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.gateway.page import Page
 
 pytestmark = [pytest.mark.node, pytest.mark.timeout(120)]

@@ -18,8 +18,8 @@ from std_msgs.msg import Int32, String
 from std_srvs.srv import Trigger
 from websockets.sync.client import connect
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import Observation
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.gateway.conftest import free_port
 from tests.ros.gateway.page import Page
 from tests.ros.helpers import spin_until

@@ -11,8 +11,8 @@ import pytest
 from rcl_interfaces.msg import ParameterDescriptor
 from std_msgs.msg import Int32, String
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import Observation
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.gateway.page import Page
 
 pytestmark = [pytest.mark.node, pytest.mark.timeout(120)]

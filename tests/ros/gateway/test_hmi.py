@@ -17,9 +17,9 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs import srv
 from lupin_msgs.msg import MissionState, Observation, TwinState, TwinTagState
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.gateway.page import Page
 
 pytestmark = [pytest.mark.node, pytest.mark.timeout(120)]

@@ -14,7 +14,7 @@ from std_msgs.msg import Bool
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.plugins.gateway.served import OpenPage, until
 from tests.ros.gateway.conftest import free_port
 from tests.ros.helpers import spin_until

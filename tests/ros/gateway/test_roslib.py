@@ -10,9 +10,9 @@ from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import Observation
 from lupin_msgs.srv import StartMission
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.gateway.page import Page
 
 pytestmark = [pytest.mark.node, pytest.mark.timeout(120)]

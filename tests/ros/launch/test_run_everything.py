@@ -17,7 +17,7 @@ pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed he
 
 from rcl_interfaces.srv import GetParameters
 
-from lupin_engine.ros.adapter.node import CallFailure
+from lupin_ros.adapter.node import CallFailure
 from tests.ros.gateway.conftest import free_port
 from tests.ros.launch.processes import PATIENCE, Lupin
 from tests.ros.world import Operator

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.ros.adapter import process
 from lupin_engine.ros.launch.supervisor import Patience, Supervisor, cut_log, group_lives, last_lines
+from lupin_ros.adapter import process
 from tests.processes import ended
 from tests.ros.launch.processes import until
 
@@ -147,7 +147,7 @@ def test_children_get_the_environment_and_the_lifeline(tmp_path: Path) -> None:
 def test_a_child_ends_when_its_supervisor_is_killed(tmp_path: Path) -> None:
     """`kill -9` of the supervisor closes the lifeline, however that happens."""
     child = (
-        "import signal; from lupin_engine.ros.adapter import process; process.end_with_supervisor(); "
+        "import signal; from lupin_ros.adapter import process; process.end_with_supervisor(); "
         "print('up', flush=True); signal.pause()"
     )
     parent = (

@@ -16,8 +16,8 @@ pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed he
 
 from std_msgs.msg import Bool
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import MissionState
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.plugins.gateway.served import OpenPage, until
 from tests.ros.gateway.conftest import free_port
 from tests.ros.helpers import spin_until

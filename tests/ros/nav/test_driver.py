@@ -16,10 +16,10 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.ros.adapter.action_driver import SERVER_GRACE_S
-from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
 from lupin_nav.catalog import PLUGIN
 from lupin_nav.client import NavClient
+from lupin_ros.adapter.action_driver import SERVER_GRACE_S
+from lupin_ros.adapter.node import Qos, RosNode, ServedGoal
 from tests.plugins.fakes import FakeOutlet, defaults
 from tests.ros.helpers import spin_until
 from tests.ros.wire.wire import Asked, Base

@@ -11,8 +11,8 @@ from rclpy.action import ActionServer, CancelResponse
 from rclpy.task import Future
 from std_msgs.msg import Bool
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_nav.node import PARAMETERS, NavWatchdog
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.helpers import spin_until
 
 pytestmark = pytest.mark.timeout(60)

@@ -14,9 +14,9 @@ pytest.importorskip("greenhouse_sim", reason="mdp-greenhouse is not installed he
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from lupin_engine.plugin.wire import seconds_of
-from lupin_engine.ros.adapter.node import Qos
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, Observation
 from lupin_msgs.srv import StartMission
+from lupin_ros.adapter.node import Qos
 from lupin_sim.camera import Plate, plates_of
 from lupin_sim.detector import CLASSES, PEST, blooms_of
 from lupin_sim.layout import load_layout

@@ -27,7 +27,6 @@ from std_srvs.srv import SetBool, Trigger
 
 from lupin_arm.joints import ARM
 from lupin_arm.library import ROUNDING, Library, Sequence, StoredPose, Waypoint
-from lupin_engine.ros.adapter.node import Qos
 from lupin_engine_msgs.srv import Command, Draw, Explain
 from lupin_msgs.msg import TwinState
 from lupin_msgs.srv import (
@@ -43,6 +42,7 @@ from lupin_msgs.srv import (
     SetArmPreset,
     StartMission,
 )
+from lupin_ros.adapter.node import Qos
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)

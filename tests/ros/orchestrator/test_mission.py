@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from action_msgs.msg import GoalStatus, GoalStatusArray
 
-from lupin_engine.ros.adapter.node import Qos
 from lupin_msgs.msg import MissionState, Observation
+from lupin_ros.adapter.node import Qos
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)

@@ -14,8 +14,8 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from std_msgs.msg import String
 
 from lupin_engine.missions.folders import default_missions_folder
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.srv import SetArmPreset
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.world import PATIENCE, Operator, World
 
 pytestmark = pytest.mark.timeout(180)

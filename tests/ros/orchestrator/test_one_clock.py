@@ -13,7 +13,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav2_msgs.action import NavigateToPose
 from rosgraph_msgs.msg import Clock
 
-from lupin_engine.ros.adapter.node import Qos, ServedGoal
+from lupin_ros.adapter.node import Qos, ServedGoal
 from tests.ros.helpers import to_time
 from tests.ros.world import Operator, World
 

@@ -7,9 +7,9 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
-from lupin_engine.ros.adapter.node import Qos
 from lupin_greenhouse.layout import BUNDLED
 from lupin_msgs.msg import DiscoveredTags, Observation
+from lupin_ros.adapter.node import Qos
 from tests.ros.world import Operator, World
 
 #: Tags of three tables, which are on the robot's way to each other.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from lupin_engine.ros.adapter.host import SLICE, Slices
+from lupin_ros.adapter.host import SLICE, Slices
 
 
 def test_what_is_too_much_for_a_turn_is_done_in_the_next_ones_in_order() -> None:

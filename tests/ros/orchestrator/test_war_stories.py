@@ -11,8 +11,8 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from lupin_cli.main import main
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.srv import PlayArmSequence
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.arm.bench import LIBRARY, Bench
 from tests.ros.world import Operator, World
 

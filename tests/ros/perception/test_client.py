@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.catalog import PLUGIN
 from lupin_perception.client import PerceptionClient
+from lupin_ros.adapter.node import RosNode
 from tests.plugins.fakes import FakeOutlet, defaults
 from tests.ros.helpers import spin_until
 

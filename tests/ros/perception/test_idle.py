@@ -12,10 +12,10 @@ from builtin_interfaces.msg import Time
 from rosgraph_msgs.msg import Clock
 
 from lupin_engine.plugin.wire import time_fields
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import Observation, SensorReading
 from lupin_msgs.srv import GetTagReading
 from lupin_perception.node.aggregator import HEAR_S, RECALL_S
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.perception.test_node import BUG, RED, Scene, Unheard
 
 MakeNode = Callable[..., RosNode]

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from std_msgs.msg import String
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import Observation, TwinState
+from lupin_ros.adapter.node import Qos, RosNode
 from lupin_twin.node import PARAMETERS as TWIN_PARAMETERS
 from lupin_twin.node import TwinNode
 from tests.ros.helpers import spin_until

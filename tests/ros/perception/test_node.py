@@ -15,13 +15,13 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError, shortened
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_greenhouse.frames import Frames
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception import sightings
 from lupin_perception.node import NAME, PARAMETERS, Aggregator
 from lupin_perception.node import aggregator as module
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.helpers import PATIENCE, spin_until
 
 MakeNode = Callable[..., RosNode]

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from nav2_msgs.action import NavigateToPose
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import DiscoveredTags, Observation
 from lupin_perception.node import NAME, Aggregator
 from lupin_perception.node import PARAMETERS as AGGREGATOR_PARAMETERS
+from lupin_ros.adapter.node import Qos, RosNode
 from lupin_sim.camera import Plate, plates_of
 from lupin_sim.detector import CLASSES, blooms_of
 from lupin_sim.layout import load_layout

@@ -9,8 +9,8 @@ import sys
 import time
 from typing import Any
 
-from lupin_engine.ros.adapter.node import RosNode
 from lupin_msgs.srv import StartMission
+from lupin_ros.adapter.node import RosNode
 
 if __name__ == "__main__":
     ros, answers, end = RosNode("stranger"), [], time.monotonic() + float(sys.argv[1])

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from sensor_msgs.msg import BatteryState
 
-from lupin_engine.ros.adapter.node import Qos
+from lupin_ros.adapter.node import Qos
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(240)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.ros.adapter.dds.profile import RANGE, VARIABLES
+from lupin_ros.adapter.dds.profile import RANGE, VARIABLES
 from tests.ros.computers import ADDRESSES, Computers, NoComputers, connected
 from tests.ros.world import PATIENCE, World
 

@@ -27,8 +27,8 @@ from tf2_msgs.msg import TFMessage
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from lupin_engine.ros.adapter.host import Repeater
-from lupin_engine.ros.adapter.node import Qos
+from lupin_ros.adapter.host import Repeater
+from lupin_ros.adapter.node import Qos
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(240)

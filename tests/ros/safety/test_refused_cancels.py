@@ -15,8 +15,8 @@ from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from std_msgs.msg import Bool
 
-from lupin_engine.ros.adapter.actions import ServedGoal
-from lupin_engine.ros.adapter.node import Qos
+from lupin_ros.adapter.actions import ServedGoal
+from lupin_ros.adapter.node import Qos
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(120)

@@ -14,7 +14,7 @@ import pytest
 from tf2_msgs.msg import TFMessage
 from websockets.sync.client import connect
 
-from lupin_engine.ros.adapter.node import Qos
+from lupin_ros.adapter.node import Qos
 from tests.ros.gateway.conftest import free_port
 from tests.ros.world import Operator, World
 

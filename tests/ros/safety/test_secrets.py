@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Log
 from rcl_interfaces.srv import GetParameters, ListParameters
 
-from lupin_engine.ros.adapter.node import Qos
+from lupin_ros.adapter.node import Qos
 from tests.ros.world import Operator, World
 
 SECRET = "kas-wortel-93"

@@ -13,10 +13,10 @@ import pytest
 from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.ros.adapter.node import Qos
 from lupin_gateway.guard import RESET_STOP, STOPS_TOPIC
 from lupin_gateway.node.house import TAKEN_OVER_S
 from lupin_greenhouse.stops import PAGES_TOPIC
+from lupin_ros.adapter.node import Qos
 from tests.plugins.gateway.served import OpenPage, until
 from tests.ros.gateway.conftest import free_port
 from tests.ros.world import Operator, World

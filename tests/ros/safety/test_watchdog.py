@@ -14,9 +14,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.ros.adapter.node import Qos
-from lupin_engine.ros.adapter.process import StoodStill
 from lupin_msgs.srv import SetArmPreset
+from lupin_ros.adapter.node import Qos
+from lupin_ros.adapter.process import StoodStill
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(240)

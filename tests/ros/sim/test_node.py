@@ -20,8 +20,8 @@ from std_msgs.msg import Bool, String
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError
-from lupin_engine.ros.adapter.node import Goal, Qos, RosNode
 from lupin_msgs.msg import MissionState
+from lupin_ros.adapter.node import Goal, Qos, RosNode
 from lupin_sim.detector import CLASSES, blooms_of
 from lupin_sim.node import PARAMETERS, SimNode
 from lupin_sim.node.senses import TELL_S

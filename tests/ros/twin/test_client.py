@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lupin_engine.plugin.types import Notation, problems
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import SensorReading, TwinState, TwinTagState
+from lupin_ros.adapter.node import Qos, RosNode
 from lupin_twin.catalog import PLUGIN
 from lupin_twin.client import TwinClient
 from tests.plugins.fakes import FakeOutlet, defaults

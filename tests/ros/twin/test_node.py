@@ -22,7 +22,6 @@ from std_msgs.msg import Header, String
 
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.wire import seconds_of
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import (
     AnomalyReport,
     DiscoveredTag,
@@ -35,6 +34,7 @@ from lupin_msgs.msg import (
     TwinState,
 )
 from lupin_msgs.srv import GetField
+from lupin_ros.adapter.node import Qos, RosNode
 from lupin_twin import node as twin_module
 from lupin_twin import state as state_module
 from lupin_twin.heatmap import Request
@@ -158,9 +158,7 @@ def warnings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What the twin logs as warnings and errors."""
     said: list[str] = []
     for severity in ("warning", "error"):
-        monkeypatch.setattr(
-            f"lupin_engine.ros.adapter.logs._RosSink.{severity}", lambda _, line: said.append(line)
-        )
+        monkeypatch.setattr(f"lupin_ros.adapter.logs._RosSink.{severity}", lambda _, line: said.append(line))
     return said
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from control_msgs.action import GripperCommand
 from nav2_msgs.action import NavigateToPose
 
-from lupin_engine.ros.adapter.node import RosNode, ServedGoal
+from lupin_ros.adapter.node import RosNode, ServedGoal
 
 #: The first drive to this shelf takes until somebody stops it.
 FAR = "Z9"

@@ -14,8 +14,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_msgs.srv import AddDiagnostics
 from std_srvs.srv import Trigger
 
-from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode
 from lupin_harness.domains import claimed_domain
+from lupin_ros.adapter.node import CallFailure, Qos, RosNode
 from tests.ros.helpers import spin_until
 from tests.ros.launch.processes import Lupin
 from tests.ros.warehouse.picker import FAR

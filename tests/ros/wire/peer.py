@@ -13,8 +13,8 @@ from typing import Any
 from nav2_msgs.action import NavigateToPose
 from std_msgs.msg import String
 
-from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
 from lupin_msgs.srv import GetTagReading
+from lupin_ros.adapter.node import Qos, RosNode, ServedGoal
 
 TOLD, HOLD = "/wire/told", "/wire/hold"
 SPARE = "spare"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from rosgraph_msgs.msg import Clock
 
-from lupin_engine.ros.adapter.node import Qos
+from lupin_ros.adapter.node import Qos
 from tests.ros.helpers import to_time
 from tests.ros.wire.wire import OK, UNREACHABLE, Drive, Wire, leave_open
 

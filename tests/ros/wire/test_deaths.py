@@ -12,7 +12,7 @@ import pytest
 from nav2_msgs.action import NavigateToPose
 from std_msgs.msg import String
 
-from lupin_engine.ros.adapter.node import Qos
+from lupin_ros.adapter.node import Qos
 from tests.ros.wire.peer import HOLD, SPARE, TOLD
 from tests.ros.wire.wire import OK, SCAN_FAILED, UNREACHABLE, Wire
 

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from lupin_engine.ros.adapter.node import Qos
 from lupin_greenhouse.stops import GAP, ROW
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import StartMission
+from lupin_ros.adapter.node import Qos
 from tests.ros.helpers import to_time
 from tests.ros.wire.wire import OK, Drive, Wire, running_node
 

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
-from lupin_engine.ros.adapter.node import Qos
-from lupin_engine.ros.adapter.qos import OBJECT_BYTES
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
+from lupin_ros.adapter.node import Qos
+from lupin_ros.adapter.qos import OBJECT_BYTES
 from tests.ros.wire.wire import Drive, Wire, running_node
 
 pytestmark = pytest.mark.timeout(240)

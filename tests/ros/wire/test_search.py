@@ -14,10 +14,10 @@ import pytest
 from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import OccupancyGrid
 
-from lupin_engine.ros.adapter.node import Qos
 from lupin_greenhouse.layout import BUNDLED
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import StartMission
+from lupin_ros.adapter.node import Qos
 from tests.ros.wire.wire import AT_ONCE, OK, Drive, Wire
 
 pytestmark = pytest.mark.timeout(120)

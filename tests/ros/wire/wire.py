@@ -25,9 +25,9 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from unique_identifier_msgs.msg import UUID
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_msgs.msg import MissionState, SensorReading
 from lupin_msgs.srv import GetTagReading, SetArmPreset
+from lupin_ros.adapter.node import Qos, RosNode
 from tests.ros.world import Operator, World
 
 ACTION, BRIDGE = "/navigate_to_pose", "/greenhouse_bridge/get_tag_reading"

@@ -18,7 +18,7 @@ from lupin_engine.plugin.describe import Entry, sections
 from lupin_engine.ros.launch.health import Finding
 
 if TYPE_CHECKING:
-    from lupin_engine.ros.adapter.network import Interface, Kind
+    from lupin_ros.adapter.network import Interface, Kind
 
 #: Cells that no name of the map fills.
 _ANY_WIDTH = 10_000

@@ -12,7 +12,7 @@ from lupin_engine.errors import Problems, UsageError, meant
 from lupin_engine.ros.launch.environment import close_the_doors, current_domain
 
 if TYPE_CHECKING:
-    from lupin_engine.ros.adapter.network import Interface
+    from lupin_ros.adapter.network import Interface
 
 
 @click.command()

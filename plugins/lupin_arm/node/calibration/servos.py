@@ -22,7 +22,7 @@ from lupin_arm.node.mark import RestoreMarker
 from lupin_arm.node.serving import ArmRequestRefused
 from lupin_arm.node.waiting import when_ready
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
+from lupin_ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
 
 #: The name under which the arm is calibrated.
 OWNER = "calibration"

@@ -208,7 +208,7 @@ DEFECTS = (
     Defect(
         "cancels_lost",
         "a mission that is held cancels nothing",
-        "lupin_engine.ros.adapter.actions",
+        "lupin_ros.adapter.actions",
         "Goal.cancel = lambda self: None",
         "mission",
         "pause",
@@ -217,7 +217,7 @@ DEFECTS = (
     Defect(
         "late_goal_runs",
         "a goal that is accepted late is not cancelled",
-        "lupin_engine.ros.adapter.action_driver",
+        "lupin_ros.adapter.action_driver",
         "ActionAttempts._on_accepted = lambda self, attempt: None",
         "late_answer",
         "pause",

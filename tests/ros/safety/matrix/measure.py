@@ -13,7 +13,7 @@ from action_msgs.msg import GoalStatusArray
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.node import Qos, RosNode
 
 #: Seconds between two pulses, which show when this process itself was kept waiting.
 PULSE_S = 0.02

@@ -17,6 +17,7 @@ from typing import Any
 import click
 
 import lupin_engine
+import lupin_verify
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import Plugin
 from lupin_engine.plugin.describe import sections
@@ -95,11 +96,12 @@ def _machine() -> str:
 
 @functools.cache
 def engine_hash() -> str:
-    """Return the SHA-256 of the engine's own source files, each with its name."""
-    package, found = Path(lupin_engine.__file__).parent, hashlib.sha256()
-    for file in sorted(package.rglob("*.py")):
-        found.update(f"{file.relative_to(package).as_posix()}\0".encode())
-        found.update(hashlib.sha256(file.read_bytes()).digest())
+    """Return the SHA-256 of the source files of the engine and of the prover, each with its name."""
+    found = hashlib.sha256()
+    for package in (Path(lupin_engine.__file__).parent, Path(lupin_verify.__file__).parent):
+        for file in sorted(package.rglob("*.py")):
+            found.update(f"{package.name}/{file.relative_to(package).as_posix()}\0".encode())
+            found.update(hashlib.sha256(file.read_bytes()).digest())
     return found.hexdigest()
 
 

@@ -60,32 +60,32 @@ from rclpy.subscription import Subscription
 
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin.types import MAX_SECONDS
-from lupin_engine.ros.adapter.actions import (
+from lupin_ros.adapter.actions import (
     CANCEL_LIMIT_S,
     ActionCaller,
     ActionHost,
     Goal,
     ServedGoal,
 )
-from lupin_engine.ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
-from lupin_engine.ros.adapter.dds.profile import forgotten_after, is_closed, use_profile
-from lupin_engine.ros.adapter.executor import Executor, LivingEntities, Serving, StaleAfter
-from lupin_engine.ros.adapter.logs import COUNT_S, NodeLog, guarded
-from lupin_engine.ros.adapter.parameters import Declared, DeclaredParameters
-from lupin_engine.ros.adapter.peers import (
+from lupin_ros.adapter.calls import CallFailure, ServiceCall, ServiceCaller
+from lupin_ros.adapter.dds.profile import forgotten_after, is_closed, use_profile
+from lupin_ros.adapter.executor import Executor, LivingEntities, Serving, StaleAfter
+from lupin_ros.adapter.logs import COUNT_S, NodeLog, guarded
+from lupin_ros.adapter.parameters import Declared, DeclaredParameters
+from lupin_ros.adapter.peers import (
     action_channels,
     peer_mismatches,
     rival_servers,
     service_channels,
 )
-from lupin_engine.ros.adapter.process import (
+from lupin_ros.adapter.process import (
     StoodStill,
     ends_the_process_after,
     signals_call,
     standstill_calls,
 )
-from lupin_engine.ros.adapter.qos import Qos, most_bytes
-from lupin_engine.ros.adapter.vitals import REPORT_S, CountedPublisher, Vitals
+from lupin_ros.adapter.qos import Qos, most_bytes
+from lupin_ros.adapter.vitals import REPORT_S, CountedPublisher, Vitals
 
 __all__ = [
     "ActionCaller",

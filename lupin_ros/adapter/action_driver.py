@@ -17,10 +17,10 @@ from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
 
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.adapter.actions import WORKING, goal_id
-from lupin_engine.ros.adapter.host import Repeater
-from lupin_engine.ros.adapter.node import Goal, Qos, RosNode, ServiceCaller
-from lupin_engine.ros.adapter.service_driver import Done, Failed
+from lupin_ros.adapter.actions import WORKING, goal_id
+from lupin_ros.adapter.host import Repeater
+from lupin_ros.adapter.node import Goal, Qos, RosNode, ServiceCaller
+from lupin_ros.adapter.service_driver import Done, Failed
 
 #: Period of the check whether servers of active goals are still there, in seconds.
 WATCH_PERIOD_S = 0.2

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from lupin_engine.plugin.files import user_folder
-from lupin_engine.ros.adapter.qos import Qos
+from lupin_ros.adapter.qos import Qos
 
 #: Where ROS tools look for diagnostics.
 DIAGNOSTICS_TOPIC = "/diagnostics"

@@ -21,8 +21,8 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
-from lupin_engine.ros.adapter.host import Host, Repeater, TimerHandle
-from lupin_engine.ros.adapter.qos import Qos
+from lupin_ros.adapter.host import Host, Repeater, TimerHandle
+from lupin_ros.adapter.qos import Qos
 
 #: Period of the check of the servers while a goal is active, in seconds; there is none otherwise.
 WATCH_PERIOD_S = 1.0

@@ -119,7 +119,7 @@ def _put(environment: dict[str, str], variable: str, entry: str) -> None:
 
 
 def main(arguments: list[str]) -> None:
-    """Run PROGRAM in this environment: `python -m lupin_engine.ros.adapter.environment PROGRAM ...`."""
+    """Run PROGRAM in this environment: `python -m lupin_ros.adapter.environment PROGRAM ...`."""
     refuse_mixture(os.environ)
     os.execvpe(arguments[0], arguments, child_environment())
 

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
-from lupin_engine.ros.adapter.vitals import DIAGNOSTICS_TOPIC
+from lupin_ros.adapter.vitals import DIAGNOSTICS_TOPIC
 
 Kind = Literal["topic", "service", "action"]
 

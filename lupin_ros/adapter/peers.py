@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from lupin_engine.ros.adapter.host import Host
-from lupin_engine.ros.adapter.network import NAMELESS, UNKNOWN, node_name, type_name
+from lupin_ros.adapter.host import Host
+from lupin_ros.adapter.network import NAMELESS, UNKNOWN, node_name, type_name
 
 #: What an action's server tells of its goals.
 _STATUS = "/_action/status"

@@ -8,8 +8,8 @@ from typing import Any
 
 from rclpy.task import Future
 
-from lupin_engine.ros.adapter.host import Host, TimerHandle
-from lupin_engine.ros.adapter.qos import Qos
+from lupin_ros.adapter.host import Host, TimerHandle
+from lupin_ros.adapter.qos import Qos
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.adapter.host import TimerHandle
-from lupin_engine.ros.adapter.node import CallFailure, ServiceCall, ServiceCaller
+from lupin_ros.adapter.host import TimerHandle
+from lupin_ros.adapter.node import CallFailure, ServiceCall, ServiceCaller
 
 #: When a call counts as lost, in seconds. The mission's own timeout is shorter and cancels the attempt; this
 #: one is for a mission that says `timeout: never`.

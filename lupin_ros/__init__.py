@@ -1,0 +1,1 @@
+"""The engine on ROS 2."""
