@@ -33,7 +33,7 @@ from lupin_engine.missions.folders import (
 from lupin_engine.missions.load import LoadedMissions, load_files
 from lupin_engine.missions.seen import SeenBundles, seen_file
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.ros.bindings.definitions import interface_types
+from lupin_ros.interfaces.definitions import interface_types
 
 #: How often the folder is looked at while no mission runs, in seconds.
 LOOK_PERIOD_S = 1.0

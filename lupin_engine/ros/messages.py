@@ -9,7 +9,7 @@ from lupin_engine.errors import LupinError
 from lupin_engine.machine.step import View
 from lupin_engine.plugin.contract import Code, classify
 from lupin_engine.plugin.profile import Fields, Profile, Situation, Wire
-from lupin_engine.ros.bindings.definitions import element_of
+from lupin_ros.interfaces.definitions import element_of
 
 
 def wire_of(profile: Profile) -> Wire:

@@ -24,7 +24,6 @@ from std_srvs.srv import Trigger
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.machine.event import NOTHING
 from lupin_engine.plugin.profile import Profile, StartRequest
-from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.messages import read, wire_of, write
 from lupin_engine.ros.names import (
     COMMAND_SERVICE,
@@ -36,6 +35,7 @@ from lupin_engine.ros.names import (
 from lupin_engine.runtime.client_clocks import APART_S, STALE
 from lupin_ros.adapter.network import Kind, interfaces
 from lupin_ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
+from lupin_ros.interfaces.definitions import interface_class
 
 if TYPE_CHECKING:
     from lupin_engine.runtime.record import OpenQuestion

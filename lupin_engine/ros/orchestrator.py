@@ -41,7 +41,6 @@ from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
 from lupin_engine.ros import commands, messages
 from lupin_engine.ros.bindings.client import BoundClient
-from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_engine.ros.displays import Displays
 from lupin_engine.ros.folder import LOOK_PERIOD_S, FolderWatch, MissionsFolder
@@ -62,6 +61,7 @@ from lupin_engine.runtime.setup import make_machine, make_world
 from lupin_ros.adapter.executor import StaleAfter
 from lupin_ros.adapter.node import Qos, RosNode, RosTimer
 from lupin_ros.adapter.process import signals_call
+from lupin_ros.interfaces.definitions import interface_class
 
 #: Parameters of the node itself, beside those of the missions.
 OWN_PARAMETERS: Mapping[str, Parameter] = {

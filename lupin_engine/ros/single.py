@@ -12,11 +12,11 @@ from std_msgs.msg import String
 
 from lupin_engine.plugin.profile import Wire
 from lupin_engine.ros import messages
-from lupin_engine.ros.bindings.definitions import interface_class
 from lupin_engine.ros.names import CHART_TOPIC
 from lupin_ros.adapter.network import NAMELESS, node_name
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.adapter.peers import service_channels
+from lupin_ros.interfaces.definitions import interface_class
 
 #: What a record of the chart begins with: the name of the start of an orchestrator.
 _BOOT = re.compile(r'\{"boot": "(\w+)"')

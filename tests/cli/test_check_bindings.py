@@ -9,7 +9,7 @@ import pytest
 
 from lupin_cli.verbs.check import check_paths
 from lupin_engine.errors import UsageError
-from lupin_engine.ros.bindings.definitions import knows_interfaces
+from lupin_ros.interfaces.definitions import knows_interfaces
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"
 

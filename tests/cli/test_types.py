@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from lupin_cli.main import main
-from lupin_engine.ros.bindings import type_hashes
-from lupin_engine.ros.interfaces.files import FieldType, InterfaceSet, WrittenField, WrittenMessage
-from lupin_engine.ros.interfaces.typescript import type_names, typescript
-from lupin_engine.ros.interfaces.used import used_interfaces
+from lupin_ros.interfaces import type_hashes
+from lupin_ros.interfaces.files import FieldType, InterfaceSet, WrittenField, WrittenMessage
+from lupin_ros.interfaces.typescript import type_names, typescript
+from lupin_ros.interfaces.used import used_interfaces
 
 Capture = pytest.CaptureFixture[str]
 

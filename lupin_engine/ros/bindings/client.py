@@ -15,13 +15,6 @@ from rclpy.publisher import Publisher
 
 from lupin_engine.bindings.data import Binding, Endpoint, MessageHeard, MessageSent, OperationCall, Sending
 from lupin_engine.plugin.contract import Outlet
-from lupin_engine.ros.bindings.definitions import (
-    fill,
-    interface_class,
-    interface_constants,
-    interface_types,
-    plain,
-)
 from lupin_ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
 from lupin_ros.adapter.node import CallFailure, Qos, RosNode, RosTimer, peer_mismatches
 from lupin_ros.adapter.peers import is_listened_to
@@ -32,6 +25,13 @@ from lupin_ros.adapter.service_driver import (
     Failed,
     ServiceDriver,
     ServiceOperation,
+)
+from lupin_ros.interfaces.definitions import (
+    fill,
+    interface_class,
+    interface_constants,
+    interface_types,
+    plain,
 )
 
 #: How long after it was made a client waits for a server that it does not see, in seconds of real time:

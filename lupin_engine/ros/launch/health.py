@@ -25,7 +25,6 @@ from lupin_engine.plugin.discovery import entry_points
 from lupin_engine.plugin.domain import DOMAIN, domain_advice
 from lupin_engine.plugin.files import ros_domain
 from lupin_engine.plugin.registry import load_catalog, load_profiles, verified_plugin
-from lupin_engine.ros.bindings.type_hashes import local_hash
 from lupin_engine.ros.launch.dds_discovery import exposed
 from lupin_engine.ros.launch.environment import (
     PEERS,
@@ -39,6 +38,7 @@ from lupin_engine.ros.launch.shared_memory import stale_segments
 from lupin_engine.ros.names import COMMAND_HASH, COMMAND_TYPE
 from lupin_ros.adapter import environment
 from lupin_ros.adapter.dds.profile import CLOSED, RANGE, users_profile
+from lupin_ros.interfaces.type_hashes import local_hash
 
 State = Literal["ok", "note", "problem"]
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lupin_engine.ros.bindings.type_hashes import local_fields, local_source
+from lupin_ros.interfaces.type_hashes import local_fields, local_source
 
 #: Stands between the definitions of two messages.
 _SEPARATOR = "=" * 80

@@ -19,9 +19,9 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import parse_bytes
 from lupin_engine.chart.validation import validate
 from lupin_engine.plugin.registry import build_catalog
-from lupin_engine.ros.bindings.definitions import interface_types
 from lupin_greenhouse.profile import PROFILE
 from lupin_ros.adapter.node import Qos, RosNode, ServedGoal
+from lupin_ros.interfaces.definitions import interface_types
 
 SPRAYER = Path(__file__).parents[3] / "docs" / "sprayer"
 

@@ -16,14 +16,14 @@ from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, DURATION, NUMBER, TEXT, Type, list_of
 from lupin_engine.ros.bindings import client as bound_client
 from lupin_engine.ros.bindings.client import BoundClient
-from lupin_engine.ros.bindings.definitions import (
+from lupin_ros.adapter.node import RosNode, peer_mismatches
+from lupin_ros.interfaces.definitions import (
     fill,
     installed_types,
     interface_class,
     interface_types,
     plain,
 )
-from lupin_ros.adapter.node import RosNode, peer_mismatches
 from tests.plugins.fakes import FakeOutlet
 from tests.ros.bindings.bound import binding_of
 from tests.ros.helpers import PATIENCE, spin_for, spin_until

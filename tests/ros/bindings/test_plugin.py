@@ -15,16 +15,16 @@ from nav2_msgs.action import NavigateToPose
 from std_msgs.msg import Byte, ColorRGBA, Float32, String
 
 from lupin_engine.errors import LupinError
-from lupin_engine.ros.bindings import definitions
 from lupin_engine.ros.bindings.client import BoundClient
-from lupin_engine.ros.bindings.definitions import (
+from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.interfaces import definitions
+from lupin_ros.interfaces.definitions import (
     fill,
     interface_class,
     interface_constants,
     interface_types,
     plain,
 )
-from lupin_ros.adapter.node import Qos, RosNode
 from tests.plugins.fakes import FakeOutlet
 from tests.ros.bindings import bound
 from tests.ros.bindings.bound import SPRAYER, Cart, abort, binding_of, sprayer, succeed

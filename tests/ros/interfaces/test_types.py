@@ -13,15 +13,15 @@ import jsonschema
 import pytest
 from rclpy.serialization import serialize_message
 
-from lupin_engine.ros.bindings.definitions import interface_class
-from lupin_engine.ros.interfaces.files import InterfaceSet, names_in, read_interfaces
-from lupin_engine.ros.interfaces.json_schema import json_schema, reference
-from lupin_engine.ros.interfaces.typescript import type_names, typescript
-from lupin_engine.ros.interfaces.used import used_interfaces
 from lupin_gateway.encoding import as_json
 from lupin_gateway.node.types import decode
 from lupin_msgs.msg import MissionState, Observation, SensorReading, TagReading
 from lupin_msgs.srv import StartMission
+from lupin_ros.interfaces.definitions import interface_class
+from lupin_ros.interfaces.files import InterfaceSet, names_in, read_interfaces
+from lupin_ros.interfaces.json_schema import json_schema, reference
+from lupin_ros.interfaces.typescript import type_names, typescript
+from lupin_ros.interfaces.used import used_interfaces
 from tests.npm import installed, run_node
 
 #: The last one whose compiler is a library of JavaScript.

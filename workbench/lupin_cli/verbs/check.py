@@ -213,7 +213,7 @@ def _misfits(bound: BoundCatalog | None) -> tuple[Diagnostic, ...]:
         return ()
     from lupin_engine.bindings.reader import check_definition
     from lupin_engine.chart.findings import Findings
-    from lupin_engine.ros.bindings.definitions import installed_types, knows_interfaces
+    from lupin_ros.interfaces.definitions import installed_types, knows_interfaces
 
     findings = Findings()
     for binding in bindings if knows_interfaces() else ():

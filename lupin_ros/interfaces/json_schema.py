@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from lupin_engine.ros.interfaces.files import FieldType, InterfaceSet, WrittenField, WrittenMessage
+from lupin_ros.interfaces.files import FieldType, InterfaceSet, WrittenField, WrittenMessage
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 
-from lupin_engine.ros.interfaces.files import FieldType, InterfaceSet, WrittenField, WrittenMessage
+from lupin_ros.interfaces.files import FieldType, InterfaceSet, WrittenField, WrittenMessage
 
 _HEAD = """\
 // Made by `lupin types ts` from the interface files of ROS 2. Do not edit it: make it anew.

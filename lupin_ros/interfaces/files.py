@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import Problems, UsageError, meant
-from lupin_engine.ros.bindings.type_hashes import find_source, installed
+from lupin_ros.interfaces.type_hashes import find_source, installed
 
-_CHECKOUT = Path(__file__).resolve().parents[3]
+_CHECKOUT = Path(__file__).resolve().parents[2]
 #: Below what, in a checkout, the packages of interfaces lie.
 _FOLDERS = ("", "interfaces/")
 #: What a file consists of, by kind: the parts as messages are called, in order.

@@ -15,7 +15,7 @@ from typing import Any
 from lupin_engine.errors import LupinError, meant, nearest
 from lupin_engine.plugin.types import ANY, BOOL, INTEGER, NUMBER, POSE, TEXT, Type, convert, list_of
 from lupin_engine.plugin.wire import POSE_MESSAGE, TIMES, pose_fields, seconds_of, time_fields
-from lupin_engine.ros.bindings.type_hashes import installed, local_fields, local_source
+from lupin_ros.interfaces.type_hashes import installed, local_fields, local_source
 
 #: What an interface without any field has in its place.
 _FILLER = "structure_needs_at_least_one_member"
