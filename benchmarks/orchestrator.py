@@ -24,8 +24,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from std_srvs.srv import Trigger
 
-from lupin_engine.ros.names import COMMAND_SERVICE
 from lupin_engine_msgs.srv import Command
+from lupin_ros.service.names import COMMAND_SERVICE
 from tests.ros.world import Operator, World
 
 NODE = "mission_orchestrator"

@@ -18,10 +18,10 @@ from pathlib import Path
 
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.chart_record import chart_picture, chart_record
 from lupin_engine.runtime.possible import Foresight
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario, scenario_files
 from lupin_engine.sim.simulation import Simulation
+from lupin_ros.service.chart_record import chart_picture, chart_record
 
 SCENARIOS = Path(__file__).parents[1] / "tests" / "scenarios"
 

@@ -17,13 +17,13 @@ from typing import Any
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.machine import Machine
 from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.ros import messages
-from lupin_engine.ros.chart_record import check_chart
-from lupin_engine.ros.names import DRAW_SERVICE, DRAW_TYPE, EXPLAIN_SERVICE, EXPLAIN_TYPE
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.explanation import explanation
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.interfaces.definitions import interface_class
+from lupin_ros.service import messages
+from lupin_ros.service.chart_record import check_chart
+from lupin_ros.service.names import DRAW_SERVICE, DRAW_TYPE, EXPLAIN_SERVICE, EXPLAIN_TYPE
 
 #: Drawings that may be asked for at once; who asks for another one is told so.
 MOST_WAITING = 8

@@ -24,18 +24,18 @@ from std_srvs.srv import Trigger
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.machine.event import NOTHING
 from lupin_engine.plugin.profile import Profile, StartRequest
-from lupin_engine.ros.messages import read, wire_of, write
-from lupin_engine.ros.names import (
+from lupin_engine.runtime.client_clocks import APART_S, STALE
+from lupin_ros.adapter.network import Kind, interfaces
+from lupin_ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
+from lupin_ros.interfaces.definitions import interface_class
+from lupin_ros.service.messages import read, wire_of, write
+from lupin_ros.service.names import (
     COMMAND_SERVICE,
     COMMAND_TYPE,
     MISSIONS_TOPIC,
     POSSIBLE_TOPIC,
     STEPS_TOPIC,
 )
-from lupin_engine.runtime.client_clocks import APART_S, STALE
-from lupin_ros.adapter.network import Kind, interfaces
-from lupin_ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
-from lupin_ros.interfaces.definitions import interface_class
 
 if TYPE_CHECKING:
     from lupin_engine.runtime.record import OpenQuestion

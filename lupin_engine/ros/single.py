@@ -11,12 +11,12 @@ from typing import Any
 from std_msgs.msg import String
 
 from lupin_engine.plugin.profile import Wire
-from lupin_engine.ros import messages
-from lupin_engine.ros.names import CHART_TOPIC
 from lupin_ros.adapter.network import NAMELESS, node_name
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.adapter.peers import service_channels
 from lupin_ros.interfaces.definitions import interface_class
+from lupin_ros.service import messages
+from lupin_ros.service.names import CHART_TOPIC
 
 #: What a record of the chart begins with: the name of the start of an orchestrator.
 _BOOT = re.compile(r'\{"boot": "(\w+)"')

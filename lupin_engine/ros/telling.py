@@ -21,16 +21,16 @@ from lupin_engine.machine.step import Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, TEXT
-from lupin_engine.ros import messages
 from lupin_engine.ros.displays import giving_way
-from lupin_engine.ros.names import CHART_TOPIC, MISSIONS_TOPIC, NODE, POSSIBLE_TOPIC, STEPS_TOPIC
 from lupin_engine.ros.single import new_boot
-from lupin_engine.ros.told import StepMoment, StepNews, ToldPossible, step_told
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.journal.journal import domain_folder
 from lupin_engine.runtime.offer import missions_record
 from lupin_ros.adapter.host import Slices
 from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.service import messages
+from lupin_ros.service.names import CHART_TOPIC, MISSIONS_TOPIC, NODE, POSSIBLE_TOPIC, STEPS_TOPIC
+from lupin_ros.service.told import StepMoment, StepNews, ToldPossible, step_told
 
 #: The node's parameters about its log.
 LOG_PARAMETERS: Mapping[str, Parameter] = {
@@ -139,7 +139,7 @@ class Telling:
     def _draw(self, loaded: LoadedMissions) -> None:
         """Make the record of a chart; on a thread of its own."""
         # Drawing is nearly all that this imports, and the start of the node does not wait for it.
-        from lupin_engine.ros.chart_record import chart_picture, chart_record
+        from lupin_ros.service.chart_record import chart_picture, chart_record
 
         try:
             record = {"boot": self.boot, **chart_record(loaded)}

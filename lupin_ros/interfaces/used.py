@@ -23,7 +23,7 @@ NAME = re.compile(r"[a-z]\w*/(msg|srv|action)/[A-Z]\w*")
 
 def used_interfaces() -> set[str]:
     """Return the names of the interfaces that the orchestrator and the installed plugins and profiles use."""
-    rooms = (_ROOT / room for room in ("lupin_engine/ros",))
+    rooms = (_ROOT / room for room in ("lupin_engine/ros", "lupin_ros/service"))
     files = [*(file for room in rooms for file in room.glob("*.py")), *_sources_of_plugins()]
     return {name for file in files for name in _named(file)}
 

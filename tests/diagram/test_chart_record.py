@@ -10,7 +10,7 @@ import pytest
 
 from lupin_engine.missions.folders import default_missions_folder, lifecycle_in, mission_files
 from lupin_engine.missions.load import LoadedMissions, load_files
-from lupin_engine.ros.chart_record import chart_picture, chart_record
+from lupin_ros.service.chart_record import chart_picture, chart_record
 from tests import shipped
 
 ROOT = Path(__file__).parents[2]

@@ -14,8 +14,8 @@ from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.load import check_chart
 from lupin_engine.plugin.profile import NO_PROFILE, OperatorRequest, Profile, Stages, TargetOutcome, Terminal
 from lupin_engine.plugin.registry import Catalog, build_catalog, load_catalog
-from lupin_engine.ros.messages import wire_of
 from lupin_greenhouse.profile import PROFILE
+from lupin_ros.service.messages import wire_of
 
 OTHER = Profile(
     "other",

@@ -17,12 +17,12 @@ from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from std_srvs.srv import Trigger
 
-from lupin_engine.ros.names import COMMAND_SERVICE
 from lupin_engine_msgs.srv import Command
 from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import StartMission
 from lupin_ros.adapter.node import CallFailure, Qos, RosNode
 from lupin_ros.adapter.process import SUPERVISED
+from lupin_ros.service.names import COMMAND_SERVICE
 
 #: Every wait ends; generous, because the machine may be busy.
 PATIENCE = 60.0

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.step import Refusal, Step
-from lupin_engine.ros.commands import (
+from lupin_ros.service.commands import (
     ID_IN_USE,
     MAX_REMEMBERED,
     MAX_REQUEST,

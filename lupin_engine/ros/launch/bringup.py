@@ -32,8 +32,8 @@ from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_engine.ros.launch.nodes import ORCHESTRATOR
 from lupin_engine.ros.launch.respawn import Respawns
 from lupin_engine.ros.launch.supervisor import IMPATIENT, Death, Patience, Supervisor
-from lupin_engine.ros.messages import wire_of
 from lupin_engine.ros.operator import Answer, Operator
+from lupin_ros.service.messages import wire_of
 
 #: Period of the loop, in seconds.
 TICK_S = 0.05

@@ -35,10 +35,10 @@ from lupin_engine.ros.launch.environment import (
 )
 from lupin_engine.ros.launch.requirements import INSTALL_ROS, SOURCE_ROS
 from lupin_engine.ros.launch.shared_memory import stale_segments
-from lupin_engine.ros.names import COMMAND_HASH, COMMAND_TYPE
 from lupin_ros.adapter import environment
 from lupin_ros.adapter.dds.profile import CLOSED, RANGE, users_profile
 from lupin_ros.interfaces.type_hashes import local_hash
+from lupin_ros.service.names import COMMAND_HASH, COMMAND_TYPE
 
 State = Literal["ok", "note", "problem"]
 

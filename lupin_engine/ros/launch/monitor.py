@@ -12,9 +12,9 @@ from typing import Any
 
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.profile import Profile, Progress, Remark, TargetResult
-from lupin_engine.ros.messages import wire_of
 from lupin_engine.runtime.history import History
 from lupin_engine.runtime.record import OpenQuestion, open_questions, read_step
+from lupin_ros.service.messages import wire_of
 
 #: Exit codes of a run.
 ALL_VISITED, SOME_MISSED, NOT_DONE = 0, 1, 2

@@ -13,8 +13,8 @@ from typing import Any
 from lupin_engine.errors import LupinError, PluginError, UsageError, nearest
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.ros import names
 from lupin_ros.adapter.process import is_rclpys_end
+from lupin_ros.service import names
 
 ORCHESTRATOR = names.NODE
 _ORCHESTRATOR_ENTRY = "lupin_engine.ros.orchestrator:main"

@@ -12,9 +12,9 @@ from types import MappingProxyType
 from xml.etree import ElementTree as Xml
 
 from lupin_engine.plugin.contract import Access
-from lupin_engine.ros.names import DIAGNOSTICS_TOPIC
 from lupin_ros.adapter.network import ACTION, Interface
 from lupin_ros.adapter.node import OPERATOR_ENCLAVE, enclave_of
+from lupin_ros.service.names import DIAGNOSTICS_TOPIC
 
 #: Kind, what may be done, and the absolute name.
 Permission = tuple[str, str, str]

@@ -19,12 +19,12 @@ from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.pages import PageMessage
 from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.ros import names
 from lupin_engine.ros.recording.file import JOURNAL_TYPE
 from lupin_engine.ros.recording.reader import Recording
-from lupin_engine.ros.virtual.drawn import drawn, shown
 from lupin_engine.runtime.explanation import explanation
 from lupin_engine.runtime.journal.moments import JournalMoments
+from lupin_ros.service import names
+from lupin_ros.service.drawn import drawn, shown
 
 #: Of a topic of sensors at most one message of a frame is told in so many nanoseconds.
 THINNED_NS = 100_000_000

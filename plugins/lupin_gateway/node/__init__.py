@@ -14,7 +14,6 @@ from lupin_engine.errors import UsageError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import COUNT, DURATION, ROS_NAME, TEXT, list_of
-from lupin_engine.ros import names
 from lupin_gateway.history import TopicHistory
 from lupin_gateway.history.settings import history_topics
 from lupin_gateway.hub import Backlog, Hub
@@ -28,6 +27,7 @@ from lupin_greenhouse.node.estop import StopListener
 from lupin_greenhouse.stops import StopState
 from lupin_ros.adapter.host import Repeater
 from lupin_ros.adapter.node import RosNode
+from lupin_ros.service import names
 
 #: The longest that either thread keeps Python's lock while the other one wants it, in seconds.
 SWITCH_INTERVAL_S = 0.001

@@ -16,8 +16,6 @@ from lupin_engine.plugin.contract import Access, Parameter
 from lupin_engine.plugin.pages import declared_access
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.plugin.types import BOOL, TEXT, list_of, one_of
-from lupin_engine.ros import names
-from lupin_engine.ros.folder import MissionsFolder
 from lupin_gateway.audit import AuditLog, last_lines
 from lupin_gateway.doors import (
     AllowList,
@@ -36,6 +34,8 @@ from lupin_gateway.sides import CallFailed, RosSide
 from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter
 from lupin_greenhouse.stops import HMI_TOPIC, PAGES_TOPIC
 from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.service import names
+from lupin_ros.service.folder import MissionsFolder
 
 #: Addresses at which only this machine is heard.
 LOOPBACK = ("127.0.0.1", "localhost", "::1")

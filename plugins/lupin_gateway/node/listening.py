@@ -9,12 +9,12 @@ from typing import Any
 import orjson
 
 from lupin_engine.plugin.profile import Profile
-from lupin_engine.ros import names
 from lupin_gateway.encoding import Sample
 from lupin_gateway.guard import HouseRules
 from lupin_gateway.hub import Hub, Outbox, Subscriber
 from lupin_gateway.motion import MissionLevel
 from lupin_gateway.shapes import NotCarried
+from lupin_ros.service import names
 
 #: Takes a message by its fields.
 Take = Callable[[Mapping[str, Any]], None]

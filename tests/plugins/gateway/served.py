@@ -17,7 +17,6 @@ from websockets.sync.client import ClientConnection, connect
 from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.pages import declared_access
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.names import ACCESS
 from lupin_gateway.audit import AuditLog
 from lupin_gateway.doors import AllowList, Doors, IssuedToken
 from lupin_gateway.encoding import Sample
@@ -29,6 +28,7 @@ from lupin_gateway.server import Address, Gateway, serve
 from lupin_gateway.session import Limits
 from lupin_gateway.sides import GoalEnd
 from lupin_gateway.stop import StopArbiter
+from lupin_ros.service.names import ACCESS
 
 PATIENCE = 20.0
 

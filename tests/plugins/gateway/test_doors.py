@@ -11,7 +11,6 @@ from lupin_engine.errors import LupinError
 from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.pages import declared_access
 from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_engine.ros.names import ACCESS
 from lupin_gateway.doors import (
     LONGEST_FRAME,
     MOST_SUBSCRIPTIONS,
@@ -27,6 +26,7 @@ from lupin_gateway.doors import (
     read_tokens,
 )
 from lupin_gateway.guard import OWN_ACCESS
+from lupin_ros.service.names import ACCESS
 
 NEW_YEAR = 1_798_761_600.0  # 2027-01-01T00:00:00Z
 ANNAS, BENS, OLD = "a" * 40, "b" * 40, "c" * 40

@@ -24,10 +24,10 @@ from playwright.sync_api import BrowserContext, Locator, Page, expect
 from tf2_msgs.msg import TFMessage
 from websockets.sync.client import ClientConnection, connect
 
-from lupin_engine.ros.names import COMMAND_SERVICE
 from lupin_greenhouse.readings import SENSOR_UNITS
 from lupin_msgs.msg import FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
 from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.service.names import COMMAND_SERVICE
 from tests.ros.console.conftest import PATIENCE_MS, Served
 from tests.ros.gateway.conftest import gateway
 from tests.ros.world import World

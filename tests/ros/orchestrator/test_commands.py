@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from std_msgs.msg import String
 
-from lupin_engine.ros.names import COMMAND_SERVICE, STEPS_TOPIC
 from lupin_engine_msgs.srv import Command
 from lupin_ros.adapter.node import Qos
+from lupin_ros.service.names import COMMAND_SERVICE, STEPS_TOPIC
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.ros.names import DRAW_SERVICE, EXPLAIN_SERVICE
 from lupin_engine_msgs.srv import Draw, Explain
+from lupin_ros.service.names import DRAW_SERVICE, EXPLAIN_SERVICE
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)

@@ -15,10 +15,10 @@ from std_srvs.srv import Trigger
 from lupin_engine.errors import LupinError
 from lupin_engine.missions.folders import MAX_BYTES, MAX_FILES, default_missions_folder, mission_files
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.folder import MissionsFolder
 from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import StartMission
 from lupin_ros.adapter.node import Qos
+from lupin_ros.service.folder import MissionsFolder
 from tests.ros.world import Operator, World
 
 #: Seconds that a machine with much else to do may take for as many missions as there may be.

@@ -17,10 +17,10 @@ from lupin_engine.machine.step import View
 from lupin_engine.plugin.contract import Code
 from lupin_engine.plugin.profile import Fields, Publish
 from lupin_engine.plugin.wire import SMALLEST_W
-from lupin_engine.ros import messages
 from lupin_greenhouse import messages as greenhouse
 from lupin_greenhouse.profile import PROFILE
 from lupin_msgs.msg import MissionState, Observation
+from lupin_ros.service import messages
 
 CODES = {
     "battery_low": Code("battery_low", "battery low", Severity.WARN),

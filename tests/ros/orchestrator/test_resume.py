@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.ros.names import COMMAND_SERVICE
 from lupin_engine.runtime.journal.frames import MAGIC
 from lupin_engine.runtime.journal.journal import journal_files
 from lupin_engine.runtime.journal.records import read_journal
 from lupin_engine_msgs.srv import Command
 from lupin_ros.adapter.process import StoodStill
+from lupin_ros.service.names import COMMAND_SERVICE
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)

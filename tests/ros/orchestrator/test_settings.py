@@ -12,11 +12,11 @@ from rclpy.parameter import Parameter as RosParameter
 from lupin_engine.machine.event import observed
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.folder import MissionsFolder
-from lupin_engine.ros.names import NODE
 from lupin_engine.ros.orchestrator import OWN_PARAMETERS, Orchestrator
 from lupin_engine.ros.telling import Telling
 from lupin_ros.adapter.node import RosNode
+from lupin_ros.service.folder import MissionsFolder
+from lupin_ros.service.names import NODE
 
 NAME = "battery_low_threshold"
 

@@ -15,9 +15,9 @@ from std_msgs.msg import String
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.names import CHART_TOPIC, POSSIBLE_TOPIC, STEPS_TOPIC
 from lupin_greenhouse.profile import PROFILE
 from lupin_ros.adapter.node import Qos
+from lupin_ros.service.names import CHART_TOPIC, POSSIBLE_TOPIC, STEPS_TOPIC
 from tests.ros.world import Operator, World
 
 pytestmark = pytest.mark.timeout(180)

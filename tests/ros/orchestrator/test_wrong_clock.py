@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 from std_srvs.srv import Trigger
 
-from lupin_engine.ros.names import ANSWER_SERVICE, COMMAND_SERVICE
 from lupin_engine.runtime.client_clocks import APART_S, STALE_AFTER_S
 from lupin_engine_msgs.srv import Command
+from lupin_ros.service.names import ANSWER_SERVICE, COMMAND_SERVICE
 from tests.ros.orchestrator.test_answers import folder
 from tests.ros.world import Operator, World
 

@@ -272,7 +272,7 @@ def _interact(subject: SimulationTask) -> int:
 def _serve(subject: SimulationTask, speed: float, port: int) -> int:
     from lupin_cli.pages import find_server, serve
     from lupin_cli.settings import read_value
-    from lupin_engine.ros.virtual.simulated import SimulatedPages
+    from lupin_ros.service.simulated import SimulatedPages
 
     server = find_server(subject.chart.catalog)
     script = subject.script if subject.is_complete else replace(subject.script, starts=False)

@@ -27,10 +27,10 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from lupin_engine.ros.names import COMMAND_SERVICE
 from lupin_engine_msgs.srv import Command
 from lupin_msgs.srv import CalibrateArm, SetArmPreset, StartMission
 from lupin_ros.adapter.node import CallFailure, Qos
+from lupin_ros.service.names import COMMAND_SERVICE
 from lupin_sim.layout import load_layout
 from tests.ros.safety.matrix.measure import Bystander
 from tests.ros.safety.matrix.page import STOP_TOPIC, Page

@@ -75,7 +75,7 @@ def policy(missions: tuple[str, ...], sim: bool, folder: Path | None) -> int:
 
 def _asked(loaded: LoadedMissions) -> list[str]:
     """Return the services that people's verbs call."""
-    from lupin_engine.ros.names import COMMAND_SERVICE
+    from lupin_ros.service.names import COMMAND_SERVICE
 
     profile = loaded.chart.profile
     wire = profile.wire
@@ -86,7 +86,7 @@ def _asked(loaded: LoadedMissions) -> list[str]:
 def _access(loaded: LoadedMissions) -> Access:
     """Return what pages may use: what the profile, the engine, plugins and bindings say."""
     from lupin_engine.plugin.pages import declared_access
-    from lupin_engine.ros.names import ACCESS
+    from lupin_ros.service.names import ACCESS
 
     catalog = loaded.chart.catalog
     called = (call.endpoint.name for one in loaded.bindings.values() for call in one.calls.values())

@@ -18,12 +18,12 @@ from lupin_engine.machine.step import Step
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.pages import PageMessage
-from lupin_engine.ros import messages, names
-from lupin_engine.ros.chart_record import chart_picture, chart_record
-from lupin_engine.ros.virtual.orchestrated import VirtualOrchestrator
-from lupin_engine.ros.virtual.pace import Pace
 from lupin_engine.sim.by_hand import Hand, Read, Wrong, first
 from lupin_engine.sim.simulation import Effect, Restart, Script, Simulation, Standstill, Tell, is_named
+from lupin_ros.service import messages, names
+from lupin_ros.service.chart_record import chart_picture, chart_record
+from lupin_ros.service.orchestrated import VirtualOrchestrator
+from lupin_ros.service.pace import Pace
 
 #: The topic that tells how the simulation stands, as JSON, and the service that does something to it.
 SIMULATION_TOPIC, SIMULATION_SERVICE = "/simulation/state", "/simulation/do"

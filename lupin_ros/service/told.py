@@ -15,9 +15,9 @@ from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.step import Moment, Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.profile import Fields, Publish, Wire
-from lupin_engine.ros import messages
 from lupin_engine.runtime.possible import Foresight
 from lupin_engine.runtime.record import step_record, view_record
+from lupin_ros.service import messages
 
 
 class ToldState:

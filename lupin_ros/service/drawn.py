@@ -8,8 +8,8 @@ from typing import Any
 from lupin_engine.diagram.folding import folded_svg
 from lupin_engine.errors import LupinError
 from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.ros import names
-from lupin_engine.ros.chart_record import check_chart
+from lupin_ros.service import names
+from lupin_ros.service.chart_record import check_chart
 
 
 def drawn(loaded: LoadedMissions, arguments: Mapping[str, Any]) -> Mapping[str, Any]:

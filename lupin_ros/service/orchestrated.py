@@ -16,13 +16,13 @@ from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.pages import PageMessage
 from lupin_engine.plugin.profile import START, Fields, Publish
 from lupin_engine.plugin.wire import time_fields
-from lupin_engine.ros import commands, messages, names
-from lupin_engine.ros.commands import CommandAnswer, CommandMemory, CommandRequest
-from lupin_engine.ros.told import StepMoment, StepNews, ToldPossible, ToldState, step_told
-from lupin_engine.ros.virtual.drawn import drawn, shown
 from lupin_engine.runtime.explanation import explanation
 from lupin_engine.runtime.offer import missions_record
 from lupin_engine.sim.simulation import Script, Simulation
+from lupin_ros.service import commands, messages, names
+from lupin_ros.service.commands import CommandAnswer, CommandMemory, CommandRequest
+from lupin_ros.service.drawn import drawn, shown
+from lupin_ros.service.told import StepMoment, StepNews, ToldPossible, ToldState, step_told
 
 
 class VirtualOrchestrator:
