@@ -37,7 +37,8 @@ RULE = {
     "lupin_ros.interfaces": ("lupin_engine.plugin",),
     "lupin_engine.ros.bindings": ("lupin_ros.interfaces", "lupin_ros.adapter", "lupin_engine.bindings"),
     "lupin_ros.service": ("lupin_ros.interfaces", "lupin_engine.sim", "lupin_engine.diagram"),
-    "lupin_engine.ros": ("lupin_ros.service", "lupin_engine.ros.bindings"),
+    "lupin_ros.recording": ("lupin_ros.service", "lupin_ros.adapter"),
+    "lupin_engine.ros": ("lupin_ros.recording", "lupin_ros.service", "lupin_engine.ros.bindings"),
     "lupin_engine.ros.launch": ("lupin_engine.ros",),
     "lupin_harness": ("lupin_engine.ros.launch",),
     "lupin_verify": ("lupin_engine.replay",),
@@ -63,8 +64,8 @@ OWNED = {
     "pygls": {"lupin_lsp"},
     "lsprotocol": {"lupin_lsp"},
     "resvg_py": {"lupin_engine.diagram"},
-    "mcap": {"lupin_engine.ros"},
-    "mcap_ros2": {"lupin_engine.ros"},
+    "mcap": {"lupin_ros.recording"},
+    "mcap_ros2": {"lupin_ros.recording"},
     "structlog": {"lupin_ros.adapter", "lupin_engine.ros.launch", "lupin_cli"},
 }
 #: Rooms that depend on nothing but their inputs.

@@ -47,7 +47,7 @@ def test_a_recording_is_read_as_the_page_says(
 ) -> None:
     """The program of the page, over a file of the recorder."""
     pytest.importorskip("mcap_ros2", reason="no reader of recordings is installed here")
-    from lupin_engine.ros.recording.file import RecordingFile
+    from lupin_ros.recording.file import RecordingFile
 
     monkeypatch.chdir(tmp_path)
     recorded = RecordingFile(Path("monday.mcap"))

@@ -14,9 +14,9 @@ from nav_msgs.msg import Path as Plan
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.ros.recording.recorder import TopicRecorder
 from lupin_msgs.msg import Observation, SensorReading, TagReading
 from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.recording.recorder import TopicRecorder
 from tests.npm import installed, run_node
 from tests.ros.helpers import spin_until
 

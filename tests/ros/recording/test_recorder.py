@@ -22,12 +22,12 @@ from std_msgs.msg import Bool, String
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import Severity, UsageError
-from lupin_engine.ros.recording import recorder as module
-from lupin_engine.ros.recording.recorder import TopicRecorder
-from lupin_engine.ros.recording.schema import message_text
 from lupin_msgs.msg import Observation
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.interfaces.type_hashes import local_hash
+from lupin_ros.recording import recorder as module
+from lupin_ros.recording.recorder import TopicRecorder
+from lupin_ros.recording.schema import message_text
 from tests.ros.helpers import spin_until
 from tests.ros.recording.reading import channels, remains, whole
 

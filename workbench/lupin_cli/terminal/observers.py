@@ -23,7 +23,7 @@ from lupin_engine.plugin.profile import TargetResult
 from lupin_engine.ros.launch.monitor import RunMonitor
 
 if TYPE_CHECKING:
-    from lupin_engine.ros.recording.recorder import TopicRecorder
+    from lupin_ros.recording.recorder import TopicRecorder
 
 #: Pictures a second in the terminal.
 PICTURES_HZ = 8.0

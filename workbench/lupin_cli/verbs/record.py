@@ -16,7 +16,7 @@ from lupin_engine.ros.launch.environment import close_the_doors, current_domain
 
 if TYPE_CHECKING:
     from lupin_engine.ros.launch.interrupts import Interrupts
-    from lupin_engine.ros.recording.recorder import TopicRecorder
+    from lupin_ros.recording.recorder import TopicRecorder
 
 #: How long what a mission tells last may take after its end, in seconds.
 _STRAGGLER_S = 2.0
@@ -70,7 +70,7 @@ def _record(path: Path, without: re.Pattern[str] | None) -> int:
     from lupin_cli.terminal.tty import quiet_terminal
     from lupin_engine.plugin.registry import load_profiles
     from lupin_engine.ros.launch.interrupts import Interrupts
-    from lupin_engine.ros.recording.recorder import TopicRecorder  # needs rclpy
+    from lupin_ros.recording.recorder import TopicRecorder  # needs rclpy
 
     with quiet_terminal(), Interrupts() as interrupts:
         with TopicRecorder(path, without, load_profiles()) as recorder:

@@ -85,9 +85,9 @@ def _show(file: Path, port: int, journal: Path | None, domain: int | None) -> in
 
     if any(importlib.util.find_spec(name) is None for name in ("mcap", "mcap_ros2")):
         raise UsageError("to read a recording, packages are needed: `pip install 'lupin-engine[record]'`")
-    from lupin_engine.ros.recording.reader import Recording
-    from lupin_engine.ros.virtual.recorded import RecordedPages
     from lupin_engine.runtime.journal.journal import journal_folder
+    from lupin_ros.recording.reader import Recording
+    from lupin_ros.recording.recorded import RecordedPages
 
     catalog = load_catalog()
     server = find_server(catalog)

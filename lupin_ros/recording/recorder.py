@@ -20,14 +20,14 @@ from typing import Any
 
 from lupin_engine.errors import LupinError, Severity, UsageError
 from lupin_engine.plugin.profile import Profile, Wire
-from lupin_engine.ros.recording.file import JOURNAL_TYPE, RecordingFile
-from lupin_engine.ros.recording.schema import message_text
 from lupin_engine.runtime.journal.journal import journal_files, journal_folder
 from lupin_ros.adapter.network import node_name
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.adapter.qos import asks_more, heard_profile, offers_text
 from lupin_ros.interfaces.definitions import interface_class
 from lupin_ros.interfaces.type_hashes import local_hash
+from lupin_ros.recording.file import JOURNAL_TYPE, RecordingFile
+from lupin_ros.recording.schema import message_text
 from lupin_ros.service.messages import read
 
 #: Seconds between two looks for topics.

@@ -19,10 +19,10 @@ from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.pages import PageMessage
 from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.ros.recording.file import JOURNAL_TYPE
-from lupin_engine.ros.recording.reader import Recording
 from lupin_engine.runtime.explanation import explanation
 from lupin_engine.runtime.journal.moments import JournalMoments
+from lupin_ros.recording.file import JOURNAL_TYPE
+from lupin_ros.recording.reader import Recording
 from lupin_ros.service import names
 from lupin_ros.service.drawn import drawn, shown
 

@@ -1,1 +1,0 @@
-"""What pages show that is no robot, in the words of one; needs no ROS."""
