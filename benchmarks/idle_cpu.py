@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.launch.nodes import nodes_of
+from lupin_ros.launch.nodes import nodes_of
 
 LUPIN = str(Path(sys.executable).with_name("lupin"))
 MIRROR = str(Path(__file__).with_name("mirror.py"))

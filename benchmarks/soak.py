@@ -29,8 +29,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
-from lupin_engine.ros.launch import shared_memory
 from lupin_harness.domains import claimed_domain
+from lupin_ros.launch import shared_memory
 
 LUPIN = str(Path(sys.executable).with_name("lupin"))
 TAGS = [str(number) for number in range(1, 31) if number != 8]

@@ -39,15 +39,16 @@ RULE = {
     "lupin_ros.service": ("lupin_ros.interfaces", "lupin_engine.sim", "lupin_engine.diagram"),
     "lupin_ros.recording": ("lupin_ros.service", "lupin_ros.adapter"),
     "lupin_engine.ros": ("lupin_ros.recording", "lupin_ros.service", "lupin_engine.ros.bindings"),
-    "lupin_engine.ros.launch": ("lupin_engine.ros",),
-    "lupin_harness": ("lupin_engine.ros.launch",),
+    "lupin_ros.launch": ("lupin_ros.service", "lupin_ros.adapter"),
+    "lupin_harness": ("lupin_ros.launch",),
     "lupin_verify": ("lupin_engine.replay",),
     "lupin_scxml": ("lupin_engine.missions", "lupin_engine.diagram"),
     "lupin_lsp": ("lupin_verify",),
     "lupin_cli": (
         "lupin_engine.replay",
         "lupin_engine.diagram",
-        "lupin_engine.ros.launch",
+        "lupin_engine.ros",
+        "lupin_ros.launch",
         "lupin_harness",
         "lupin_scxml",
         "lupin_verify",
@@ -66,7 +67,7 @@ OWNED = {
     "resvg_py": {"lupin_engine.diagram"},
     "mcap": {"lupin_ros.recording"},
     "mcap_ros2": {"lupin_ros.recording"},
-    "structlog": {"lupin_ros.adapter", "lupin_engine.ros.launch", "lupin_cli"},
+    "structlog": {"lupin_ros.adapter", "lupin_ros.launch", "lupin_cli"},
 }
 #: Rooms that depend on nothing but their inputs.
 PURE = ("lupin_engine.chart", "lupin_engine.machine")

@@ -24,10 +24,10 @@ from lupin_engine.errors import Place, Severity
 from lupin_engine.machine.event import Cancel, Event
 from lupin_engine.machine.step import CodeEvent, Considered, Moment, Refusal, Step
 from lupin_engine.plugin.types import TEXT
-from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_engine.runtime.record import read_step, step_record
 from lupin_greenhouse.profile import PROFILE
 from lupin_lsp.grammar import fields_of, meaning_of, shapes_of
+from lupin_ros.launch.monitor import RunMonitor
 from lupin_scxml.exporter import scxml
 from tests.diagram import pictured
 from tests.machine.charts import Bench

@@ -142,7 +142,7 @@ def test_without_ros_the_way_to_get_it_is_told(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Everything else works without; a run does not."""
-    from lupin_engine.ros.launch.requirements import prepare_ros
+    from lupin_ros.launch.requirements import prepare_ros
 
     monkeypatch.setattr("lupin_cli.bring_up.prepare_ros", prepare_ros)
     monkeypatch.setattr("lupin_ros.adapter.environment.rclpy_source", lambda: None)

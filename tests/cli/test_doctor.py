@@ -11,12 +11,12 @@ import pytest
 
 from lupin_cli.main import main
 from lupin_engine.plugin.discovery import EntryPoint
-from lupin_engine.ros.launch import health
-from lupin_engine.ros.launch.environment import open_to
-from lupin_engine.ros.launch.health import RIHS, Finding
 from lupin_greenhouse.profile import HASHES
 from lupin_ros.adapter import environment
 from lupin_ros.adapter.dds.profile import VARIABLES
+from lupin_ros.launch import health
+from lupin_ros.launch.environment import open_to
+from lupin_ros.launch.health import RIHS, Finding
 
 TABLE = json.loads((Path(__file__).parents[1] / "msgs" / "wire.json").read_text(encoding="utf-8"))
 
@@ -270,8 +270,6 @@ def test_the_table_ends_with_a_verdict(
     lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
     assert lines[-1] == "missions can be run here"
     assert "clean it" in lines
-    monkeypatch.setattr(
-        "lupin_engine.ros.launch.health.examine", lambda: [Finding("a", "b", "problem", "do")]
-    )
+    monkeypatch.setattr("lupin_ros.launch.health.examine", lambda: [Finding("a", "b", "problem", "do")])
     assert main(["doctor"]) == 1
     assert capsys.readouterr().out.splitlines()[-1] == "1 problem to mend before missions can be run"

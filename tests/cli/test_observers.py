@@ -12,8 +12,8 @@ import pytest
 from lupin_cli.terminal.observers import Heard, JsonObserver, SavingPicture
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import Severity
-from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_greenhouse.profile import PROFILE
+from lupin_ros.launch.monitor import RunMonitor
 from tests import shipped
 from tests.ros.launch.messages import MISSION_ID, observation, state
 

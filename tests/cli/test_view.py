@@ -11,10 +11,10 @@ from lupin_cli.terminal import view
 from lupin_cli.terminal.tables import print_network
 from lupin_engine.chart.model import Chart
 from lupin_engine.plugin.profile import TargetResult
-from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_greenhouse.messages import read_state
 from lupin_greenhouse.profile import PROFILE
 from lupin_ros.adapter.network import Interface
+from lupin_ros.launch.monitor import RunMonitor
 from tests import shipped
 from tests.ros.launch.messages import MISSION_ID, observation, state, step
 

@@ -64,7 +64,7 @@ def test_a_recording_is_read_as_the_page_says(
 def test_the_figures_of_starting_again_are_those_of_the_run() -> None:
     """Seconds until a node that died is started again."""
     pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
-    from lupin_engine.ros.launch.respawn import RESPAWN_AFTER_S
+    from lupin_ros.launch.respawn import RESPAWN_AFTER_S
 
     *first, last = (f"{seconds:g}" for seconds in RESPAWN_AFTER_S)
     assert f"again, after {', '.join(first)} and {last} seconds" in PAGE.read_text(encoding="utf-8")

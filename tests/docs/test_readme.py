@@ -11,7 +11,7 @@ import pytest
 
 from lupin_cli.main import main
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.launch.nodes import nodes_of
+from lupin_ros.launch.nodes import nodes_of
 
 ROOT = Path(__file__).parents[2]
 README, HOME = (file.read_text(encoding="utf-8") for file in (ROOT / "README.md", ROOT / "docs" / "index.md"))

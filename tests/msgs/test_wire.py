@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 
 from lupin_engine.errors import UsageError
-from lupin_engine.ros.launch.health import RIHS
 from lupin_ros.interfaces.type_hashes import local_fields, local_hash
+from lupin_ros.launch.health import RIHS
 from lupin_ros.service.names import COMMAND_HASH, COMMAND_TYPE
 
 pytest.importorskip("rclpy")

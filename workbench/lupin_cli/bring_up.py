@@ -14,19 +14,19 @@ from lupin_engine.errors import LupinError, PluginError, Problems, UsageError, n
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.ros.launch.description import (
+from lupin_ros.launch.description import (
     NodeLaunch,
     ParameterValues,
     PresentEndpoints,
     describe_launch,
     simulators,
 )
-from lupin_engine.ros.launch.environment import close_the_doors, for_children
-from lupin_engine.ros.launch.nodes import ORCHESTRATOR, nodes_of
-from lupin_engine.ros.launch.requirements import prepare_ros
+from lupin_ros.launch.environment import close_the_doors, for_children
+from lupin_ros.launch.nodes import ORCHESTRATOR, nodes_of
+from lupin_ros.launch.requirements import prepare_ros
 
 if TYPE_CHECKING:
-    from lupin_engine.ros.launch.bringup import BringupSettings
+    from lupin_ros.launch.bringup import BringupSettings
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class CheckedOptions:
             parameters = self._parameters(given)
             self._check_nodes(parameters, given)
         self.problems.tell()
-        from lupin_engine.ros.launch.bringup import BringupSettings  # needs rclpy
+        from lupin_ros.launch.bringup import BringupSettings  # needs rclpy
 
         folder = new_run_folder(self._wanted.log_dir)
         return BringupSettings(

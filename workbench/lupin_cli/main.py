@@ -165,7 +165,7 @@ def _author(arguments: Sequence[str] | None) -> str:
 def _author_of_node(name: str) -> str:
     from lupin_engine.plugin.discovery import find_entry_point
     from lupin_engine.plugin.registry import load_catalog
-    from lupin_engine.ros.launch.nodes import find_node
+    from lupin_ros.launch.nodes import find_node
 
     try:
         distribution = find_entry_point(find_node(name, load_catalog()).plugin).distribution

@@ -19,7 +19,7 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 
 from lupin_engine.missions.folders import default_missions_folder
-from lupin_engine.ros.operator import Attendant
+from lupin_ros.launch.operator import Attendant
 from tests.browsing import HOLD_MS
 from tests.ros.console.conftest import DESK, PATIENCE_MS, PHONE, Served
 from tests.ros.launch.processes import until

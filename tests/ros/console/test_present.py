@@ -13,7 +13,7 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 
 from playwright.sync_api import BrowserContext, Page, WebSocketRoute, expect
 
-from lupin_engine.ros.operator import Attendant
+from lupin_ros.launch.operator import Attendant
 from tests.ros.console.conftest import Served, stall
 from tests.ros.console.test_control import button, in_state, panel, view
 from tests.ros.launch.processes import until

@@ -14,14 +14,14 @@ import pytest
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.profile import Progress
 from lupin_engine.plugin.registry import build_catalog
-from lupin_engine.ros.launch import bringup as bringup_module
-from lupin_engine.ros.launch.bringup import Bringup, BringupSettings, RunFailed
-from lupin_engine.ros.launch.description import LaunchDescription, NodeLaunch
-from lupin_engine.ros.launch.interrupts import Interrupts
-from lupin_engine.ros.launch.monitor import RunMonitor
-from lupin_engine.ros.launch.nodes import LaunchableNode
-from lupin_engine.ros.operator import Arrival
 from lupin_greenhouse.profile import PROFILE
+from lupin_ros.launch import bringup as bringup_module
+from lupin_ros.launch.bringup import Bringup, BringupSettings, RunFailed
+from lupin_ros.launch.description import LaunchDescription, NodeLaunch
+from lupin_ros.launch.interrupts import Interrupts
+from lupin_ros.launch.monitor import RunMonitor
+from lupin_ros.launch.nodes import LaunchableNode
+from lupin_ros.launch.operator import Arrival
 from tests.ros.launch.processes import until
 
 CATALOG = build_catalog([], [PROFILE])

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.ros.launch import dds_discovery
-from lupin_engine.ros.launch.dds_discovery import LIMIT_S, QUIET_S, exposed, participants, settled
+from lupin_ros.launch import dds_discovery
+from lupin_ros.launch.dds_discovery import LIMIT_S, QUIET_S, exposed, participants, settled
 
 TICK_S = 0.05
 

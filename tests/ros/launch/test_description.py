@@ -13,14 +13,14 @@ import pytest
 from lupin_engine.errors import LupinError, PluginError
 from lupin_engine.plugin.contract import Operation, Plugin
 from lupin_engine.plugin.registry import Catalog, build_catalog, load_catalog
-from lupin_engine.ros.launch.description import (
+from lupin_ros.launch.description import (
     NodeLaunch,
     PresentEndpoints,
     command,
     describe_launch,
     parameter_file,
 )
-from lupin_engine.ros.launch.nodes import LaunchableNode
+from lupin_ros.launch.nodes import LaunchableNode
 
 CATALOG: Catalog = build_catalog(
     [

@@ -8,8 +8,8 @@ import pytest
 
 from lupin_engine.errors import Severity
 from lupin_engine.machine.step import CodeEvent
-from lupin_engine.ros.launch.monitor import RunMonitor
 from lupin_greenhouse.profile import PROFILE
+from lupin_ros.launch.monitor import RunMonitor
 from tests.ros.launch.messages import anomaly, flowers, observation, state, step
 
 ID = "lupin-1"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lupin_engine.ros.launch.respawn import BACK_AFTER_S, FORGIVEN_AFTER_S, Respawns
+from lupin_ros.launch.respawn import BACK_AFTER_S, FORGIVEN_AFTER_S, Respawns
 
 
 def test_three_times_and_no_more() -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.ros.launch.supervisor import Patience, Supervisor, cut_log, group_lives, last_lines
 from lupin_ros.adapter import process
+from lupin_ros.launch.supervisor import Patience, Supervisor, cut_log, group_lives, last_lines
 from tests.processes import ended
 from tests.ros.launch.processes import until
 
@@ -151,7 +151,7 @@ def test_a_child_ends_when_its_supervisor_is_killed(tmp_path: Path) -> None:
         "print('up', flush=True); signal.pause()"
     )
     parent = (
-        "import os, sys, signal, pathlib; from lupin_engine.ros.launch.supervisor import Supervisor; "
+        "import os, sys, signal, pathlib; from lupin_ros.launch.supervisor import Supervisor; "
         f"s = Supervisor(pathlib.Path({str(tmp_path)!r}), dict(os.environ)); "
         f"print(s.start('child', [sys.executable, '-c', {child!r}]), flush=True); signal.pause()"
     )

@@ -15,11 +15,11 @@ import pytest
 from std_msgs.msg import String
 
 from lupin_cli.main import main
-from lupin_engine.ros import operator as operators
-from lupin_engine.ros.operator import Commander, operator_name
 from lupin_engine_msgs.srv import Command
 from lupin_harness.domains import claimed_domain
 from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.launch import operator as operators
+from lupin_ros.launch.operator import Commander, operator_name
 from lupin_ros.service.names import COMMAND_SERVICE, STEPS_TOPIC
 from tests.processes import ended
 from tests.ros.world import Operator, World

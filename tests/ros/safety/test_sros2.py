@@ -21,10 +21,10 @@ import pytest
 
 from lupin_engine.plugin.pages import declared_access
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros.operator import Operator as Verbs
 from lupin_harness.domains import claimed_domain
 from lupin_msgs.srv import StartMission
 from lupin_ros.adapter.network import interfaces
+from lupin_ros.launch.operator import Operator as Verbs
 from lupin_ros.service.names import ACCESS
 from tests.plugins.gateway.served import OpenPage
 from tests.ros.gateway.conftest import free_port

@@ -20,7 +20,7 @@ from lupin_cli.terminal.tty import hang_up
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.profile import TargetResult
-from lupin_engine.ros.launch.monitor import RunMonitor
+from lupin_ros.launch.monitor import RunMonitor
 
 if TYPE_CHECKING:
     from lupin_ros.recording.recorder import TopicRecorder

@@ -23,10 +23,10 @@ from lupin_engine.replay.story import Columns, columns_for, laid_out
 from lupin_engine.replay.summary import Attempted, RunSummary, summarise
 from lupin_engine.replay.timeline import Timeline
 from lupin_engine.replay.timeline_rows import lasting
-from lupin_engine.ros.launch.monitor import ALL_VISITED, NOT_DONE, SOME_MISSED
 from lupin_engine.runtime.record import command_record, step_record, view_record
 from lupin_engine.sim.narration import StepLine, tell
 from lupin_engine.sim.simulation import Run
+from lupin_ros.launch.monitor import ALL_VISITED, NOT_DONE, SOME_MISSED
 
 #: How wide the output is where there is no terminal, in cells.
 WIDTH = 120

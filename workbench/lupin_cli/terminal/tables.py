@@ -15,7 +15,7 @@ from rich.text import Text
 
 from lupin_engine.plugin.contract import Plugin
 from lupin_engine.plugin.describe import Entry, sections
-from lupin_engine.ros.launch.health import Finding
+from lupin_ros.launch.health import Finding
 
 if TYPE_CHECKING:
     from lupin_ros.adapter.network import Interface, Kind

@@ -20,7 +20,8 @@ from rich.text import Text
 from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.errors import Severity
 from lupin_engine.plugin.profile import Profile, Progress, Rating, TargetOutcome, TargetResult
-from lupin_engine.ros.launch.monitor import (
+from lupin_engine.runtime.record import OpenQuestion
+from lupin_ros.launch.monitor import (
     ALL_VISITED,
     NOT_DONE,
     SOME_MISSED,
@@ -28,7 +29,6 @@ from lupin_engine.ros.launch.monitor import (
     RunMonitor,
     RunningOperation,
 )
-from lupin_engine.runtime.record import OpenQuestion
 
 STYLES: Mapping[Severity, str] = {
     Severity.INFO: "cyan",

@@ -15,7 +15,7 @@ def doctor(as_json: bool) -> int:
     import json
     from dataclasses import asdict
 
-    from lupin_engine.ros.launch import health
+    from lupin_ros.launch import health
 
     findings = health.examine()
     usable = health.usable(findings)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import click
 
 from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_engine.ros.launch.environment import close_the_doors
-from lupin_engine.ros.launch.nodes import find_node, nodes_of
-from lupin_engine.ros.launch.requirements import prepare_ros
 from lupin_ros.adapter.process import end_with_supervisor
+from lupin_ros.launch.environment import close_the_doors
+from lupin_ros.launch.nodes import find_node, nodes_of
+from lupin_ros.launch.requirements import prepare_ros
 
 
 @click.command(

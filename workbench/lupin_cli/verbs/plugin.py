@@ -237,7 +237,7 @@ def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
             f"plugin {plugin.name!r} brings no node to try its driver with; "
             "derive a test from lupin_harness.cases.DriverContract, with servers of yours"
         )
-    from lupin_engine.ros.launch.requirements import prepare_ros
+    from lupin_ros.launch.requirements import prepare_ros
 
     prepare_ros()
     from lupin_harness.bench import Lab, Setting

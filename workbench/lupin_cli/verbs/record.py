@@ -12,10 +12,10 @@ import click
 
 from lupin_cli import options
 from lupin_engine.errors import Problems, Severity, UsageError
-from lupin_engine.ros.launch.environment import close_the_doors, current_domain
+from lupin_ros.launch.environment import close_the_doors, current_domain
 
 if TYPE_CHECKING:
-    from lupin_engine.ros.launch.interrupts import Interrupts
+    from lupin_ros.launch.interrupts import Interrupts
     from lupin_ros.recording.recorder import TopicRecorder
 
 #: How long what a mission tells last may take after its end, in seconds.
@@ -42,7 +42,7 @@ def record(output: Path | None, without: str | None, domain: int | None) -> int:
     Exit code: 0 recorded; 1 the file ends too early, because the disk is full; 2 nothing was recorded.
     """
     from lupin_cli.recording import check_recording
-    from lupin_engine.ros.launch.requirements import prepare_ros
+    from lupin_ros.launch.requirements import prepare_ros
 
     path = output or Path(f"lupin_{time.strftime('%Y-%m-%d_%H-%M-%S')}.mcap")
     problems = Problems(UsageError)
@@ -69,7 +69,7 @@ def _record(path: Path, without: re.Pattern[str] | None) -> int:
     from lupin_cli.recording import result
     from lupin_cli.terminal.tty import quiet_terminal
     from lupin_engine.plugin.registry import load_profiles
-    from lupin_engine.ros.launch.interrupts import Interrupts
+    from lupin_ros.launch.interrupts import Interrupts
     from lupin_ros.recording.recorder import TopicRecorder  # needs rclpy
 
     with quiet_terminal(), Interrupts() as interrupts:

@@ -10,13 +10,13 @@ from lupin_cli import options
 from lupin_cli.exit_codes import not_done
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_engine.ros.launch.environment import current_domain
+from lupin_ros.launch.environment import current_domain
 
 if TYPE_CHECKING:
     from lupin_cli.bring_up import CheckedOptions
     from lupin_engine.missions.load import LoadedMissions
     from lupin_engine.plugin.profile import Profile, Progress
-    from lupin_engine.ros.launch.bringup import Bringup, Observer
+    from lupin_ros.launch.bringup import Bringup, Observer
 
 
 @click.command(short_help="Start the nodes of missions; an operator starts the missions.")
@@ -33,8 +33,8 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
     from lupin_cli.bring_up import CheckedOptions, GivenOptions
     from lupin_cli.terminal.observers import Heard, PlainObserver
     from lupin_engine.missions.selection import load_missions
-    from lupin_engine.ros.launch.interrupts import Interrupts
     from lupin_engine.runtime.setup import make_world
+    from lupin_ros.launch.interrupts import Interrupts
 
     loaded = load_missions(missions, load_catalog(), reaching=True)
     catalog = loaded.chart.catalog
@@ -42,7 +42,7 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
     with given.problems.collecting():
         make_world(loaded.chart, given.values)
     settings = given.settings()
-    from lupin_engine.ros.launch.bringup import Bringup  # needs rclpy
+    from lupin_ros.launch.bringup import Bringup  # needs rclpy
 
     with Interrupts() as interrupts:
         observer = Heard(PlainObserver(), interrupts.stop)
@@ -53,8 +53,8 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
 def _serve(
     bringup: Bringup, observer: Observer, given: CheckedOptions, loaded: LoadedMissions, catalog: Catalog
 ) -> int:
-    from lupin_engine.ros.launch.interrupts import Interrupted
-    from lupin_engine.ros.launch.monitor import NOT_DONE
+    from lupin_ros.launch.interrupts import Interrupted
+    from lupin_ros.launch.monitor import NOT_DONE
 
     try:
         bringup.bring_up(given.plugins, catalog, loaded.heard)

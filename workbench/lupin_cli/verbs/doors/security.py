@@ -40,16 +40,16 @@ def policy(missions: tuple[str, ...], sim: bool, folder: Path | None) -> int:
     Exit code: 0 written, 1 a mission has errors or a node does not start, 2 wrong usage.
     """
     from lupin_engine.missions.selection import load_missions
-    from lupin_engine.ros.launch.environment import close_the_doors, current_domain
-    from lupin_engine.ros.launch.requirements import prepare_ros
+    from lupin_ros.launch.environment import close_the_doors, current_domain
+    from lupin_ros.launch.requirements import prepare_ros
 
     loaded = load_missions(missions, load_catalog(), reaching=True)
     close_the_doors()
     prepare_ros()
-    from lupin_engine.ros.launch import sros2
-    from lupin_engine.ros.launch.description import PresentEndpoints, describe_launch
-    from lupin_engine.ros.launch.nodes import ORCHESTRATOR
     from lupin_harness.rehearsal import declared_by
+    from lupin_ros.launch import sros2
+    from lupin_ros.launch.description import PresentEndpoints, describe_launch
+    from lupin_ros.launch.nodes import ORCHESTRATOR
 
     catalog = loaded.chart.catalog
     serving = [name for name, plugin in catalog.plugins.items() if plugin.hmi]

@@ -17,8 +17,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lupin_engine.ros.launch import shared_memory
 from lupin_ros.adapter.process import SUPERVISED
+from lupin_ros.launch import shared_memory
 
 #: How large the log of a process becomes before it is begun anew, in bytes; the one before is kept.
 LOG_BYTES = 10_000_000

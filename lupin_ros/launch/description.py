@@ -15,7 +15,7 @@ from typing import Any
 
 from lupin_engine.plugin.contract import Plugin
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.ros.launch.nodes import ORCHESTRATOR, LaunchableNode, nodes_of
+from lupin_ros.launch.nodes import ORCHESTRATOR, LaunchableNode, nodes_of
 
 #: Values of ROS parameters by name.
 ParameterValues = Mapping[str, Any]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from contextlib import closing
 
-from lupin_engine.ros.launch.dds_discovery import settled
 from lupin_ros.adapter.network import UNKNOWN, Interface, interfaces
 from lupin_ros.adapter.node import RosNode
+from lupin_ros.launch.dds_discovery import settled
 
 #: Seconds between two queries.
 TICK_S = 0.05

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from lupin_engine.ros.launch.environment import current_domain, is_local_only
+from lupin_ros.launch.environment import current_domain, is_local_only
 
 _T = TypeVar("_T")
 

@@ -25,19 +25,19 @@ from lupin_engine.plugin.discovery import entry_points
 from lupin_engine.plugin.domain import DOMAIN, domain_advice
 from lupin_engine.plugin.files import ros_domain
 from lupin_engine.plugin.registry import load_catalog, load_profiles, verified_plugin
-from lupin_engine.ros.launch.dds_discovery import exposed
-from lupin_engine.ros.launch.environment import (
+from lupin_ros.adapter import environment
+from lupin_ros.adapter.dds.profile import CLOSED, RANGE, users_profile
+from lupin_ros.interfaces.type_hashes import local_hash
+from lupin_ros.launch.dds_discovery import exposed
+from lupin_ros.launch.environment import (
     PEERS,
     current_domain,
     open_to,
     peers_advice,
     range_advice,
 )
-from lupin_engine.ros.launch.requirements import INSTALL_ROS, SOURCE_ROS
-from lupin_engine.ros.launch.shared_memory import stale_segments
-from lupin_ros.adapter import environment
-from lupin_ros.adapter.dds.profile import CLOSED, RANGE, users_profile
-from lupin_ros.interfaces.type_hashes import local_hash
+from lupin_ros.launch.requirements import INSTALL_ROS, SOURCE_ROS
+from lupin_ros.launch.shared_memory import stale_segments
 from lupin_ros.service.names import COMMAND_HASH, COMMAND_TYPE
 
 State = Literal["ok", "note", "problem"]

@@ -17,8 +17,8 @@ from lupin_engine.errors import LupinError, Severity
 from lupin_engine.plugin.contract import RESTARTED
 from lupin_engine.plugin.profile import Profile, Progress
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.ros.launch.dds_discovery import settled
-from lupin_engine.ros.launch.description import (
+from lupin_ros.launch.dds_discovery import settled
+from lupin_ros.launch.description import (
     LaunchDescription,
     NodeLaunch,
     ParameterValues,
@@ -26,13 +26,13 @@ from lupin_engine.ros.launch.description import (
     command,
     describe_launch,
 )
-from lupin_engine.ros.launch.environment import open_to
-from lupin_engine.ros.launch.interrupts import Interrupts
-from lupin_engine.ros.launch.monitor import RunMonitor
-from lupin_engine.ros.launch.nodes import ORCHESTRATOR
-from lupin_engine.ros.launch.respawn import Respawns
-from lupin_engine.ros.launch.supervisor import IMPATIENT, Death, Patience, Supervisor
-from lupin_engine.ros.operator import Answer, Operator
+from lupin_ros.launch.environment import open_to
+from lupin_ros.launch.interrupts import Interrupts
+from lupin_ros.launch.monitor import RunMonitor
+from lupin_ros.launch.nodes import ORCHESTRATOR
+from lupin_ros.launch.operator import Answer, Operator
+from lupin_ros.launch.respawn import Respawns
+from lupin_ros.launch.supervisor import IMPATIENT, Death, Patience, Supervisor
 from lupin_ros.service.messages import wire_of
 
 #: Period of the loop, in seconds.
