@@ -22,7 +22,6 @@ from unittest.mock import patch
 from lupin_arm.node import library as arm_library
 from lupin_arm.node import sim as arm_sim
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.ros import orchestrator
 from lupin_gateway import stop
 from lupin_greenhouse import stops
 from lupin_harness.domains import claimed_domain
@@ -31,6 +30,7 @@ from lupin_perception.node import settings as perception
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.qos import Qos
 from lupin_ros.launch.nodes import nodes_of
+from lupin_ros.orchestrator import orchestrator
 from lupin_sim.node import robot, senses
 from lupin_twin import node as twin
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from lupin_engine.plugin.discovery import GROUP, PROFILES, entry_points_by_group
 
-_ROOT = Path(__file__).parents[2]
+_SHELF = Path(__file__).parents[1]
 #: A module of interfaces.
 _MODULE = re.compile(r"(\w+)\.(msg|srv|action)")
 #: The full name of an interface.
@@ -23,7 +23,7 @@ NAME = re.compile(r"[a-z]\w*/(msg|srv|action)/[A-Z]\w*")
 
 def used_interfaces() -> set[str]:
     """Return the names of the interfaces that the orchestrator and the installed plugins and profiles use."""
-    rooms = (_ROOT / room for room in ("lupin_engine/ros", "lupin_ros/service"))
+    rooms = (_SHELF / room for room in ("orchestrator", "service", "launch"))
     files = [*(file for room in rooms for file in room.glob("*.py")), *_sources_of_plugins()]
     return {name for file in files for name in _named(file)}
 

@@ -15,9 +15,9 @@ from lupin_engine.missions.folders import is_mission, lifecycle_of
 from lupin_engine.missions.load import inspect_chart
 from lupin_engine.plugin.parameters import RESERVED, carried_as
 from lupin_engine.plugin.types import MAX_INTEGER
-from lupin_engine.ros.orchestrator import OWN_PARAMETERS
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.parameters import _ROS_OWN
+from lupin_ros.orchestrator.orchestrator import OWN_PARAMETERS
 from tests import shipped
 
 ROOT = Path(__file__).parents[3]

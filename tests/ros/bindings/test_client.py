@@ -14,8 +14,6 @@ from std_srvs.srv import SetBool, Trigger
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, DURATION, NUMBER, TEXT, Type, list_of
-from lupin_engine.ros.bindings import client as bound_client
-from lupin_engine.ros.bindings.client import BoundClient
 from lupin_ros.adapter.node import RosNode, peer_mismatches
 from lupin_ros.interfaces.definitions import (
     fill,
@@ -24,6 +22,8 @@ from lupin_ros.interfaces.definitions import (
     interface_types,
     plain,
 )
+from lupin_ros.orchestrator import binding_client as bound_client
+from lupin_ros.orchestrator.binding_client import BoundClient
 from tests.plugins.fakes import FakeOutlet
 from tests.ros.bindings.bound import binding_of
 from tests.ros.helpers import PATIENCE, spin_for, spin_until
@@ -160,7 +160,7 @@ def test_a_server_that_says_nothing(bench: Callable[..., Bench]) -> None:
 
 def test_nobody_is_there(bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch) -> None:
     """After the time that discovery takes, that is said at once."""
-    monkeypatch.setattr("lupin_engine.ros.bindings.client.DISCOVERY_S", 0.0)
+    monkeypatch.setattr("lupin_ros.orchestrator.binding_client.DISCOVERY_S", 0.0)
     one = bench()
     assert one.switch("accepted", "failed") == ("failed", "a1", "lamp_gone", "/lamp: no server")
 
@@ -169,7 +169,7 @@ def test_a_server_of_another_type_is_told(
     bench: Callable[..., Bench], make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nobody answers, and the reason is said with the attempt: the peers do not speak of the same."""
-    monkeypatch.setattr("lupin_engine.ros.bindings.client.DISCOVERY_S", 0.0)
+    monkeypatch.setattr("lupin_ros.orchestrator.binding_client.DISCOVERY_S", 0.0)
     one = bench()
     other = make_node("other_lamp")
     other.serve(Trigger, "/lamp", lambda _, response: response)

@@ -15,7 +15,6 @@ from nav2_msgs.action import NavigateToPose
 from std_msgs.msg import Byte, ColorRGBA, Float32, String
 
 from lupin_engine.errors import LupinError
-from lupin_engine.ros.bindings.client import BoundClient
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.interfaces import definitions
 from lupin_ros.interfaces.definitions import (
@@ -25,6 +24,7 @@ from lupin_ros.interfaces.definitions import (
     interface_types,
     plain,
 )
+from lupin_ros.orchestrator.binding_client import BoundClient
 from tests.plugins.fakes import FakeOutlet
 from tests.ros.bindings import bound
 from tests.ros.bindings.bound import SPRAYER, Cart, abort, binding_of, sprayer, succeed

@@ -14,8 +14,8 @@ from rclpy.action import ActionServer
 from std_msgs.msg import Float32MultiArray, Int32
 
 from lupin_engine.plugin.types import parse_quantity
-from lupin_engine.ros.bindings.client import BoundClient
 from lupin_ros.adapter.node import RosNode
+from lupin_ros.orchestrator.binding_client import BoundClient
 from tests.plugins.fakes import FakeOutlet
 from tests.ros.bindings.bound import binding_of
 from tests.ros.helpers import spin_until

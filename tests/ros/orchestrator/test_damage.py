@@ -14,12 +14,12 @@ import pytest
 from lupin_engine.machine.step import Step
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.missions.selection import load_missions
-from lupin_engine.ros.keeping import Keeping
-from lupin_engine.ros.resuming import RESUME_PARAMETERS, LookBack, look_back
 from lupin_engine.runtime.journal.frames import MAGIC, frame, read_frames
 from lupin_engine.runtime.journal.journal import journal_files, mission_in_name
 from lupin_engine.runtime.journal.recovery import outcomes_of
 from lupin_engine.sim.simulation import Happening, Script, Simulation, Tell
+from lupin_ros.orchestrator.keeping import Keeping
+from lupin_ros.orchestrator.resuming import RESUME_PARAMETERS, LookBack, look_back
 from tests import shipped
 from tests.ros.orchestrator.test_keeping import Node
 from tests.ros.orchestrator.test_resume import NODE, kill, outcomes, start_again

@@ -13,12 +13,12 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from lupin_engine.missions.folders import lifecycle_in
 from lupin_engine.missions.load import load_chart
-from lupin_engine.ros.keeping import WHAT_TO_DO
 from lupin_engine.runtime.journal.journal import CHARTS, journal_files
 from lupin_engine.runtime.journal.records import JournalFile, read_journal
 from lupin_engine.runtime.journal.replay import replay
 from lupin_engine.runtime.setup import make_world
 from lupin_ros.adapter.node import Qos
+from lupin_ros.orchestrator.keeping import WHAT_TO_DO
 from tests import shipped
 from tests.ros.orchestrator.test_resume import kill, outcomes, start_again
 from tests.ros.world import Operator, World

@@ -16,10 +16,10 @@ import pytest
 from lupin_engine.machine.event import Event
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.profile import START, Publish
-from lupin_engine.ros.keeping import JOURNAL_PARAMETERS, WHAT_TO_DO, Keeping
 from lupin_engine.runtime.journal.journal import journal_files
 from lupin_engine.runtime.journal.records import OUTCOME, PUBLISHED, read_journal
 from lupin_engine.runtime.setup import make_machine
+from lupin_ros.orchestrator.keeping import JOURNAL_PARAMETERS, WHAT_TO_DO, Keeping
 from tests import shipped
 
 

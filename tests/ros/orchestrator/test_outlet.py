@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lupin_engine.machine.event import Event
-from lupin_engine.ros.outlet import NodeClock, RosOutlet
+from lupin_ros.orchestrator.outlet import NodeClock, RosOutlet
 
 
 class Clocks:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.plugin.builtin import MISSING
-from lupin_engine.ros.readiness import POLL_PERIOD_S, POLLS_UNTIL_GONE, Readiness
+from lupin_ros.orchestrator.readiness import POLL_PERIOD_S, POLLS_UNTIL_GONE, Readiness
 
 NAV, BRIDGE = "action server navigate_to_pose", "service /greenhouse_bridge/get_tag_reading"
 

@@ -45,7 +45,7 @@ def test_of_two_that_miss_each_other_the_younger_stands_down(
 ) -> None:
     """They start within the same second: neither looks, here."""
     missions = folder(tmp_path)
-    blind = "import lupin_engine.ros.single as single; single.LOOK_S = 0.0"
+    blind = "import lupin_ros.orchestrator.single as single; single.LOOK_S = 0.0"
     run = f"{blind}; from lupin_cli.main import main; import sys; sys.exit(main(sys.argv[1:]))"
     words = ["node", "mission_orchestrator", "--ros-args", "-p", f"missions_path:={missions}"]
     both = [world.run(name, [sys.executable, "-c", run, *words]) for name in ("one", "other")]

@@ -15,10 +15,10 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
-from lupin_engine.ros import keeping, orchestrator, telling
 from lupin_nav.client import NavClient
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.vitals import CountedPublisher
+from lupin_ros.orchestrator import keeping, orchestrator, telling
 
 #: Where the rest of it comes from: what is built of other people's modules is left out.
 OURS = ("lupin_engine.ros.", "lupin_engine.runtime.journal.", "lupin_engine.runtime.client_clocks")

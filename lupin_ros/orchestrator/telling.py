@@ -21,13 +21,13 @@ from lupin_engine.machine.step import Step, View
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import COUNT, TEXT
-from lupin_engine.ros.displays import giving_way
-from lupin_engine.ros.single import new_boot
 from lupin_engine.runtime.clock import Clock
 from lupin_engine.runtime.journal.journal import domain_folder
 from lupin_engine.runtime.offer import missions_record
 from lupin_ros.adapter.host import Slices
 from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.orchestrator.displays import giving_way
+from lupin_ros.orchestrator.single import new_boot
 from lupin_ros.service import messages
 from lupin_ros.service.names import CHART_TOPIC, MISSIONS_TOPIC, NODE, POSSIBLE_TOPIC, STEPS_TOPIC
 from lupin_ros.service.told import StepMoment, StepNews, ToldPossible, step_told

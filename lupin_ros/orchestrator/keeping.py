@@ -15,13 +15,13 @@ from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.plugin.contract import CLOSED_CODE, RECORDED_CODE, UNRECORDED, UNRECORDED_CODE, Parameter
 from lupin_engine.plugin.profile import START, Fields, Profile, Publish
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, TEXT
-from lupin_engine.ros.resuming import LookBack
 from lupin_engine.runtime.journal.journal import Journal, Keep, journal_folder
 from lupin_engine.runtime.journal.records import JournalHead
 from lupin_engine.runtime.journal.recovery import Leftover
 from lupin_engine.runtime.journal.refusals import Refusals
 from lupin_ros.adapter.host import Slices
 from lupin_ros.adapter.node import RosNode
+from lupin_ros.orchestrator.resuming import LookBack
 from lupin_ros.service.commands import CommandMemory
 
 #: The node's parameters about its journal.

@@ -39,14 +39,6 @@ from lupin_engine.plugin.profile import (
 )
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import NUMBER, TEXT, list_of
-from lupin_engine.ros.bindings.client import BoundClient
-from lupin_engine.ros.displays import Displays
-from lupin_engine.ros.keeping import JOURNAL_PARAMETERS, Keeping
-from lupin_engine.ros.outlet import NodeClock, RosOutlet
-from lupin_engine.ros.readiness import Readiness
-from lupin_engine.ros.resuming import CONTINUE, HEARD_S, POLICY, RESUME_PARAMETERS, LookBack, look_back
-from lupin_engine.ros.single import listen_for_an_elder, other_orchestrator
-from lupin_engine.ros.telling import LOG_PARAMETERS, Telling
 from lupin_engine.runtime.client_clocks import STALE, STALE_AFTER_S, ClientClocks
 from lupin_engine.runtime.engine import Engine
 from lupin_engine.runtime.journal.records import JournalRecord
@@ -57,6 +49,14 @@ from lupin_ros.adapter.executor import StaleAfter
 from lupin_ros.adapter.node import Qos, RosNode, RosTimer
 from lupin_ros.adapter.process import signals_call
 from lupin_ros.interfaces.definitions import interface_class
+from lupin_ros.orchestrator.binding_client import BoundClient
+from lupin_ros.orchestrator.displays import Displays
+from lupin_ros.orchestrator.keeping import JOURNAL_PARAMETERS, Keeping
+from lupin_ros.orchestrator.outlet import NodeClock, RosOutlet
+from lupin_ros.orchestrator.readiness import Readiness
+from lupin_ros.orchestrator.resuming import CONTINUE, HEARD_S, POLICY, RESUME_PARAMETERS, LookBack, look_back
+from lupin_ros.orchestrator.single import listen_for_an_elder, other_orchestrator
+from lupin_ros.orchestrator.telling import LOG_PARAMETERS, Telling
 from lupin_ros.service import commands, messages
 from lupin_ros.service.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_ros.service.folder import LOOK_PERIOD_S, FolderWatch, MissionsFolder

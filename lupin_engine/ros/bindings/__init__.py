@@ -1,1 +1,0 @@
-"""The ROS side of bindings: operations of plain services, actions and topics."""

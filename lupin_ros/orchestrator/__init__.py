@@ -1,0 +1,1 @@
+"""The node that runs missions: a machine, its plugins' clients, the journal, and the operator's services."""
