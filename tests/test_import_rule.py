@@ -76,7 +76,9 @@ IMPURE = {"asyncio", "datetime", "logging", "multiprocessing", "os", "queue", "r
 IMPURE |= {"subprocess", "sys", "threading", "time", "uuid"}
 #: The plugin that the others may know: the words that they share.
 PROFILE = "lupin_greenhouse"
-#: What plugins may know beside the contract: the calibration is a chart of its own, pages show the service.
+#: What the modules of a plugin that know ROS may know beside the contract.
+ON_ROS = {"lupin_ros.adapter"}
+#: And some of them more: the calibration is a chart of its own, pages show the service.
 KNOWN = {
     "lupin_arm": {f"lupin_engine.{room}" for room in ("chart", "missions", "machine", "runtime")},
     "lupin_gateway": {"lupin_ros.service"},

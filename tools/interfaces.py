@@ -30,7 +30,7 @@ from lupin_perception.node import settings as perception
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.qos import Qos
 from lupin_ros.launch.nodes import nodes_of
-from lupin_ros.orchestrator import orchestrator
+from lupin_ros.orchestrator import node as orchestrator
 from lupin_sim.node import robot, senses
 from lupin_twin import node as twin
 

@@ -17,7 +17,7 @@ from lupin_ros.adapter.process import is_rclpys_end
 from lupin_ros.service import names
 
 ORCHESTRATOR = names.NODE
-_ORCHESTRATOR_ENTRY = "lupin_ros.orchestrator.orchestrator:main"
+_ORCHESTRATOR_ENTRY = "lupin_ros.orchestrator.node:main"
 
 
 @dataclass(frozen=True)

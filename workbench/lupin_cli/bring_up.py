@@ -141,7 +141,7 @@ class CheckedOptions:
     def _own(self) -> Mapping[str, Parameter]:
         """The orchestrator's own parameters, which are not the missions'."""
         prepare_ros()
-        from lupin_ros.orchestrator.orchestrator import OWN_PARAMETERS
+        from lupin_ros.orchestrator.node import OWN_PARAMETERS
 
         return OWN_PARAMETERS
 

@@ -18,7 +18,8 @@ from typing import Any
 from lupin_nav.client import NavClient
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.vitals import CountedPublisher
-from lupin_ros.orchestrator import keeping, orchestrator, telling
+from lupin_ros.orchestrator import keeping, telling
+from lupin_ros.orchestrator import node as orchestrator
 
 #: Where the rest of it comes from: what is built of other people's modules is left out.
 OURS = ("lupin_engine.ros.", "lupin_engine.runtime.journal.", "lupin_engine.runtime.client_clocks")

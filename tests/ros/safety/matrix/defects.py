@@ -238,7 +238,7 @@ DEFECTS = (
     Defect(
         "borrowed_resume",
         "the orchestrator resumes in a person's name, as `resume_policy: continue` did",
-        "lupin_ros.orchestrator.orchestrator",
+        "lupin_ros.orchestrator.node",
         "Orchestrator._continue = lambda self: "
         "self._machine.memory.held and self._ask(Event('operator.resume'))",
         "resume_policy",
