@@ -55,7 +55,7 @@ faults: environment-dev
 	@$(VENV_PYTHON) -m lupin_ros.adapter.environment $(VENV_PYTHON) -m tests.faults.campaign --seeds $(or $(SEEDS),1-20) $(ARGS)
 
 matrix: environment-dev
-	@$(VENV_PYTHON) -m lupin_ros.adapter.environment $(VENV_PYTHON) -m tests.ros.safety.matrix.run $(ARGS)
+	@$(VENV_PYTHON) -m lupin_ros.adapter.environment $(VENV_PYTHON) -m tests.lupin_ros.system.safety.matrix.run $(ARGS)
 
 # The pages for authors are brought up to date first: what they show is what the commands print.
 docs: environment-dev

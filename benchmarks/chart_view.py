@@ -31,9 +31,9 @@ from playwright.sync_api import Page, sync_playwright
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from lupin_harness.domains import claimed_domain
-from tests.ros.console.conftest import DESK, FLAGS
-from tests.ros.console.large import large_missions
-from tests.ros.launch.processes import Lupin
+from tests.lupin_ros.launch.processes import Lupin
+from tests.lupin_ros.system.console.conftest import DESK, FLAGS
+from tests.lupin_ros.system.console.large import large_missions
 
 DRAWINGS = 20
 #: Notes for each step when it was made, when it came and when it was seen, in milliseconds since 1970.

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from loading import mission
 
 from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
-from tests.editor.client import Client, at
+from tests.workbench.lupin_lsp.client import Client, at
 
 #: What keystrokes make of a line of the first step. No two texts are the same: nothing is known beforehand.
 BEFORE = "phase: DRIVING\n"

@@ -26,7 +26,7 @@ from std_srvs.srv import Trigger
 
 from lupin_engine_msgs.srv import Command
 from lupin_ros.service.names import COMMAND_SERVICE
-from tests.ros.world import Operator, World
+from tests.lupin_ros.world import Operator, World
 
 NODE = "mission_orchestrator"
 #: An orchestrator whose journal writes nothing.

@@ -149,7 +149,7 @@ def crash() -> None:
 
 def kill(kills: int, seed: int) -> None:
     """Kill a real orchestrator at random moments; nothing may be lost, done twice, or move by itself."""
-    from tests.ros.world import Operator, World
+    from tests.lupin_ros.world import Operator, World
 
     chance = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:

@@ -150,7 +150,7 @@ def work(operator: Any, samples: Samples, request: Any) -> None:
 
 def soak(folder: Path, hours: float, speed: float, every: float) -> None:
     """Run missions for so many hours."""
-    from tests.ros.world import Operator
+    from tests.lupin_ros.world import Operator
 
     (folder / "logs").mkdir(parents=True)
     with claimed_domain() as domain:

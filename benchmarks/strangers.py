@@ -143,7 +143,7 @@ def _files(folder: Path) -> ssl.SSLContext:
     (folder / "tokens").chmod(0o600)
     trust = ssl.create_default_context()
     authority.configure_trust(trust)
-    trust.maximum_version = ssl.TLSVersion.TLSv1_2  # see tests/ros/gateway/test_open.py
+    trust.maximum_version = ssl.TLSVersion.TLSv1_2  # see tests/lupin_ros/plugins/gateway/test_open.py
     return trust
 
 

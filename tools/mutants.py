@@ -30,12 +30,32 @@ OPERATORS = re.compile(
 )
 #: Of each room: how many changes, to which modules, and the tests that are asked.
 SAMPLE = {
-    "machine": (16, "lupin_engine/machine/*.py", "tests/machine --ignore=tests/machine/properties"),
-    "expressions": (10, "lupin_engine/chart/expressions/*.py", "tests/chart/expressions"),
-    "compose": (10, "lupin_engine/chart/compose/*.py", "tests/chart/test_model.py tests/chart/rules"),
-    "rules": (10, "lupin_engine/chart/rules/*.py", "tests/chart/rules tests/chart/test_survivors.py"),
-    "sim": (10, "lupin_engine/sim/*.py", "tests/sim/test_simulation.py tests/sim/test_scenario.py"),
-    "runtime": (10, "lupin_engine/runtime/*.py", "tests/runtime tests/sim/test_scenario_recorded.py"),
+    "machine": (
+        16,
+        "lupin_engine/machine/*.py",
+        "tests/lupin_engine/machine --ignore=tests/lupin_engine/machine/properties",
+    ),
+    "expressions": (10, "lupin_engine/chart/expressions/*.py", "tests/lupin_engine/chart/expressions"),
+    "compose": (
+        10,
+        "lupin_engine/chart/compose/*.py",
+        "tests/lupin_engine/chart/test_model.py tests/lupin_engine/chart/rules",
+    ),
+    "rules": (
+        10,
+        "lupin_engine/chart/rules/*.py",
+        "tests/lupin_engine/chart/rules tests/lupin_engine/chart/test_survivors.py",
+    ),
+    "sim": (
+        10,
+        "lupin_engine/sim/*.py",
+        "tests/lupin_engine/sim/test_simulation.py tests/lupin_engine/sim/test_scenario.py",
+    ),
+    "runtime": (
+        10,
+        "lupin_engine/runtime/*.py",
+        "tests/lupin_engine/runtime tests/lupin_engine/replay/test_scenario_recorded.py",
+    ),
 }
 for plugin, names in {  # modules that need no ROS, each with a file of tests
     "arm": "joints library player presets trajectory",

@@ -27,7 +27,7 @@ LINT = ["ruff", "check"]
 TYPES = ["mypy"]
 #: Only where the continuous integration says so: it asks on the network.
 AUDIT = ["tools.audit"]
-QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE})", "--ignore=tests/ros"]
+QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE})", "--ignore=tests/lupin_ros"]
 # Real processes on a busy machine meet its worst moments: one second try, and who needed it is listed.
 AGAIN = ["--reruns=1", "-raR"]
 # Each worker has some seven nodes, and a browser works beside them: more workers would only wait longer.
@@ -35,7 +35,7 @@ ROS = [*PYTEST, *AGAIN, f"-n{CORES}", "-m", f"({MORE}) and not browser"]
 # One browser at a time: several starve everything else.
 BROWSER = ["pytest", "--durations=10", *AGAIN, "-m", "browser"]
 #: Where its tests are, unless others are named: to look for them among all takes half a minute.
-BROWSER_TESTS = ["tests/console", "tests/ros/console"]
+BROWSER_TESTS = ["tests/console", "tests/lupin_ros/system/console"]
 _MARKED = re.compile(rf"\bmark\.({MORE.replace(' or ', '|')})\b")
 
 NO_TESTS = 5
@@ -78,8 +78,8 @@ def start(name: str, module: list[str]) -> Part:
 
 
 def marked_files() -> list[str]:
-    """Return the files outside `tests/ros` with a test that needs more."""
-    files = [file for file in (ROOT / "tests").rglob("test_*.py") if "ros" not in file.parts]
+    """Return the files outside `tests/lupin_ros` with a test that needs more."""
+    files = [file for file in (ROOT / "tests").rglob("test_*.py") if "lupin_ros" not in file.parts]
     return sorted(str(file.relative_to(ROOT)) for file in files if _MARKED.search(file.read_text("utf-8")))
 
 
@@ -105,7 +105,7 @@ def main() -> int:
     if sys.argv[1] == "test":
         named = any((ROOT / argument.partition("::")[0]).exists() for argument in sys.argv[2:])
         browser = [*BROWSER, *given, *([] if named else BROWSER_TESTS)]
-        ros = [*ROS, *given, *([] if named else ["tests/ros", *marked_files()])]
+        ros = [*ROS, *given, *([] if named else ["tests/lupin_ros", *marked_files()])]
         tests += [start("ROS tests", ros), start("browser", browser)]
         pages = threading.Thread(target=tests[2].read, args=(None,))
         pages.start()

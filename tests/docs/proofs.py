@@ -54,7 +54,7 @@ def kind_of(file: Path, test: str) -> Kind:
     module = read(file)
     tests = [test] if test else [name for name in module.defined if name.startswith("test_")]
     reached = {name for one in tests for name in reach(module, one)}
-    if "ros" in file.relative_to(ROOT / "tests").parts[:1] and reached.intersection(PROCESSES):
+    if "lupin_ros" in file.relative_to(ROOT / "tests").parts[:1] and reached.intersection(PROCESSES):
         return Kind.SYSTEM
     if reached.intersection(NODES):
         return Kind.NODES

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tests.ros.safety.matrix.table import ORDERS, RULES, SOURCES, STOPS, cell, cells
-from tests.ros.safety.matrix.written import (
+from tests.lupin_ros.system.safety.matrix.table import ORDERS, RULES, SOURCES, STOPS, cell, cells
+from tests.lupin_ros.system.safety.matrix.written import (
     BEGIN,
     END,
     NONE,

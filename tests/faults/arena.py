@@ -35,7 +35,7 @@ from tests.faults.plan import (
 )
 from tests.faults.strangers import Strangers
 from tests.faults.verdict import name_of
-from tests.ros.world import Operator, World
+from tests.lupin_ros.world import Operator, World
 
 #: How large the disk is, in bytes, where it is one of its own.
 DISK = 24_000_000

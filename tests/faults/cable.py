@@ -19,7 +19,7 @@ import subprocess
 import sys
 import time
 
-from tests.ros.computers import Computers, NoComputers
+from tests.lupin_ros.computers import Computers, NoComputers
 
 #: From linux/if_tun.h.
 _TUNSETIFF, _TAP, _NO_INFO = 0x400454CA, 0x0002, 0x1000

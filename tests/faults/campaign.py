@@ -25,7 +25,7 @@ from pathlib import Path
 
 from tests.faults.cable import FaultyComputers
 from tests.faults.plan import KINDS, plan
-from tests.ros.computers import NoComputers
+from tests.lupin_ros.computers import NoComputers
 
 FIELDS = ("seed", "verdict", "seconds", "end", "resumes", "driven", "plan", "problems", "commit", "date")
 #: Nodes are made anew after so many runs, so that what they keep of missions does not make each run slower.

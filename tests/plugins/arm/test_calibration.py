@@ -1,4 +1,4 @@
-"""The calibration's chart and what it reckons; its service is tested with the fakes of tests/ros."""
+"""The calibration's chart and what it reckons; its service is tested with the fakes of tests/lupin_ros."""
 
 from __future__ import annotations
 

@@ -217,7 +217,7 @@ def catalog() -> Catalog:
 def test_today_s_page_may_all_that_it_does(catalog: Catalog) -> None:
     """Every name that it uses is declared; as an engineer it may all, as a viewer it sees all."""
     pytest.importorskip("rclpy")
-    from tests.ros.launch.hmi.rows import CALLED, NOT_OURS, READ_BESIDE, SHOWN, TOLD
+    from tests.lupin_ros.launch.hmi.rows import CALLED, NOT_OURS, READ_BESIDE, SHOWN, TOLD
 
     allowed = AllowList(declared_access(catalog))
     rows = [(Use.SUBSCRIBE, name) for name in [*SHOWN, *READ_BESIDE, "/tf_static", "/scan", "/odom"]]
