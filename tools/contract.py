@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-ENGINE = Path(__file__).resolve().parents[1] / "lupin_engine"
+ROOT = Path(__file__).resolve().parents[1]
 
 HEAD = """\
 # The contract of a plugin
@@ -39,7 +39,7 @@ PARTS: Sequence[Part] = (
         "The catalog",
         "A `Plugin` in a module that needs no ROS, which an entry point of the group `lupin.plugins`\n"
         "names. Where a field has no default it must be given.",
-        "plugin/contract.py",
+        "lupin_engine/plugin/contract.py",
         (
             *("Plugin", "Operation", "Action", "Argument", "Mock", "OnHold", "Function", "LiveValue"),
             *("EventKind", "Parameter", "Code", "Reader", "Access"),
@@ -49,7 +49,7 @@ PARTS: Sequence[Part] = (
         "The profile",
         "A `Profile`, which an entry point of the group `lupin.profiles` names:\n"
         "[another kind of robot](profiles.md).",
-        "plugin/profile.py",
+        "lupin_engine/plugin/profile.py",
         (
             *("Profile", "TargetOutcome", "Rating", "RequestField", "OperatorRequest", "Publication"),
             *("Stages", "Terminal", "Flag"),
@@ -58,55 +58,55 @@ PARTS: Sequence[Part] = (
     Part(
         "The profile on the wire",
         "What the functions of a `Wire` get and return are the fields of messages, by name.",
-        "plugin/profile.py",
+        "lupin_engine/plugin/profile.py",
         (
             *("Wire", "Channel", "StartService", "StartRequest", "StartAnswer", "Situation", "Publish"),
             *("Progress", "TargetResult", "Remark"),
         ),
     ),
-    Part("Severities", "How bad a code is.", "errors.py", ("Severity",)),
+    Part("Severities", "How bad a code is.", "lupin_engine/errors.py", ("Severity",)),
     Part(
         "Types",
         "`BOOL`, `TEXT`, `NUMBER`, `INTEGER`, `COUNT`, `DURATION`, `LENGTH`, `ANGLE`, `POSE` and `ANY` are\n"
         "there; values are plain data, records are mappings. Others are made with these:",
-        "plugin/types.py",
+        "lupin_engine/plugin/types.py",
         ("list_of", "number_in", "one_of", "within", "in_unit", "in_base", "Type"),
     ),
     Part(
         "The driver",
         "What the class that `client` names must be.",
-        "plugin/contract.py",
+        "lupin_engine/plugin/contract.py",
         ("Driver", "Outlet"),
     ),
     Part(
         "The node",
         "What a driver gets as `ros`, and a node of a plugin can be made with.",
-        "ros/adapter/node.py",
+        "lupin_ros/adapter/node.py",
         ("RosNode", "RosTimer"),
     ),
-    Part("Quality of service", "A topic is created with one of these.", "ros/adapter/qos.py", ("Qos",)),
+    Part("Quality of service", "A topic is created with one of these.", "lupin_ros/adapter/qos.py", ("Qos",)),
     Part(
         "Services",
         "What `ros.service` gives. A call that is cancelled calls back no more.",
-        "ros/adapter/calls.py",
+        "lupin_ros/adapter/calls.py",
         ("ServiceCaller", "CallFailure"),
     ),
     Part(
         "Drivers over services",
         "A driver whose operations are one call each is this one.",
-        "ros/adapter/service_driver.py",
+        "lupin_ros/adapter/service_driver.py",
         ("ServiceDriver", "ServiceOperation", "Done", "Failed"),
     ),
     Part(
         "Drivers over actions",
         "`ros.action` is below these, for what they do not cover.",
-        "ros/adapter/action_driver.py",
+        "lupin_ros/adapter/action_driver.py",
         ("ActionServer", "ActionOperation", "ActionAttempts"),
     ),
     Part(
         "Actions that a node serves",
         "What `ros.serve_action` makes.",
-        "ros/adapter/actions.py",
+        "lupin_ros/adapter/actions.py",
         ("ActionHost", "ServedGoal"),
     ),
 )
@@ -125,7 +125,7 @@ def page() -> str:
 def _lines() -> Iterator[str]:
     yield from HEAD.splitlines()
     for part in PARTS:
-        module = "lupin_engine." + part.module.removesuffix(".py").replace("/", ".")
+        module = part.module.removesuffix(".py").replace("/", ".")
         yield from ("", f"## {part.title}", "", *part.text.splitlines(), "", f"From `{module}`.")
         definitions = _definitions(part.module)
         for name in part.names:
@@ -135,7 +135,7 @@ def _lines() -> Iterator[str]:
 
 @cache
 def _definitions(module: str) -> Mapping[str, ast.ClassDef | ast.FunctionDef]:
-    source = ENGINE / module
+    source = ROOT / module
     tree = ast.parse(source.read_text(encoding="utf-8"), source.name)
     return {node.name: node for node in tree.body if isinstance(node, (ast.ClassDef, ast.FunctionDef))}
 
@@ -166,7 +166,7 @@ def _is_shown(holder: ast.ClassDef, method: ast.FunctionDef) -> bool:
 
 def _constant(constant: ast.Assign, module: str) -> str:
     """Return a constant with the remark behind it."""
-    line = (ENGINE / module).read_text(encoding="utf-8").splitlines()[constant.lineno - 1]
+    line = (ROOT / module).read_text(encoding="utf-8").splitlines()[constant.lineno - 1]
     remark = line.partition("#: ")[2]
     names = ", ".join(map(ast.unparse, constant.targets))
     return f"- `{names}`" + (f": {remark}" if remark else "")

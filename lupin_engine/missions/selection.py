@@ -25,7 +25,7 @@ from lupin_engine.plugin.registry import Catalog
 LOCAL = Path(MISSIONS)
 
 
-def folders() -> list[Path]:
+def mission_folders() -> list[Path]:
     """Return where missions are looked for, nearest first."""
     found = [LOCAL] if is_missions_folder(LOCAL) else []
     shipped = default_missions_folder()
@@ -43,11 +43,11 @@ def load_missions(names: Sequence[str], catalog: Catalog, *, reaching: bool = Fa
     bundles = [name for name in names if Path(name).suffix == BUNDLE]
     if bundles and len(names) > 1:
         raise UsageError(f"{bundles[0]}: a bundle is used alone, without other missions")
-    files = _files(names) if names else mission_files(folders()[0])
+    files = _files(names) if names else mission_files(mission_folders()[0])
     lifecycles = {(found := lifecycle_of(file)).resolve(): found for file in files}
     if len(lifecycles) > 1:
         raise UsageError(f"these missions have different lifecycles: {', '.join(map(str, lifecycles))}")
-    lifecycle = next(iter(lifecycles.values()), lifecycle_in(folders()[0]))
+    lifecycle = next(iter(lifecycles.values()), lifecycle_in(mission_folders()[0]))
     if files:
         check_sizes(files[0].parent, files)
     loaded = load_files(lifecycle, files, catalog, reaching=reaching)
@@ -59,6 +59,6 @@ def _files(names: Sequence[str]) -> list[Path]:
     problems = Problems(UsageError)
     for name in names:
         with problems.collecting():
-            files.append(find_mission(name, folders()))
+            files.append(find_mission(name, mission_folders()))
     problems.tell()
     return files

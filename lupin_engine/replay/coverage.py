@@ -29,7 +29,7 @@ from lupin_engine.sim.simulation import Run
 from lupin_engine.sim.suite import Counts, ScenarioResult
 
 #: What can be reached, in the order in which it is told.
-STATE, TRANSITION, OUTCOME, GUARD = KINDS = ("states", "transitions", "outcomes", "guard branches")
+STATES, TRANSITIONS, OUTCOMES, GUARDS = KINDS = ("states", "transitions", "outcomes", "guard branches")
 #: How the end of an operation is called that its timeout brings about.
 TIMEOUT = "timeout"
 
@@ -66,10 +66,12 @@ def items(chart: Chart) -> list[CoverageItem]:
 
 def _items(chart: Chart, state: State) -> Iterator[CoverageItem]:
     if state.name and state.kind is not Kind.HISTORY:
-        yield CoverageItem((STATE, state.name, ""), state.place, short_name(chart, state.name), state.mission)
+        yield CoverageItem(
+            (STATES, state.name, ""), state.place, short_name(chart, state.name), state.mission
+        )
     for rule in state.transitions:
         text = _rule_text(chart, rule)
-        yield CoverageItem((TRANSITION, rule.id, ""), rule.place, text, state.mission)
+        yield CoverageItem((TRANSITIONS, rule.id, ""), rule.place, text, state.mission)
         yield from _branches(rule.guard, rule.id, text, state.mission)
     for rule in state.resume_at:
         yield from _branches(rule.guard, rule.id, _rule_text(chart, rule), state.mission)
@@ -94,7 +96,7 @@ def _ends(chart: Chart, state: State, invoke: Invoke) -> Iterator[CoverageItem]:
     if invoke.timeout is not None:
         ends.append((TIMEOUT, f"{invoke.timeout_code or TIMEOUT} (timeout)"))
     for word, told in ends:
-        key = (OUTCOME, state.name, f"{invoke.name} {word}")
+        key = (OUTCOMES, state.name, f"{invoke.name} {word}")
         text = f"{short_name(chart, state.name)}: {invoke.name} {told}"
         yield CoverageItem(key, invoke.place, text, state.mission)
 
@@ -103,7 +105,7 @@ def _branches(guard: Expression | None, name: str, text: str, mission: str) -> I
     for value in ("true", "false") if guard is not None else ():
         assert guard is not None, "there is a guard"
         told = f"{text}: {guard.source} is {value}"
-        yield CoverageItem((GUARD, name, value), guard.place, told, mission)
+        yield CoverageItem((GUARDS, name, value), guard.place, told, mission)
 
 
 def _rule_text(chart: Chart, rule: Transition) -> str:
@@ -143,7 +145,7 @@ class CoverageObserver:
         found = self._seen
         for step in run.steps:
             for one in step.why:
-                key = (GUARD, one.transition, "true" if one.holds else "false")
+                key = (GUARDS, one.transition, "true" if one.holds else "false")
                 if one.guard and key in found:
                     found[key] -= 1
         self._seen = Counter()
@@ -176,7 +178,7 @@ class CoverageObserver:
         return replace(guard, evaluate=self._counter(guard.evaluate, name), parts=parts)
 
     def _counter(self, evaluate: Callable[[Environment], Any], name: str) -> Callable[[Environment], Any]:
-        true, false = (GUARD, name, "true"), (GUARD, name, "false")
+        true, false = (GUARDS, name, "true"), (GUARDS, name, "false")
 
         def counting(env: Environment) -> Any:
             try:
@@ -197,11 +199,11 @@ def reached(run: Run) -> Counts:
     """Return how often a run reached states, transitions and ends of operations."""
     found: Counts = Counter()
     for step in run.steps:
-        found.update((STATE, name, "") for name in step.entered)
-        found.update((TRANSITION, name, "") for name in step.taken)
+        found.update((STATES, name, "") for name in step.entered)
+        found.update((TRANSITIONS, name, "") for name in step.taken)
         refusing = _refusing(step, _refusals(run.chart))
         if refusing:
-            found[TRANSITION, refusing, ""] += 1
+            found[TRANSITIONS, refusing, ""] += 1
     for attempt in run.history.attempts.values():
         found.update(_ends_of(attempt, run))
     return found
@@ -225,12 +227,12 @@ def _refusing(step: Step, refusals: Mapping[str, str]) -> str:
 def _ends_of(attempt: AttemptHistory, run: Run) -> Iterator[Key]:
     """Yield the ends of an operation that an attempt came to, as long as somebody waited for it."""
     if attempt.timed_out:
-        yield OUTCOME, attempt.state, f"{attempt.operation} {TIMEOUT}"
+        yield OUTCOMES, attempt.state, f"{attempt.operation} {TIMEOUT}"
     if _is_done_by_hold(attempt, run):
-        yield OUTCOME, attempt.state, f"{attempt.operation} {DONE}"
+        yield OUTCOMES, attempt.state, f"{attempt.operation} {DONE}"
     elif attempt.answer in (DONE, FAILED) and not attempt.late:
         word = DONE if attempt.answer == DONE else attempt.data["code"]
-        yield OUTCOME, attempt.state, f"{attempt.operation} {word}"
+        yield OUTCOMES, attempt.state, f"{attempt.operation} {word}"
 
 
 def _is_done_by_hold(attempt: AttemptHistory, run: Run) -> bool:

@@ -20,7 +20,7 @@ from lupin_engine import __version__
 from lupin_engine.errors import LupinError, Severity
 from lupin_engine.missions.folders import lifecycle_in, mission_files
 from lupin_engine.missions.load import check_chart
-from lupin_engine.missions.selection import folders
+from lupin_engine.missions.selection import mission_folders
 from lupin_engine.plugin.discovery import entry_points
 from lupin_engine.plugin.domain import DOMAIN, domain_advice
 from lupin_engine.plugin.files import ros_domain
@@ -291,7 +291,7 @@ def look_at_missions() -> Iterator[Finding]:
     """The missions of the nearest folder, checked."""
     try:
         catalog = load_catalog()
-        folder = folders()[0]
+        folder = mission_folders()[0]
     except LupinError as problem:
         yield Finding("missions", "cannot be checked", "problem", str(problem))
         return

@@ -18,9 +18,8 @@ from std_msgs.msg import Bool
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import DURATION, ROS_NAME
 from lupin_greenhouse.mission import is_under_way
-from lupin_greenhouse.node import watchdog
 from lupin_greenhouse.node.estop import StopListener
-from lupin_greenhouse.node.watchdog import SilenceWatchdog
+from lupin_greenhouse.node.watchdog import WATCHDOG_PARAMETERS, WATCHDOG_TIMEOUT, WATCHED, SilenceWatchdog
 from lupin_greenhouse.stops import PAGES_TOPIC, StopState
 from lupin_msgs.msg import MissionState
 from lupin_ros.adapter.host import Repeater
@@ -42,7 +41,7 @@ PARAMETERS = {
         "an emergency stop that was told steadily and is silent for so long counts as engaged; 0: never",
         maximum=60.0,
     ),
-    **watchdog.PARAMETERS,
+    **WATCHDOG_PARAMETERS,
 }
 
 
@@ -59,8 +58,8 @@ class NavWatchdog:
         self._action = values["nav_action_name"]
         self._cancel = ros.service(CancelGoal, f"{self._action}/_action/cancel_goal")
         self._cancelling = Repeater(ros.steady_timer, PERIOD_S, self._send)
-        every, timeout = ros.steady_timer, values[watchdog.TIMEOUT]
-        self._watchdog = SilenceWatchdog(every, timeout, self._end_goals, watchdog.ORCHESTRATOR)
+        every, timeout = ros.steady_timer, values[WATCHDOG_TIMEOUT]
+        self._watchdog = SilenceWatchdog(every, timeout, self._end_goals, WATCHED)
         self._gateway = SilenceWatchdog(
             every, min(timeout, GATEWAY_TIMEOUT_S), self._on_silent_gateway, "the gateway of the pages"
         )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lupin_engine.replay.coverage import GUARD, STATE, TRANSITION, Coverage
+from lupin_engine.replay.coverage import GUARDS, STATES, TRANSITIONS, Coverage
 from tests.docs.reader import assert_all_reached, run_scenarios
 
 SPRAYER = Path(__file__).parents[2] / "docs" / "sprayer"
@@ -18,7 +18,7 @@ def reached(tmp_path_factory: pytest.TempPathFactory) -> Coverage:
     return run_scenarios(SPRAYER, "spray", tmp_path_factory.mktemp("reader"), 3)
 
 
-@pytest.mark.parametrize("kind", [STATE, TRANSITION, GUARD])
+@pytest.mark.parametrize("kind", [STATES, TRANSITIONS, GUARDS])
 def test_the_scenarios_reach_everything(kind: str, reached: Coverage) -> None:
     """Every state, transition and guard of the mission."""
     assert_all_reached(reached, "spray", kind, more_than=0)

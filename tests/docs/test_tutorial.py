@@ -12,7 +12,7 @@ from lupin_engine.diagram.svg import svg
 from lupin_engine.missions.folders import lifecycle_in
 from lupin_engine.missions.load import load_files
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.replay.coverage import GUARD, STATE, TRANSITION, Coverage
+from lupin_engine.replay.coverage import GUARDS, STATES, TRANSITIONS, Coverage
 from tests.docs.reader import assert_all_reached, run_scenarios
 
 TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial"
@@ -37,7 +37,7 @@ def reached(tmp_path_factory: pytest.TempPathFactory) -> Coverage:
     return run_scenarios(TUTORIAL, "patrol", tmp_path_factory.mktemp("reader"), 4)
 
 
-@pytest.mark.parametrize("kind", [STATE, TRANSITION, GUARD])
+@pytest.mark.parametrize("kind", [STATES, TRANSITIONS, GUARDS])
 def test_the_scenarios_reach_everything(kind: str, reached: Coverage) -> None:
     """Every state, transition and guard of the patrol."""
     assert_all_reached(reached, "patrol", kind, more_than=5)

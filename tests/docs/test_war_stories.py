@@ -112,14 +112,14 @@ def test_what_is_seen_on_the_wire_is_proven_there(number: str) -> None:
         ("docs/test_outcomes.py", Kind.SIMULATED),
         ("plugins/nav/test_approach.py", Kind.FUNCTION),
         # Beside tests of nodes, and none.
-        ("ros/orchestrator/test_readiness.py::test_a_cancelled_wait_is_silent", Kind.FUNCTION),
-        ("ros/orchestrator/test_messages.py", Kind.FUNCTION),
+        ("lupin_ros/orchestrator/test_readiness.py::test_a_cancelled_wait_is_silent", Kind.FUNCTION),
+        ("lupin_ros/orchestrator/test_messages.py", Kind.FUNCTION),
         # Its fixture is that of the folder, which asks for one of the module.
-        ("ros/wire/test_base.py::test_a_goal_that_is_accepted_twice_is_driven_once", Kind.SYSTEM),
+        ("lupin_ros/system/wire/test_base.py::test_a_goal_that_is_accepted_twice_is_driven_once", Kind.SYSTEM),
         # Its node is in this process, by a class which could start it as one of its own.
-        ("ros/arm/test_library.py::test_calls_of_torque_do_not_overlap", Kind.NODES),
-        ("ros/arm/test_library.py::test_a_process_that_is_killed_leaves_a_mark", Kind.SYSTEM),
-        ("ros/console/test_present.py::test_an_orchestrator_that_is_not_heard", Kind.SYSTEM),
+        ("lupin_ros/plugins/arm/test_library.py::test_calls_of_torque_do_not_overlap", Kind.NODES),
+        ("lupin_ros/plugins/arm/test_library.py::test_a_process_that_is_killed_leaves_a_mark", Kind.SYSTEM),
+        ("lupin_ros/system/console/test_present.py::test_an_orchestrator_that_is_not_heard", Kind.SYSTEM),
     ],
 )  # fmt: skip
 def test_a_kind_of_proof_is_what_runs_in_it(proof: str, kind: Kind) -> None:

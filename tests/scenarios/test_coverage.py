@@ -13,10 +13,10 @@ import pytest
 
 from lupin_engine.missions.folders import default_missions_folder, mission_files
 from lupin_engine.replay.coverage import (
-    GUARD,
-    OUTCOME,
-    STATE,
-    TRANSITION,
+    GUARDS,
+    OUTCOMES,
+    STATES,
+    TRANSITIONS,
     Coverage,
     CoverageObserver,
     FileCoverage,
@@ -64,14 +64,14 @@ def check(name: str, kind: str) -> None:
     assert not missing, "\n".join(missing)
 
 
-@pytest.mark.parametrize("kind", [STATE, TRANSITION])
+@pytest.mark.parametrize("kind", [STATES, TRANSITIONS])
 @pytest.mark.parametrize("name", [*MISSIONS, "lifecycle"])
 def test_every_state_and_transition_is_reached(name: str, kind: str) -> None:
     """Every state is entered and every transition taken, those that refuse included."""
     check(name, kind)
 
 
-@pytest.mark.parametrize("kind", [OUTCOME, GUARD])
+@pytest.mark.parametrize("kind", [OUTCOMES, GUARDS])
 @pytest.mark.parametrize("name", [*MISSIONS, "lifecycle"])
 def test_every_end_and_branch_is_reached(name: str, kind: str) -> None:
     """Every operation ends in every way that it can, and every guard is true once and false once."""

@@ -13,7 +13,7 @@ from lupin_arm.node.gates import Gates, HardwareGate, MissionGate
 from lupin_arm.node.library import serve_library
 from lupin_arm.node.operator_services import serve_presets, serve_sliders, serve_torque
 from lupin_arm.node.settings import PARAMETERS
-from lupin_greenhouse.node.watchdog import ORCHESTRATOR, TIMEOUT, SilenceWatchdog
+from lupin_greenhouse.node.watchdog import WATCHDOG_TIMEOUT, WATCHED, SilenceWatchdog
 from lupin_ros.adapter.node import RosNode
 
 
@@ -33,7 +33,7 @@ def serve_all(ros: RosNode) -> Arm:
     serve_presets(ros, arm, values["preset_duration"])
     serve_sliders(ros, arm, values["init_duration"])
     serve_torque(ros, arm)
-    watchdog = SilenceWatchdog(ros.steady_timer, values[TIMEOUT], arm.halt, ORCHESTRATOR)
+    watchdog = SilenceWatchdog(ros.steady_timer, values[WATCHDOG_TIMEOUT], arm.halt, WATCHED)
     mission = MissionGate(ros, values["mission_state_topic"], watchdog)
     serve_library(ros, arm, mission, values["library_path"])
     serve_calibration(ros, arm, Gates(hardware, mission), values)

@@ -6,7 +6,7 @@ from lupin_arm.node.calibration.chart import CHART
 from lupin_arm.node.gates import SERVOS
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import ROS_NAME, TEXT, number_in, one_of
-from lupin_greenhouse.node import watchdog
+from lupin_greenhouse.node.watchdog import WATCHDOG_PARAMETERS
 
 PARAMETERS = {
     "joint_states_topic": Parameter(ROS_NAME, "/joint_states", "JointState: where the joints are"),
@@ -47,6 +47,6 @@ PARAMETERS = {
     "mission_state_topic": Parameter(
         ROS_NAME, "/mission/state", "MissionState: while a mission runs the library moves nothing"
     ),
-    **watchdog.PARAMETERS,
+    **WATCHDOG_PARAMETERS,
     **CHART.parameters,
 }

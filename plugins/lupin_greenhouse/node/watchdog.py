@@ -12,12 +12,12 @@ from lupin_ros.adapter.host import Every, Repeater
 LOOKS = 8
 
 #: What the node is called that a mission's movers listen to.
-ORCHESTRATOR = "the orchestrator"
+WATCHED = "the orchestrator"
 
 #: The parameter of every node that has a watchdog.
-TIMEOUT = "orchestrator_timeout_s"
-PARAMETERS = {
-    TIMEOUT: Parameter(
+WATCHDOG_TIMEOUT = "orchestrator_timeout_s"
+WATCHDOG_PARAMETERS = {
+    WATCHDOG_TIMEOUT: Parameter(
         number_in("s"),
         2.0,
         "what a mission moves is stopped when the orchestrator is silent for so long; 0: never",

@@ -13,8 +13,7 @@ from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import Path
 
 from lupin_engine.plugin.wire import turn_fields
-from lupin_ros.adapter.actions import Goal
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter.node import Goal, Qos, RosNode
 from lupin_sim.floor import Point
 
 

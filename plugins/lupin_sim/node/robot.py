@@ -29,9 +29,8 @@ from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, number_in, one_of
 from lupin_engine.plugin.wire import time_fields
 from lupin_greenhouse.mission import is_under_way
-from lupin_greenhouse.node import watchdog
 from lupin_greenhouse.node.estop import StopListener
-from lupin_greenhouse.node.watchdog import SilenceWatchdog
+from lupin_greenhouse.node.watchdog import WATCHDOG_PARAMETERS, WATCHDOG_TIMEOUT, WATCHED, SilenceWatchdog
 from lupin_greenhouse.poses import heading
 from lupin_msgs.msg import MissionState
 from lupin_ros.adapter.host import Repeater
@@ -91,7 +90,7 @@ PARAMETERS = {
     "drain_per_s": Parameter(NUMBER, 0.0, "charge that the battery loses in a second", minimum=0.0),
     "fault": Parameter(_FAULTS, InjectedFault.NONE.value, "what goes wrong"),
     "fault_count": Parameter(COUNT, 0, "goals that the fault hits; 0: until it is changed. Set it first"),
-    **watchdog.PARAMETERS,
+    **WATCHDOG_PARAMETERS,
     **senses.PARAMETERS,
 }
 
@@ -133,8 +132,8 @@ class SimNode:
         self._beats = 0
         self._next_pose = ros.elapsed()
         self._next_look = ros.elapsed()
-        timeout = values[watchdog.TIMEOUT]
-        self._watchdog = SilenceWatchdog(ros.steady_timer, timeout, self._lost, watchdog.ORCHESTRATOR)
+        timeout = values[WATCHDOG_TIMEOUT]
+        self._watchdog = SilenceWatchdog(ros.steady_timer, timeout, self._lost, WATCHED)
         self._connect()
         self._senses = Senses(ros, layout, values, self._publish_transforms)
         ros.subscribe(MissionState, "/mission/state", Qos.LATCHED, self._on_mission)

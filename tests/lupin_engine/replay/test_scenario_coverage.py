@@ -9,10 +9,10 @@ import pytest
 
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.replay.coverage import (
-    GUARD,
-    OUTCOME,
-    STATE,
-    TRANSITION,
+    GUARDS,
+    OUTCOMES,
+    STATES,
+    TRANSITIONS,
     Coverage,
     CoverageObserver,
     Key,
@@ -44,22 +44,22 @@ def result(folder: Path, text: str) -> ScenarioResult:
 def test_a_mission_without_trouble_reaches_its_way(tmp_path: Path) -> None:
     """States by entry, transitions by id, ends by operation, guards by what they came to."""
     counts = result(tmp_path, "expect: {final: DONE}\n").counts
-    assert counts[STATE, f"{INSPECTING}.NAVIGATING", ""] == 1
-    assert counts[TRANSITION, f"{INSPECTING}.NAVIGATING.DRIVING.on_done.1", ""] == 1
-    assert counts[OUTCOME, f"{INSPECTING}.NAVIGATING.DRIVING", "nav.go_to done"] == 1
+    assert counts[STATES, f"{INSPECTING}.NAVIGATING", ""] == 1
+    assert counts[TRANSITIONS, f"{INSPECTING}.NAVIGATING.DRIVING.on_done.1", ""] == 1
+    assert counts[OUTCOMES, f"{INSPECTING}.NAVIGATING.DRIVING", "nav.go_to done"] == 1
     guard = f"{INSPECTING}.NAVIGATING.DRIVING.on_done.0"
-    assert (counts[GUARD, guard, "true"], counts[GUARD, guard, "false"]) == (0, 1)
-    assert counts[STATE, "FAULT", ""] == 0
+    assert (counts[GUARDS, guard, "true"], counts[GUARDS, guard, "false"]) == (0, 1)
+    assert counts[STATES, "FAULT", ""] == 0
 
 
 def test_refusals_and_holds_are_reached_too(tmp_path: Path) -> None:
     """A transition that refuses is taken when it does; a hold's guards have branches."""
     text = "when:\n  - {on: NAVIGATING, request: mission.start}\n  - {on: DONE, request: operator.pause}\n"
     counts = result(tmp_path, text + "expect: {refused: [mission_running, not_running]}\n").counts
-    assert counts[TRANSITION, "MISSION.on.mission.start.0", ""] == 1
-    assert counts[TRANSITION, "RETURNING.on.mission.start.0", ""] == 0
-    assert counts[GUARD, "hold.pause.engage", "false"] == 1
-    assert counts[GUARD, "hold.pause.engage", "true"] == 0
+    assert counts[TRANSITIONS, "MISSION.on.mission.start.0", ""] == 1
+    assert counts[TRANSITIONS, "RETURNING.on.mission.start.0", ""] == 0
+    assert counts[GUARDS, "hold.pause.engage", "false"] == 1
+    assert counts[GUARDS, "hold.pause.engage", "true"] == 0
 
 
 def test_what_is_only_explained_is_not_reached(tmp_path: Path) -> None:
@@ -76,7 +76,7 @@ def test_what_is_only_explained_is_not_reached(tmp_path: Path) -> None:
     changed = text_of_part.replace(refused, f"{guarded}        guard: itinerary.open\n")
     part.write_text(changed, encoding="utf-8")
     counts = result(tmp_path, text + "expect: {refused: [not_possible]}\n").counts
-    assert (counts[GUARD, SKIP, "true"], counts[GUARD, SKIP, "false"]) == (0, 1)
+    assert (counts[GUARDS, SKIP, "true"], counts[GUARDS, SKIP, "false"]) == (0, 1)
 
 
 def test_an_end_that_nobody_waits_for_is_none(tmp_path: Path) -> None:
@@ -84,8 +84,8 @@ def test_an_end_that_nobody_waits_for_is_none(tmp_path: Path) -> None:
     text = "mocks: [{do: bridge.read_tag, then: {after: 10 s, cancel: ignored}}]\nexpect: {dropped: 1}\n"
     state = f"{INSPECTING}.SCANNING.READING"
     counts = result(tmp_path, text + "limit: 1 h\nwhen: [{at: 20 s, value: {battery: 90 %}}]\n").counts
-    assert counts[OUTCOME, state, "bridge.read_tag timeout"] == 1
-    assert counts[OUTCOME, state, "bridge.read_tag done"] == 0
+    assert counts[OUTCOMES, state, "bridge.read_tag timeout"] == 1
+    assert counts[OUTCOMES, state, "bridge.read_tag done"] == 0
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_what_a_hold_cuts_short_is_done_where_it_counts_as_done(
         encoding="utf-8",
     )
     run = load_scenario(file, shipped.catalog()).run()
-    assert reached(run)[OUTCOME, "MISSION.Pour.POURING", "pump.give done"] == done
+    assert reached(run)[OUTCOMES, "MISSION.Pour.POURING", "pump.give done"] == done
 
 
 def test_guards_are_counted_as_often_as_with_a_plain_chart(tmp_path: Path) -> None:
@@ -187,7 +187,7 @@ def test_reached_reads_steps(tmp_path: Path) -> None:
     file = tmp_path / "x.scenario.yaml"
     file.write_text(HEAD + "expect: {final: DONE}\n")
     kinds = {kind for kind, _, _ in reached(load_scenario(file, shipped.catalog()).run())}
-    assert kinds == {STATE, TRANSITION, OUTCOME}
+    assert kinds == {STATES, TRANSITIONS, OUTCOMES}
 
 
 SEEN = "x: 1.0, y: 0.0, facing: {x: 0, y: 0, z: 0, w: 1}, species: '', species_confidence: 0"
@@ -216,8 +216,8 @@ def test_operations_of_a_for_each_are_counted_under_their_state(tmp_path: Path) 
     found = suite.run(file)
     assert found.holds, found
     state = "MISSION.ExplorationMission.EXPLORING.SEED_CLIMATE"
-    assert found.counts[OUTCOME, state, "bridge.read_tag done"] == 1
-    assert found.counts[GUARD, f"{state}.for_each", "true"] > 0
-    assert found.counts[GUARD, f"{state}.for_each", "false"] == 0
+    assert found.counts[OUTCOMES, state, "bridge.read_tag done"] == 1
+    assert found.counts[GUARDS, f"{state}.for_each", "true"] > 0
+    assert found.counts[GUARDS, f"{state}.for_each", "false"] == 0
     keys = {item.key for item in items(shipped.mission("exploration"))}
-    assert {key for key in found.counts if key[0] in (OUTCOME, GUARD)} <= keys
+    assert {key for key in found.counts if key[0] in (OUTCOMES, GUARDS)} <= keys

@@ -15,7 +15,15 @@ import lupin_arm.calibration
 from lupin_arm.calibration.offsets import HIGHEST, HOMES, SMALL, corrections, refusals, to_write
 from lupin_cli.verbs.diagram import diagram
 from lupin_engine.missions.load import check_chart
-from lupin_engine.replay.coverage import GUARD, OUTCOME, STATE, TRANSITION, Coverage, CoverageObserver, add_up
+from lupin_engine.replay.coverage import (
+    GUARDS,
+    OUTCOMES,
+    STATES,
+    TRANSITIONS,
+    Coverage,
+    CoverageObserver,
+    add_up,
+)
 from lupin_engine.sim.scenario import scenario_files
 from lupin_engine.sim.suite import Suite
 from tests import shipped
@@ -54,7 +62,7 @@ def test_a_scenario_holds(file: Path) -> None:
     assert result.holds, result
 
 
-@pytest.mark.parametrize("kind", [STATE, TRANSITION, OUTCOME, GUARD])
+@pytest.mark.parametrize("kind", [STATES, TRANSITIONS, OUTCOMES, GUARDS])
 def test_the_scenarios_reach_everything(kind: str) -> None:
     """Every state, transition, end of an operation, and both sides of every guard."""
     parts = coverage().parts

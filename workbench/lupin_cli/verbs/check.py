@@ -88,9 +88,9 @@ def check(
 def _proven(paths: Sequence[str | Path], seconds: float, told: bool) -> tuple[Diagnostic, ...]:
     """Return what is broken in the missions that `paths` name; `told` as for `prove_within`."""
     from lupin_cli.verbs.proofs.prove import prove_within
-    from lupin_engine.missions.selection import folders
+    from lupin_engine.missions.selection import mission_folders
 
-    files = [file for name in paths or folders()[:1] for file in _meant_by(str(name))[1]]
+    files = [file for name in paths or mission_folders()[:1] for file in _meant_by(str(name))[1]]
     return prove_within(list(dict.fromkeys(files)), seconds, told)
 
 
@@ -177,11 +177,11 @@ def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
     from lupin_engine.chart.findings import Findings
     from lupin_engine.missions.folders import check_sizes
     from lupin_engine.missions.load import SAVED, inspect_chart
-    from lupin_engine.missions.selection import folders
+    from lupin_engine.missions.selection import mission_folders
 
     groups: dict[Path, dict[Path, None]] = {}
     problems = Problems(UsageError)
-    for path in paths or folders()[:1]:
+    for path in paths or mission_folders()[:1]:
         with problems.collecting():
             lifecycle, missions = _meant_by(str(path))
             groups.setdefault(lifecycle, {}).update(dict.fromkeys(missions))
@@ -231,7 +231,7 @@ def _meant_by(name: str) -> tuple[Path, list[Path]]:
     """Return the lifecycle and the missions to check for a path or a mission's name."""
     from lupin_engine.chart.source import head
     from lupin_engine.missions import folders as files
-    from lupin_engine.missions.selection import LOCAL, folders
+    from lupin_engine.missions.selection import LOCAL, mission_folders
 
     path = Path(name)
     if path.name.endswith(SUFFIX):
@@ -244,7 +244,7 @@ def _meant_by(name: str) -> tuple[Path, list[Path]]:
             raise UsageError(f"there are no missions in {name!r}{hint}")
         return files.lifecycle_in(path), missions
     if not path.is_file() or path.suffix == files.BUNDLE:
-        mission = files.find_mission(name, folders())
+        mission = files.find_mission(name, mission_folders())
         return files.lifecycle_of(mission), [mission]
     kind = (head(path) or ("", ""))[0]
     if path.name == files.LIFECYCLE or kind == "lifecycle":
@@ -260,12 +260,12 @@ def _meant_by(name: str) -> tuple[Path, list[Path]]:
 def _watched(paths: Sequence[str | Path]) -> Iterator[Path]:
     """Yield every file that may have to do with what `paths` name."""
     from lupin_engine.missions.folders import find_mission
-    from lupin_engine.missions.selection import folders
+    from lupin_engine.missions.selection import mission_folders
 
-    for path in paths or folders()[:1]:
+    for path in paths or mission_folders()[:1]:
         named = Path(path)
         if not named.is_dir() and not named.suffix:
-            named = find_mission(str(path), folders())
+            named = find_mission(str(path), mission_folders())
         folder = named if named.is_dir() else named.parent
         if folder.name in _BESIDE.values():
             folder = folder.parent

@@ -154,11 +154,11 @@ def _draw(coverage: Coverage, file: Path) -> None:
     from lupin_engine.diagram.outline import outline
     from lupin_engine.diagram.svg import svg
     from lupin_engine.diagram.trace import Counts, coloured
-    from lupin_engine.replay.coverage import STATE, TRANSITION
+    from lupin_engine.replay.coverage import STATES, TRANSITIONS
 
     for mission, (chart, reached) in coverage.charts.items():
-        states = {name: count for (kind, name, _), count in reached.items() if kind == STATE}
-        ways = {name: count for (kind, name, _), count in reached.items() if kind == TRANSITION}
+        states = {name: count for (kind, name, _), count in reached.items() if kind == STATES}
+        ways = {name: count for (kind, name, _), count in reached.items() if kind == TRANSITIONS}
         picture = coloured(outline(chart), Counts(states, ways, "reached by scenarios; pale: never"))
         alone = len(coverage.charts) == 1
         write_text(file if alone else file.with_name(f"{file.stem}-{mission.stem}.svg"), svg(picture))

@@ -117,7 +117,7 @@ def _part(folder: Path) -> Case:
 def _own_profile(folder: Path) -> Case:
     _copied(folder, ROOT / "tests" / "warehouse", "missions", "scenarios", "lupin.yaml")
     scenario = "scenarios/fetch.scenario.yaml"
-    picker = ROOT / "tests" / "ros" / "warehouse" / "picker.py"
+    picker = ROOT / "tests" / "lupin_ros" / "system" / "warehouse" / "picker.py"
     refused = "the order names no shelf"
     return Case(folder, "missions/fetch.yaml", run=scenario, refused=refused, server=picker)
 
