@@ -75,10 +75,15 @@ class Diagnostic:
         """What it is called: an error, a warning, or a note, as which a warning is accepted in its file."""
         return ("note", "warning", "error")[self.severity]
 
-    def __str__(self) -> str:
+    @property
+    def told(self) -> str:
+        """What is wrong and what to do, without the place."""
         where = f"{self.path}: " if self.path else ""
         hint = f"; {self.hint}" if self.hint else ""
-        return f"{self.place}: {self.kind}: {where}{self.problem}{hint} [{self.rule}]"
+        return f"{where}{self.problem}{hint}"
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.kind}: {self.told} [{self.rule}]"
 
 
 class LupinError(Exception):

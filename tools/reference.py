@@ -190,6 +190,9 @@ file. The shipped ones in `missions/` are the best introduction; this page is fo
   from the start. `itinerary.close_rest` closes the itinerary around, else those inside the state that it
   is written in, and in the lifecycle all of the mission, however early that ends: a target that several of
   them have is told once, as long as none of them is begun.
+- A *part* that a mission uses twice has its variables once: both uses read and set the same ones, and each
+  goes on with what the other has left, also at the same time in a `parallel` state. To begin with a value of
+  its own, a use sets it in its `entry`. Parameters are by use: `with` gives each its own.
 - A *mission as a part*: `use: inspection` stands for the states of `inspection.yaml` beside the file, and
   `with` gives fields of its request; one that is not given has its default. It is what it is by itself: it
   reads its own request, and names its own states and those of the lifecycle, none of the mission around.

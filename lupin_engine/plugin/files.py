@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -26,9 +27,17 @@ def user_folder(variable: str, otherwise: str, environment: Mapping[str, str] = 
 
 
 def ros_domain(environment: Mapping[str, str] = os.environ) -> int:
-    """Return the ROS domain of this process, of which some files have one each; 0 where none is set."""
+    """Return the ROS domain of this process, of which some files have one each; 0 where none is set.
+
+    Raises:
+        UsageError: what is set is no number.
+    """
     text = environment.get(DOMAIN, "").strip()
-    return int(text) if text.isdecimal() else 0
+    if not text:
+        return 0
+    if not re.fullmatch("[0-9]{1,9}", text):
+        raise UsageError(f"{DOMAIN} is {text!r}: {ADVICE}")
+    return int(text)
 
 
 def read_domain(text: str) -> int:

@@ -71,6 +71,9 @@ MAX_TOLD = 120
 #: Digits that every number keeps on its way through a float.
 _CERTAIN_DIGITS = 15
 _QUANTITY = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z°%][A-Za-z0-9/]*)$")
+#: A number with something behind it, which may be no unit; and what other languages call no number or no end.
+_MEASURED = re.compile(r"[+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?\s*([^\s0-9.].*)")
+_ENDLESS = re.compile(r"[+-]?\.?(?:nan|inf|infinity)\b", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -473,19 +476,20 @@ def _number(value: Any, wanted: Type, notation: Notation) -> _Answer:
     number = value
     if isinstance(value, str) and wanted.kind == "number" and notation is not Notation.DATA:
         quantity = parse_quantity(value)
-        if quantity is None:
-            return _expected(wanted, value, _unit_hint(wanted))
-        if quantity[1] != wanted.unit:
-            return _expected(wanted, value, _unit_hint(wanted), Fault.UNIT)
+        if quantity is None or quantity[1] != wanted.unit:
+            hint = number_hint(value, wanted)
+            fault = Fault.KIND if quantity is None else Fault.UNIT
+            return _expected(wanted, value, f"; {hint}" if hint else "", fault)
         number = quantity[0]
     if isinstance(number, bool) or not isinstance(number, (int, float)):
         return _expected(wanted, value)
+    if wanted.kind == "number" and not _is_finite(number):
+        hint = "" if notation is Notation.DATA else f"; {_finite(wanted)}"
+        return _expected(wanted, value, hint, Fault.NOT_FINITE)
     if notation is Notation.FILE and wanted.unit and number is value:
         return Fault.NO_UNIT, f"{value!r} has no unit; write '{value!r} {wanted.unit}'"
     if wanted.kind == "integer" and not isinstance(number, int):
         return _expected(wanted, value)
-    if wanted.kind == "number" and not _is_finite(number):
-        return _expected(wanted, value, fault=Fault.NOT_FINITE)
     low, high = wanted.minimum, wanted.maximum
     if (low is not None and number < low) or (high is not None and number > high):
         return Fault.RANGE, f"expected {wanted} {_range(wanted, value)}, got {value!r}"
@@ -493,9 +497,22 @@ def _number(value: Any, wanted: Type, notation: Notation) -> _Answer:
     return (Fault.RANGE, f"expected {wanted} {allowed}, got {value!r}") if allowed else _FINE
 
 
-def _unit_hint(wanted: Type) -> str:
-    units = ", ".join(map(repr, units_of(wanted.unit)))
-    return f"; its units are {units}" if wanted.unit and units else ""
+def number_hint(text: str, wanted: Type) -> str:
+    """Return what to write instead of a text that is no number of a type; '' where nothing more is known."""
+    if _ENDLESS.match(text.strip()):
+        return _finite(wanted)
+    measured = _MEASURED.fullmatch(text.strip())
+    if not wanted.unit:
+        whole = "write a whole number without a unit"
+        number = whole if wanted.kind == "integer" else "write a number without a unit, or in %"
+        return number if measured else ""
+    units = units_of(wanted.unit)
+    guess = meant(measured[1], units) if measured and measured[1] not in UNITS else ""
+    return guess or (f"its units are {', '.join(map(repr, units))}" if units else "")
+
+
+def _finite(wanted: Type) -> str:
+    return f"write a finite number, such as '5 {wanted.unit}'" if wanted.unit else "write a finite number"
 
 
 def _is_finite(value: float) -> bool:

@@ -227,7 +227,7 @@ def recording_of(run: JournaledRun, chart: Chart, lived: Sequence[LivedStep]) ->
         if name in chart.inputs and one.reported
     ]
     mission = [replace(each.step, time=each.step.time + ready) for each in lived]
-    return RunRecord((*before[:start], *told, *mission), given, head.seed)
+    return RunRecord((*before[:start], *told, *mission), given, head.seed, name=run.files[0].path.name)
 
 
 #: A step by which nothing moved.

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.errors import UsageError
+from lupin_engine.errors import ChartError, UsageError, near
 from lupin_engine.machine.event import CLOCK, RESUMED, Start
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.builtin import TIME_ZONE
@@ -41,12 +41,16 @@ _DIGITS = (3, 6, 12)
 
 @dataclass(frozen=True)
 class RunRecord:
-    """The recorded steps of a run, its settings, seed and mission's file, as far as they are known."""
+    """The recorded steps of a run, its settings, seed and mission's file, as far as they are known.
+
+    `name` is what errors call it: the file that it stands in.
+    """
 
     steps: tuple[Step, ...]
     parameters: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
     file: str = ""
+    name: str = "what was recorded"
 
     @property
     def values(self) -> list[str]:
@@ -118,7 +122,7 @@ def _checked(records: Iterable[Any], name: str) -> RunRecord:
     found = [record for record in records if isinstance(record, dict) and {"event", "time"} <= set(record)]
     if not found:
         raise UsageError(f"{name}: there are no steps in it")
-    return RunRecord(tuple(_step(record, number, name) for number, record in enumerate(found, 1)))
+    return RunRecord(tuple(_step(record, number, name) for number, record in enumerate(found, 1)), name=name)
 
 
 def _step(record: Any, number: int, name: str) -> Step:
@@ -410,17 +414,24 @@ def as_scenario(recording: RunRecord, mission: Path, missions: Missions) -> Scen
     """Return what was recorded as a scenario of a mission's file, which expects nothing.
 
     Raises:
-        ChartError: with all that is wrong with the mission, or with what was recorded of it.
+        ChartError: with all that is wrong with the mission.
+        UsageError: with all that was recorded and is not of this mission.
     """
     parts = script_of(recording, mission.name, "as it was recorded", missions.chart(mission), _DIGITS[-1])
-    return load_scenario_text(yaml_text({**parts, "expect": {}}), mission.parent / "recorded", missions)
+    beside = mission.parent / "recorded"  # where its names are looked for; there is no such file
+    try:
+        return load_scenario_text(yaml_text({**parts, "expect": {}}), beside, missions)
+    except ChartError as problem:
+        told = (f"{recording.name} does not fit {near(str(mission))}: {d.told}" for d in problem.diagnostics)
+        raise UsageError("\n".join(told)) from None
 
 
 def would_differ(recording: RunRecord, mission: Path, missions: Missions) -> str:
     """Say where another mission first does otherwise in the world that was recorded; '' when nowhere.
 
     Raises:
-        ChartError: with all that is wrong with it; what was recorded may be about states that it has not.
+        ChartError: with all that is wrong with it.
+        UsageError: what was recorded is about something that it has not.
     """
     return difference(recording, as_scenario(recording, mission, missions).run())
 

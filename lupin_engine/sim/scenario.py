@@ -18,7 +18,7 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.chart.source import Map, parse, read
 from lupin_engine.chart.validation import validate
-from lupin_engine.errors import ChartError, LupinError, UsageError
+from lupin_engine.errors import ChartError, Diagnostic, LupinError, UsageError
 from lupin_engine.machine.scope import World
 from lupin_engine.missions.folders import (
     MISSIONS,
@@ -80,7 +80,10 @@ class Missions:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A scenario whose names have all been found; `mission` is the mission's file."""
+    """A scenario whose names have all been found; `mission` is the mission's file.
+
+    `warnings` are what is probably a mistake in it.
+    """
 
     file: Path
     promise: str
@@ -91,6 +94,7 @@ class Scenario:
     node: ScenarioNode
     missions: Missions
     properties: Mapping[str, TemporalProperty] = field(default_factory=dict)
+    warnings: tuple[Diagnostic, ...] = ()
 
     @property
     def name(self) -> str:
@@ -183,7 +187,9 @@ def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -
     findings.extend(found for found in named.all if not misshapen or found.rule != "wrong-shape")
     if findings.errors:
         raise ChartError(findings.errors)
-    return Scenario(path, node.scenario, mission, chart, script, parameters, node, missions, properties)
+    return Scenario(
+        path, node.scenario, mission, chart, script, parameters, node, missions, properties, findings.all
+    )
 
 
 def mission_name(mission: Path, file: Path, missions: Missions) -> str:

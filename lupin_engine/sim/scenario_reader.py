@@ -282,6 +282,8 @@ class ScriptReader:
         node, words = self._node, self._words
         limit = words.duration(node.at("limit"), "limit", node.limit)
         if limit is not None:
+            if isinstance(node, ScenarioNode):
+                self._warn_of_end(limit, node)
             return limit
         wanted: list[tuple[Node, str, Any]] = [
             (when, "at", when.at_) for when in node.when if when.at_ != END
@@ -292,6 +294,15 @@ class ScriptReader:
             wanted += [(one, word, getattr(one, word)) for one in expect.passes for word in ("within", "by")]
         found = [words.duration(holder.at(word), word, value) for holder, word, value in wanted]
         return max(LIMIT, *(due for due in found if due is not None), 0.0)
+
+    def _warn_of_end(self, limit: float, node: ScenarioNode) -> None:
+        """Warn of a longest duration that no run can have, because it is stopped before."""
+        expect, words = node.expect, self._words
+        longest = words.duration(expect.at("within"), "within", expect.within)
+        if longest is not None and limit <= longest:
+            problem = f"no run lasts longer than its 'limit' of {node.limit}, so this always holds"
+            hint = f"write a 'limit' above {expect.within}, or leave one of them out"
+            words.findings.warn(expect.at("within"), "never-applies", "expect.within", problem, hint)
 
     def parameters(self) -> dict[str, Any]:
         """Return the settings, checked."""

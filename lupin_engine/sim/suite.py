@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.errors import LupinError
+from lupin_engine.errors import Diagnostic, LupinError
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.sim import SUFFIX
 from lupin_engine.sim.failure import ScenarioFailure
@@ -37,8 +37,8 @@ class ScenarioResult:
 
     `problem` says why it could not be run at all. `runs` is how many seeds were tried, `seed` the one that
     the failures are of; None where chance plays no part. `seconds` is the virtual time of the last run,
-    `took` the real time of all. `mission` and `counts` are there when an observer
-    counts.
+    `took` the real time of all. `warnings` tell what is probably a mistake of the scenario. `mission` and
+    `counts` are there when an observer counts.
     """
 
     file: Path
@@ -51,6 +51,7 @@ class ScenarioResult:
     took: float = 0.0
     mission: Path | None = None
     counts: Counts = field(default_factory=Counts)
+    warnings: tuple[Diagnostic, ...] = ()
 
     @property
     def name(self) -> str:
@@ -106,4 +107,5 @@ class Suite:
             seconds=seconds,
             mission=scenario.mission,
             counts=counts,
+            warnings=scenario.warnings,
         )

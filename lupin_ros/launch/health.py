@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Literal
 
 from lupin_engine import __version__
-from lupin_engine.errors import LupinError, Severity
+from lupin_engine.errors import LupinError, Severity, UsageError
 from lupin_engine.missions.folders import lifecycle_in, mission_files
 from lupin_engine.missions.load import check_chart
 from lupin_engine.missions.selection import mission_folders
@@ -164,7 +164,7 @@ def look_at_network() -> Iterator[Finding]:
     closed = Finding("open to", "this machine only")
     yield Finding("open to", "others, too", "note", doors) if doors else closed
     yield from _permissions()
-    heard = exposed(current_domain())
+    heard = 0 if domain_advice() else exposed(current_domain())
     if heard:
         found = f"{heard} participant{'s' * (heard > 1)} of domain {current_domain()} on this machine"
         yield Finding("listening to others", found, "note", "other computers can find and command these")
@@ -204,7 +204,7 @@ def look_at_left_overs() -> Iterator[Finding]:
         yield Finding("shared memory", f"{len(stale)} stale files, {size:.1f} MB", "note", advice)
     else:
         yield Finding("shared memory", "nothing stale")
-    nodes = list(running_nodes(current_domain()))
+    nodes = [] if domain_advice() else list(running_nodes(current_domain()))
     if nodes:
         told = ", ".join(f"{name} ({pid})" for pid, name in nodes)
         advice = "a run uses them, or they were started by hand; `kill PID` stops one"
@@ -231,9 +231,10 @@ def running_nodes(domain: int, processes: Path = Path("/proc")) -> Iterator[tupl
         try:
             name = _node_in(_words(entry / "cmdline"))
             variables = dict(word.partition("=")[::2] for word in _words(entry / "environ")) if name else {}
-        except OSError:
-            continue  # it has ended, or is somebody else's
-        if name and ros_domain(variables) == domain:
+            is_there = bool(name) and ros_domain(variables) == domain
+        except (OSError, UsageError):
+            continue  # it has ended, is somebody else's, or is in no domain that there is
+        if is_there:
             yield int(entry.name), name
 
 

@@ -14,9 +14,9 @@ import json
 import math
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -27,6 +27,8 @@ from lupin_greenhouse.numbers import finite
 BUNDLED = Path(__file__).with_name("greenhouse.json")
 #: How a layout says where a plate faces, and the heading that it means.
 FACINGS = {"+x": 0.0, "+y": math.pi / 2, "-x": math.pi, "-y": -math.pi / 2}
+#: How many problems of a layout are told.
+MAX_PROBLEMS = 20
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,7 @@ def load(path: str = "", parameter: str = "tag_locations_file") -> Layout:
 
     Raises:
         LupinError: the file cannot be read, is no JSON, has a name twice, or `parse` refuses it; the text
-            names it, and the `parameter` that it was given by.
+            has all of that, each with its name and the `parameter` that it was given by.
     """
     # Unlike Path.expanduser, this leaves the home of a user that does not exist as it is written.
     file = Path(os.path.expanduser(path)) if path else BUNDLED
@@ -122,68 +124,97 @@ def load(path: str = "", parameter: str = "tag_locations_file") -> Layout:
         reason = error.strerror or str(error)
     except (ValueError, RecursionError) as error:
         reason = str(error)
-    raise LupinError(f"{parameter} {str(file)!r} cannot be used: {reason}")
+    about = f"{parameter} {str(file)!r} cannot be used: "
+    raise LupinError("\n".join(about + line for line in reason.splitlines()))
 
 
 @lru_cache(maxsize=8)
 def _read(text: str) -> Layout:
     """Return the layout that a file holds; every function and reader that needs it reads the file anew."""
-    return parse(json.loads(text, object_pairs_hook=_once))
+    twice: list[str] = []
+    data = json.loads(text, object_pairs_hook=partial(_once, twice))
+    return _checked(data, twice)
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Refuse names that are there twice: JSON would take the last of them, and lose a tag without a word."""
+def _once(problems: list[str], pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Note names that are there twice: JSON would take the last of them, and lose a tag without a word."""
     found = dict(pairs)
-    if len(found) == len(pairs):
-        return found
-    twice = (repr(shortened(name)) for name, count in Counter(name for name, _ in pairs).items() if count > 1)
-    raise ValueError(f"{', '.join(twice)} more than once in one object")
+    if len(found) < len(pairs):
+        counts = Counter(name for name, _ in pairs)
+        twice = ", ".join(repr(shortened(name)) for name, count in counts.items() if count > 1)
+        problems.append(f"{twice} more than once in one object")
+    return found
 
 
 def parse(data: Any) -> Layout:
     """Build a layout from parsed JSON; tables that are not four finite numbers are left out.
 
     Raises:
-        ValueError: `data` holds no tags, is not in metres, or a tag has no position, no list of sensors, or a
-            facing that is none of `FACINGS`.
+        ValueError: `data` holds no tags, is not in metres, or tags have no position, no list of sensors, or a
+            facing that is none of `FACINGS`. The text has all of that, each on a line.
     """
-    if not isinstance(data, Mapping):
-        raise ValueError(f"expected a JSON object, got {type(data).__name__}")
-    units = data.get("units", "m") if "tags" in data else "m"
-    if units != "m":
-        # The greenhouse simulator reads the same file, and takes every number for metres.
-        raise ValueError(f'"units" is {units!r}; write all positions in metres, and "units": "m"')
-    raw_tags = data.get("tags", data)
-    raw_tables = data.get("tables", {}) if "tags" in data else {}
-    if not isinstance(raw_tags, Mapping) or not isinstance(raw_tables, Mapping):
-        raise ValueError("'tags' and 'tables' must be JSON objects")
-    if not raw_tags:
-        raise ValueError("it has no tags")
+    return _checked(data, [])
+
+
+def _checked(data: Any, known: Sequence[str]) -> Layout:
+    """As `parse`; `known` are problems that have been found before."""
+    problems = [*known, *_problems(data)]
+    if problems:
+        raise ValueError(_joined(problems))
+    raw_tags, raw_tables = data.get("tags", data), data.get("tables", {}) if "tags" in data else {}
     tags = {str(tag_id): _tag(str(tag_id), raw) for tag_id, raw in raw_tags.items()}
     tables = [_table(str(name), raw) for name, raw in sorted(raw_tables.items())]
     return Layout(MappingProxyType(tags), tuple(table for table in tables if table is not None))
 
 
-def _tag(tag_id: str, raw: Any) -> Tag:
-    x, y = (_metres(raw, key) for key in ("x", "y"))
-    if x is None or y is None:
-        raise ValueError(f"tag {tag_id!r} has no position: expected numbers x and y in metres, got {raw!r}")
+def _problems(data: Any) -> Iterator[str]:
+    """Yield what is wrong with a layout."""
+    if not isinstance(data, Mapping):
+        yield f"expected a JSON object, got {type(data).__name__}"
+        return
+    is_whole = "tags" in data
+    units = data.get("units", "m") if is_whole else "m"
+    if units != "m":
+        # The greenhouse simulator reads the same file, and takes every number for metres.
+        yield f'"units" is {units!r}; write all positions in metres, and "units": "m"'
+    raw_tags = data.get("tags", data)
+    if not isinstance(raw_tags, Mapping) or (is_whole and not isinstance(data.get("tables", {}), Mapping)):
+        yield "'tags' and 'tables' must be JSON objects"
+    elif not raw_tags:
+        yield "it has no tags"
+    if isinstance(raw_tags, Mapping):
+        for tag_id, raw in raw_tags.items():
+            yield from _problems_of_tag(str(tag_id), raw)
+
+
+def _joined(problems: Sequence[str]) -> str:
+    """Return problems, each on a line; of many, that there are more."""
+    more = [f"and {len(problems) - MAX_PROBLEMS} more"] if len(problems) > MAX_PROBLEMS else []
+    return "\n".join([*problems[:MAX_PROBLEMS], *more])
+
+
+def _problems_of_tag(tag_id: str, raw: Any) -> Iterator[str]:
+    """Yield what is wrong with a tag."""
+    if None in (_metres(raw, "x"), _metres(raw, "y")):
+        yield f"tag {tag_id!r} has no position: expected numbers x and y in metres, got {raw!r}"
+    if not isinstance(raw, Mapping):
+        return
     sensors = raw.get("sensors", [])
     if not isinstance(sensors, list) or not all(isinstance(name, str) for name in sensors):
-        raise ValueError(f"the sensors of tag {tag_id!r} are no list of names, but {sensors!r}")
-    return Tag(tag_id, x, y, tuple(sensors), _facing(tag_id, raw))
-
-
-def _facing(tag_id: str, raw: Mapping[str, Any]) -> float | None:
-    if "facing" not in raw:
-        return None
-    said = raw["facing"]
-    if not isinstance(said, str) or said not in FACINGS:
-        raise ValueError(
+        yield f"the sensors of tag {tag_id!r} are no list of names, but {sensors!r}"
+    said = raw.get("facing")
+    if "facing" in raw and (not isinstance(said, str) or said not in FACINGS):
+        yield (
             f"the facing of tag {tag_id!r} is {shortened(repr(said))}; write the axis of the map along which "
             f"its plate looks, one of {', '.join(FACINGS)}, or leave it out if you do not know it"
         )
-    return FACINGS[said]
+
+
+def _tag(tag_id: str, raw: Mapping[str, Any]) -> Tag:
+    """Return a tag that has no problems."""
+    x, y = float(raw["x"]), float(raw["y"])
+    facing = FACINGS[raw["facing"]] if "facing" in raw else None
+    return Tag(tag_id, x, y, tuple(raw.get("sensors", [])), facing)
 
 
 def _table(name: str, raw: Any) -> Table | None:

@@ -115,7 +115,7 @@ def test_what_is_seen_on_the_wire_is_proven_there(number: str) -> None:
         ("lupin_ros/orchestrator/test_readiness.py::test_a_cancelled_wait_is_silent", Kind.FUNCTION),
         ("lupin_ros/orchestrator/test_messages.py", Kind.FUNCTION),
         # Its fixture is that of the folder, which asks for one of the module.
-        ("lupin_ros/system/wire/test_base.py::test_a_goal_that_is_accepted_twice_is_driven_once", Kind.SYSTEM),
+        (f"{WIRE}/test_base.py::test_a_goal_that_is_accepted_twice_is_driven_once", Kind.SYSTEM),
         # Its node is in this process, by a class which could start it as one of its own.
         ("lupin_ros/plugins/arm/test_library.py::test_calls_of_torque_do_not_overlap", Kind.NODES),
         ("lupin_ros/plugins/arm/test_library.py::test_a_process_that_is_killed_leaves_a_mark", Kind.SYSTEM),

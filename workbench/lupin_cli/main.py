@@ -127,7 +127,20 @@ class Verbs(click.Group):
             known = self.list_commands(ctx)
             if args[0] not in known:
                 raise click.UsageError(f"unknown command {args[0]!r}; {nearest(args[0], known)}", ctx)
-        return super().resolve_command(ctx, args)
+        name, command, left = super().resolve_command(ctx, args)
+        ctx.meta[__name__] = list(left)
+        return name, command, left
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Carry out the verb; all values that it refuses are told at once."""
+        try:
+            return super().invoke(ctx)
+        except click.BadParameter as first:
+            if first.ctx is None or first.ctx.parent is not ctx:  # below a verb with verbs of its own
+                raise
+            from lupin_cli.bad_values import all_bad_values
+
+            raise all_bad_values(first, ctx.meta[__name__]) from first
 
 
 def _load(folder: str, name: str) -> click.Command:

@@ -7,6 +7,7 @@ error, not thirty seconds. What stands in a request or a ROS parameter is not re
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -39,10 +40,10 @@ from lupin_engine.plugin.types import (
     converted,
     is_moment,
     list_of,
+    number_hint,
     number_in,
     parse_quantity,
     problems,
-    units_of,
 )
 
 #: The way to a part of a value: names of fields and numbers in lists.
@@ -304,25 +305,23 @@ def _wrong_number(problem: ValueProblem, path: str) -> tuple[str, str, str, str]
         number = show(raw if parse_quantity(f"{raw!r} s") else plain(raw))  # not `0x1F s`
         return "no-unit", path, text, f"write '{number} {wanted.unit}'"
     if fault is Fault.UNIT:
-        units = ", ".join(map(repr, units_of(wanted.unit)))
-        hint = f"its units are {units}" if wanted.unit else "write a number without a unit, or in %"
-        return "wrong-unit", path, expected, hint
+        return "wrong-unit", path, expected, number_hint(raw, wanted)
     if not isinstance(raw, str):
         is_broken = wanted.kind == "integer" and isinstance(raw, float)
         return "wrong-type", path, f"expected a whole number, got {show(raw)}" if is_broken else expected, ""
-    hint = f"write '{raw} {wanted.unit}'" if _is_bare_number(raw) and wanted.unit else ""
-    rule = "no-unit" if hint else "wrong-type"
-    if wanted.minimum is not None and wanted.maximum is not None:
+    is_bare = _is_bare_number(raw) and wanted.unit
+    hint = f"write '{raw} {wanted.unit}'" if is_bare else number_hint(raw, wanted)
+    rule = "no-unit" if is_bare else "wrong-type"
+    if wanted.minimum is not None and wanted.maximum is not None and not wanted.unit:
         hint = f"write a number from {wanted.minimum:g} to {wanted.maximum:g}"
     return rule, path, expected, hint
 
 
 def _is_bare_number(raw: str) -> bool:
     try:
-        float(raw)
+        return math.isfinite(float(raw))
     except ValueError:
         return False
-    return True
 
 
 @dataclass(frozen=True)

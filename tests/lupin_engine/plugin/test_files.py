@@ -85,9 +85,17 @@ def test_who_has_no_home_is_told_what_to_set(monkeypatch: pytest.MonkeyPatch) ->
     assert str(refused.value) == "this user has no home folder; set XDG_STATE_HOME to an absolute path"
 
 
-@pytest.mark.parametrize(("said", "domain"), [("42", 42), (" 7 ", 7), ("", 0), ("lab", 0), ("-1", 0)])
+@pytest.mark.parametrize(("said", "domain"), [("42", 42), (" 7 ", 7), ("", 0), (" ", 0)])
 def test_the_domain_is_a_number_or_0(said: str, domain: int) -> None:
     assert ros_domain({"ROS_DOMAIN_ID": said}) == domain
+
+
+@pytest.mark.parametrize("said", ["lab", "-1", "5 6", "٣", "1" * 5000])
+def test_a_domain_that_is_no_number_is_refused(said: str) -> None:
+    """Its files are not those of the domain 0."""
+    with pytest.raises(UsageError) as refused:
+        ros_domain({"ROS_DOMAIN_ID": said})
+    assert str(refused.value) == f"ROS_DOMAIN_ID is {said!r}: use a number from 0 to 101 or from 215 to 232"
 
 
 def test_a_domain_has_ports_that_nobody_else_gets() -> None:

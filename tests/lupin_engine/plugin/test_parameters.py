@@ -42,7 +42,11 @@ def test_what_is_allowed_is_taken(spec: Parameter, given: Any, value: Any) -> No
         (Parameter(DURATION, 5.0, "", minimum=1.0), -1, "expected duration of at least 1 s, got -1"),
         (Parameter(LENGTH, 0.5, "", maximum=1.5), "2 m", "expected length of at most 1.5 m, got '2 m'"),
         (Parameter(number_in("px"), 5.0, "", minimum=1.0), 0, "expected number in px of at least 1, got 0"),
-        (Parameter(NUMBER, 0.5, "", 0.0, 1.0), float("nan"), "expected number, got nan"),
+        (
+            Parameter(NUMBER, 0.5, "", 0.0, 1.0),
+            float("nan"),
+            "expected number, got nan; write a finite number",
+        ),
         (Parameter(COUNT, 5, "", 1, 9), 10, "expected count between 1 and 9, got 10"),
         (CHOICE, "mqt", "expected one of simulator, recorded, mqtt, got 'mqt'; did you mean 'mqtt'?"),
         (CHOICE, "", "expected one of simulator, recorded, mqtt, got ''"),

@@ -13,7 +13,7 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import parse
 from lupin_engine.errors import UsageError
 from lupin_engine.missions.folders import default_missions_folder
-from lupin_engine.replay.reconstruction import read_recording, scenario_text
+from lupin_engine.replay.reconstruction import read_recording, scenario_text, would_differ
 from lupin_engine.replay.yaml_text import WIDTH, yaml_text
 from lupin_engine.runtime.record import step_record
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario, load_scenario_text, scenario_files
@@ -339,3 +339,26 @@ def test_what_was_broken_and_violated_is_expected_of_the_scenario(tmp_path: Path
     )
     made = load_scenario_text(scenario_text(recording, "as recorded", place, MISSIONS), place, MISSIONS)
     assert (made.node.expect.broken, made.failures(made.run())) == (["few"], [])
+
+
+OTHER = """\
+mission: InspectionMission
+initial: WAITING
+states:
+  WAITING:
+    on: {operator.skip_current: done}
+  done: {type: final}
+"""
+
+
+def test_a_recording_that_does_not_fit_a_mission_names_both(tmp_path: Path) -> None:
+    """Not a file that was only in memory."""
+    scenario = load_scenario(SCENARIOS / "unreachable.scenario.yaml", shipped.catalog(), MISSIONS)
+    recording = read_recording(json.dumps(steps_of(scenario)), "monday.json")
+    other = tmp_path / "missions" / "other.yaml"
+    other.parent.mkdir()
+    other.write_text(OTHER, encoding="utf-8")
+    with pytest.raises(UsageError) as caught:
+        would_differ(recording, other, MISSIONS)
+    told = f"monday.json does not fit {other}: unknown state 'MISSION.InspectionMission.PREPARE.LOCALIZING'; "
+    assert str(caught.value).startswith(told)

@@ -244,6 +244,31 @@ def test_context_and_entry_begin_with_each_use(load: Load) -> None:
     ]
 
 
+COUNT = """\
+part: count
+context: {n: {type: count, default: 0}}
+initial: A
+states:
+  A: {after: {1 s: {target: done, do: [set: {n: "${ n + 1 }"}]}}}
+  done: {type: final}
+"""
+IN_TURN = "initial: A\nstates:\n  A: {use: count, on_done: B}\n  B: {%suse: count, on_done: done}\n"
+AT_ONCE = (
+    "initial: A\nstates:\n  A: {type: parallel, states: {B: {use: count}, C: {use: count}}, on_done: done}\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("states", "counted"),
+    [(IN_TURN % "", 2), (IN_TURN % "entry: [set: {n: 0}], ", 1), (AT_ONCE, 2)],
+    ids=["in turn", "begun anew", "at once"],
+)
+def test_two_uses_of_a_part_have_the_same_variables(load: Load, states: str, counted: int) -> None:
+    """Those of a mission that is used begin with each use; of a part only where its user says so."""
+    run = evening(load(f"mission: Evening\n{states}  done: {{type: final}}\n", count=COUNT))
+    assert (run.ended, run.context["n"]) == (True, counted)
+
+
 def test_a_return_from_the_dock_is_no_beginning(load: Load) -> None:
     """What was counted stays, and `entry` has run; `exit` runs whenever the mission is left."""
     run = evening(load(TWICE, counting=COUNTING), asked("dock", 15.0), asked("resume", 50.0))

@@ -78,8 +78,10 @@ def test_running_nodes_are_known_by_their_command(tmp_path: Path) -> None:
         "14": "/v/bin/python\0/v/bin/lupin\0run\0inspection\0",
         "15": "node\0server.js\0now\0",
         "17": "/v/bin/python\0/v/bin/lupin\0node\0elsewhere\0",
+        "18": "/v/bin/python\0/v/bin/lupin\0node\0nowhere\0",
     }
     domains = {"12": "LANG=C\0ROS_DOMAIN_ID=5\0", "13": "ROS_DOMAIN_ID=5\0", "17": "ROS_DOMAIN_ID=6\0"}
+    domains["18"] = "ROS_DOMAIN_ID=lab\0"
     for pid, line in commands.items():
         (tmp_path / pid).mkdir()
         (tmp_path / pid / "cmdline").write_text(line)

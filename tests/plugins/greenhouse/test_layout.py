@@ -143,3 +143,34 @@ def test_a_missing_file_is_refused_with_its_name(tmp_path: Path) -> None:
     with pytest.raises(LupinError) as caught:
         layout.load(str(tmp_path / "gone"), "tag_file")
     assert str(caught.value) == f"tag_file '{tmp_path}/gone' cannot be used: No such file or directory"
+
+
+def test_all_that_is_wrong_with_a_layout_is_told(tmp_path: Path) -> None:
+    """Each mistake on a line, with the name of the file; one that costs a whole tag hides no other."""
+    file = tmp_path / "layout.json"
+    file.write_text(
+        '{"units": "cm", "tags": {"1": {"x": 1}, "2": {"x": 1, "y": 1, "sensors": "co2", "facing": "up"}, '
+        '"3": {"x": 1, "x": 2, "y": 1}, "4": 7, "5": {"x": 1, "y": 1}}, "tables": []}'
+    )
+    with pytest.raises(LupinError) as caught:
+        layout.load(str(file))
+    assert str(caught.value).splitlines() == [
+        f"tag_locations_file '{file}' cannot be used: {problem}"
+        for problem in (
+            "'x' more than once in one object",
+            '"units" is \'cm\'; write all positions in metres, and "units": "m"',
+            "'tags' and 'tables' must be JSON objects",
+            "tag '1' has no position: expected numbers x and y in metres, got {'x': 1}",
+            "the sensors of tag '2' are no list of names, but 'co2'",
+            "the facing of tag '2' is 'up'; write the axis of the map along which its plate looks, "
+            "one of +x, +y, -x, -y, or leave it out if you do not know it",
+            "tag '4' has no position: expected numbers x and y in metres, got 7",
+        )
+    ]
+
+
+def test_of_many_mistakes_the_first_are_told() -> None:
+    with pytest.raises(ValueError, match="tag '0' has no position") as caught:
+        layout.parse({str(number): {} for number in range(50)})
+    lines = str(caught.value).splitlines()
+    assert (len(lines), lines[-1]) == (21, "and 30 more")

@@ -149,3 +149,14 @@ def test_without_ros_the_way_to_get_it_is_told(
     assert main(["run", "inspection"]) == 2
     told = capsys.readouterr().err
     assert told.startswith("lupin: ROS 2 is not installed for this Python; install it with `pip install ")
+
+
+@pytest.mark.parametrize("words", [["missions"], ["why", "DONE"], ["replay"]])
+def test_a_domain_that_is_a_word_has_no_journal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, words: list[str]
+) -> None:
+    """That of the domain 0 is another one."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "lab")
+    assert main(words) == 2
+    told = "lupin: ROS_DOMAIN_ID is 'lab': use a number from 0 to 101 or from 215 to 232\n"
+    assert capsys.readouterr().err == told

@@ -267,3 +267,18 @@ def test_a_folder_without_missions_leaves_nothing_behind(
     answer = said(capfd, "--all", tmp_path / "empty", "-o", tmp_path / "pictures")
     assert answer == (2, f"lupin: there are no missions in {str(tmp_path / 'empty')!r}\n")
     assert not (tmp_path / "pictures").exists()
+
+
+def test_every_broken_mission_of_a_folder_is_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """All at once, what is wrong with their lifecycle once, and no picture is written."""
+    folder = tmp_path / "missions"
+    shutil.copytree(default_missions_folder(), folder)
+    wrong = {"lifecycle.yaml": "lifecycl:", "inspection.yaml": "on_eror:", "exploration.yaml": "stats:"}
+    for name, word in wrong.items():
+        with (folder / name).open("a", encoding="utf-8") as file:
+            file.write(f"\n{word} 1\n")
+    code, answer = said(capfd, "--all", folder, "-o", tmp_path / "pictures")
+    lines = [line for line in answer.splitlines() if "[unknown-key]" in line]
+    assert code == 1
+    assert [Path(line.split(":")[0]).name for line in lines] == sorted(wrong)
+    assert not (tmp_path / "pictures").exists()

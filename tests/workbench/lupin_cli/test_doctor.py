@@ -180,6 +180,12 @@ def test_it_says_whether_permissions_are_asked_for(
     assert (found.found, found.state, found.advice) == told
 
 
+def test_in_no_domain_nobody_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other findings are told all the same."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "lab")
+    assert [finding.topic for finding in health.look_at_left_overs()] == ["shared memory", "nodes running"]
+
+
 def test_another_middleware_is_not_closed_by_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where there can be one: with an apt ROS 2."""
     for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", *VARIABLES):

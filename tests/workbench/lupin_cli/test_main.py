@@ -68,6 +68,27 @@ def test_an_unknown_verb_gets_the_nearest(capsys: pytest.CaptureFixture[str]) ->
     assert capsys.readouterr().err.splitlines()[-1] == "Error: unknown command 'chek'; did you mean 'check'?"
 
 
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--seeds", "0"], ["Invalid value for '--seeds': 0 is not in the range x>=1."]),
+        (
+            ["--seeds", "0", "--min-coverage", "x"],
+            [
+                "Invalid value for '--seeds': 0 is not in the range x>=1.",
+                "Invalid value for '--min-coverage': 'x' is not a valid float range.",
+            ],
+        ),
+    ],
+)
+def test_all_values_that_a_verb_refuses_are_told(
+    arguments: list[str], told: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At once, each on a line."""
+    assert main(["test", *arguments]) == 2
+    assert capsys.readouterr().err.splitlines()[3:] == [f"Error: {line}" for line in told]
+
+
 def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
     """What a report needs first."""
     assert main(["--version"]) == 0

@@ -61,6 +61,22 @@ def test_a_field_is_read_as_its_type() -> None:
         _read(["plants"], ())
 
 
+def test_a_field_is_given_with_its_unit() -> None:
+    """As in a file: 90 may be meant as minutes. Where several lack it, all are told."""
+    declared = [{"name": "patience", "type": "duration"}, {"name": "pauses", "type": "list of duration"}]
+    assert _read(["patience=90 s", "pauses=1 s,2 s"], declared) == {
+        "patience": "90 s",
+        "pauses": ["1 s", "2 s"],
+    }
+    with pytest.raises(UsageError) as refused:
+        _read(["patience=90", "pauses=1 s,2", "to"], declared)
+    assert str(refused.value).splitlines() == [
+        "'to' has no '='; write --request NAME=VALUE",
+        "--request: patience: 90 has no unit; write '90 s'",
+        "--request: pauses[1]: 2 has no unit; write '2 s'",
+    ]
+
+
 def test_a_field_is_given_once() -> None:
     """By its option or by --request."""
     with pytest.raises(UsageError, match=r"^tags: given by an option of its own and by --request"):

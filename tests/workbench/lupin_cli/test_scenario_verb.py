@@ -216,3 +216,19 @@ def test_what_a_proof_has_written_runs_with_the_scenarios(
     assert list(_default()) == [found]
     Path("scenarios").mkdir()
     assert list(_default()) == [Path("scenarios"), found]
+
+
+@pytest.mark.parametrize(
+    ("limit", "warns"), [("15 s", True), ("20 s", True), ("21 s", False)], ids=["below", "same", "above"]
+)
+def test_a_duration_that_no_run_can_exceed_is_a_warning(tmp_path: Path, limit: str, warns: bool) -> None:
+    """A mission that hangs is stopped at the limit, and lasts no longer."""
+    file = written(tmp_path, "x", f"limit: {limit}\nexpect: {{within: 20 s}}\n")
+    told = (
+        f"{file}:5:18: warning: expect.within: no run lasts longer than its 'limit' of {limit}, so this "
+        "always holds; write a 'limit' above 20 s, or leave one of them out [never-applies]"
+    )
+    result = typed(file)
+    assert (result.return_value, result.output.splitlines()[1:-1]) == (0, [told] if warns else [])
+    (record,) = json.loads(typed(file, "--json").output)["scenarios"]
+    assert record["warnings"] == ([told] if warns else [])

@@ -69,7 +69,7 @@ def test_every_problem_is_told() -> None:
         "--set: parameter 'timeout_s': expected duration of at least 1 s, got '0.1 s'",
         "--set: parameter 'look': expected bool, got 'maybe'; write true or false",
         "--set: parameter 'tries': expected count, got 1.5",
-        "--set: parameter 'share': expected number, got '5 s'",
+        "--set: parameter 'share': expected number, got '5 s'; write a number without a unit, or in %",
         "--set: parameter 'dock': expected pose with the fields x, y, yaw, got ['1 m', '2 m']",
     ]
 

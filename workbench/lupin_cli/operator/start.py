@@ -53,10 +53,10 @@ def _read(given: Iterable[str], declared: Sequence[Mapping[str, Any]]) -> dict[s
     """Return `name=value` as data of the types that are told; the orchestrator checks it.
 
     Raises:
-        UsageError: one of them has no `=`.
+        UsageError: one of them has no `=`, or lacks its unit: to programs, the orchestrator allows that.
     """
     from lupin_cli.settings import read_value, split
-    from lupin_engine.plugin.types import BUILTIN_TYPES, TEXT, list_of, parse_type
+    from lupin_engine.plugin.types import BUILTIN_TYPES, TEXT, Fault, Notation, list_of, parse_type, problems
 
     types = {}
     for field in declared:
@@ -64,10 +64,14 @@ def _read(given: Iterable[str], declared: Sequence[Mapping[str, Any]]) -> dict[s
             types[field["name"]] = parse_type(field["type"], BUILTIN_TYPES)
         except ValueError:  # a type of a plugin: names of things
             types[field["name"]] = list_of(TEXT) if " of " in field["type"] else TEXT
-    texts, problems = split("--request", given)
-    if problems:
-        raise UsageError("\n".join(problems))
-    return {name: read_value(text, types.get(name, TEXT)) for name, text in texts.items()}
+    texts, wrong = split("--request", given)
+    values = {name: read_value(text, types.get(name, TEXT)) for name, text in texts.items()}
+    for name, value in values.items():
+        found = problems(value, types.get(name, TEXT), Notation.FILE)
+        wrong += [f"--request: {one.at(name)}" for one in found if one.fault is Fault.NO_UNIT]
+    if wrong:
+        raise UsageError("\n".join(wrong))
+    return values
 
 
 def _together(options_: Mapping[str, Any], fields: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lupin_engine.errors import Problems, UsageError
+from lupin_engine.errors import ChartError, Diagnostic, Problems, UsageError
 from lupin_engine.plugin.registry import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
 
@@ -184,19 +184,17 @@ def _write(content: bytes, output: Path | None) -> None:
 def _draw_all(folder: Path, formats: tuple[str, ...], depth: int | None, output: Path) -> None:
     from lupin_engine.diagram.index import Page, index
     from lupin_engine.missions.folders import mission_files
-    from lupin_engine.missions.selection import load_missions
 
     files = mission_files(folder)
     if not files:
         raise UsageError(f"there are no missions in {str(folder)!r}")
+    missions = _loaded_each(files)
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise UsageError(f"cannot write {str(output)!r}: {problem.strerror}") from problem
-    catalog = load_catalog()
     pages = []
-    for file in files:
-        loaded = load_missions([str(file)], catalog)
+    for file, loaded in zip(files, missions, strict=True):
         names = {wanted: f"{file.stem}{FORMATS[wanted]}" for wanted in formats}
         for wanted, name in names.items():
             picture = _picture(loaded, wanted, None, depth)
@@ -204,3 +202,20 @@ def _draw_all(folder: Path, formats: tuple[str, ...], depth: int | None, output:
         mission = loaded.chart.missions[loaded.names[0]]
         pages.append(Page(mission.name, mission.summary, names))
     _write(index(pages).encode(), output / "index.md")
+
+
+def _loaded_each(files: Sequence[Path]) -> list[LoadedMissions]:
+    """Load missions, each for itself; all that is wrong with any is told at once, a shared file's once."""
+    from lupin_engine.missions.selection import load_missions
+
+    catalog = load_catalog()
+    loaded: list[LoadedMissions] = []
+    found: set[Diagnostic] = set()
+    for file in files:
+        try:
+            loaded.append(load_missions([str(file)], catalog))
+        except ChartError as problem:
+            found.update(problem.diagnostics)
+    if found:
+        raise ChartError(found)
+    return loaded

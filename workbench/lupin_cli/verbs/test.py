@@ -182,6 +182,8 @@ def _show(result: ScenarioResult, quiet: bool) -> None:
     elif result.failures or not quiet:
         word = click.style("FAIL ", fg="red") if result.failures else click.style("ok   ", fg="green")
         click.echo(f"{word} {result.name}: {result.promise} ({_how(result)})")
+    for warning in result.warnings:
+        click.echo(click.style(str(warning), fg="yellow"))
     for kind, line in failure.failure_lines(result.failures):
         click.echo(click.style(line, **styles.get(kind, {})))
 
@@ -236,6 +238,7 @@ def _result_record(result: ScenarioResult) -> dict[str, Any]:
         "promise": result.promise,
         "holds": result.holds,
         "problem": result.problem,
+        "warnings": [str(warning) for warning in result.warnings],
         "seconds": result.seconds,
         "took": round(result.took, 6),
         "seed": result.seed,

@@ -106,15 +106,33 @@ def test_plain_data_becomes_a_constant(text: str, wanted: Type, value: Any) -> N
         ("-1", COUNT, ["4: expected count of at least 0, got -1;  [wrong-type]"]),
         ("5", DURATION, ["4: 5 has no unit, but a duration needs one; write '5 s' [no-unit]"]),
         ("'5'", DURATION, ["4: expected duration (s), got '5'; write '5 s' [no-unit]"]),
-        ("soon", DURATION, ["4: expected duration (s), got 'soon';  [wrong-type]"]),
+        ("soon", DURATION, [
+            "4: expected duration (s), got 'soon'; its units are 'ms', 's', 'min', 'h' [wrong-type]",
+        ]),
+        ("5 parsec", DURATION, [
+            "4: expected duration (s), got '5 parsec'; its units are 'ms', 's', 'min', 'h' [wrong-type]",
+        ]),
+        ("5 mins", DURATION, ["4: expected duration (s), got '5 mins'; did you mean 'min'? [wrong-type]"]),
+        ("5 parsec", NUMBER, [
+            "4: expected a plain number, got '5 parsec'; write a number without a unit, or in % [wrong-type]",
+        ]),
+        ("nan", DURATION, [
+            "4: expected duration (s), got 'nan'; write a finite number, such as '5 s' [wrong-type]",
+        ]),
+        ("-.inf m", LENGTH, [
+            "4: expected length (m), got '-.inf m'; write a finite number, such as '5 m' [wrong-type]",
+        ]),
+        ("inf", NUMBER, ["4: expected a plain number, got 'inf'; write a finite number [wrong-type]"]),
         ("5 m", DURATION, [
             "4: expected duration (s), got '5 m'; its units are 'ms', 's', 'min', 'h' [wrong-unit]",
         ]),
         ("5 m", NUMBER, [
             "4: expected a plain number, got '5 m'; write a number without a unit, or in % [wrong-unit]",
         ]),
-        ("5 s", COUNT, ["4: expected a plain number, got '5 s';  [wrong-type]"]),
-        ("x", ANGLE, ["4: expected angle (rad), got 'x';  [wrong-type]"]),
+        ("5 s", COUNT, [
+            "4: expected a plain number, got '5 s'; write a whole number without a unit [wrong-type]",
+        ]),
+        ("x", ANGLE, ["4: expected angle (rad), got 'x'; its units are 'deg', 'rad' [wrong-type]"]),
         ("['${ a }']", list_of(TEXT), [
             "5: an expression inside a list or record; an expression stands for the whole value here "
             "[partial-expression]",
