@@ -22,6 +22,7 @@ SHELVES = (ROOT / "lupin_engine", ROOT / "lupin_ros", *SOURCE_ROOTS)
 #: Room -> the rooms right below it. A room may import these and all that they may; the rest is forbidden.
 RULE = {
     "lupin_engine.errors": (),
+    "lupin_engine.moved": (),
     "lupin_engine.plugin": ("lupin_engine.errors",),
     "lupin_engine.chart": ("lupin_engine.plugin",),
     "lupin_engine.bindings": ("lupin_engine.chart",),
@@ -69,6 +70,8 @@ OWNED = {
     "mcap_ros2": {"lupin_ros.recording"},
     "structlog": {"lupin_ros.adapter", "lupin_ros.launch", "lupin_cli"},
 }
+#: Pages of names for people outside.
+FOR_OTHERS = ("contract.md", "plugins.md")
 #: Rooms that depend on nothing but their inputs.
 PURE = ("lupin_engine.chart", "lupin_engine.machine")
 #: What would make a chart or a machine depend on more than its inputs.
@@ -118,8 +121,37 @@ def imports(name: str) -> dict[str, int]:
             source = node.module or ""
             found[source] = node.lineno
             names = (f"{source}.{alias.name}" for alias in node.names)
-            found.update({full: node.lineno for full in names if full in modules()})
+            meant = (faces().get(full, full) for full in names)
+            found.update({full: node.lineno for full in meant if full in modules()})
     return found
+
+
+@cache
+def faces() -> dict[str, str]:
+    """Return the names that the faces of rooms and packages export, in full, each with its module."""
+    found: dict[str, str] = {}
+    for face, file in modules().items():
+        stub = file.with_suffix(".pyi")
+        if file.name != "__init__.py" or not stub.is_file():
+            continue
+        for node in ast.parse(stub.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ImportFrom):
+                source = f"{face}.{node.module}" if node.module else face
+                module = {
+                    alias.name: source if node.module else f"{face}.{alias.name}" for alias in node.names
+                }
+                found.update({f"{face}.{name}": where for name, where in module.items()})
+            elif isinstance(node, ast.AnnAssign):
+                found[f"{face}.{ast.unparse(node.target)}"] = face
+    return found
+
+
+def crossings(name: str) -> Iterator[tuple[str, int]]:
+    """Yield what a module imports from other packages of the shelves, name by name, with the line."""
+    own, packages = name.partition(".")[0], {module.partition(".")[0] for module in modules()}
+    for node in nodes(name):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] in packages - {own}:
+            yield from ((f"{node.module}.{alias.name}", node.lineno) for alias in node.names)
 
 
 def room_of(module: str) -> str:
@@ -167,6 +199,26 @@ def test_the_engine_keeps_the_rule() -> None:
     """A room imports only what lies below it."""
     assert [name for name in engine_modules() if room_of(name) not in RULE] == []
     assert [breach for name in engine_modules() for breach in breaches(name)] == []
+
+
+def test_between_packages_only_faces_are_imported() -> None:
+    """A face is the `__init__` of a room of the engine, or of a package; `errors` is one as it is."""
+    free = {"lupin_engine.__version__"}
+    strangers = [
+        f"{name}:{line} imports {full}, which no face exports"
+        for name in modules()
+        for full, line in crossings(name)
+        if full not in faces() and full not in free and not full.startswith("lupin_engine.errors.")
+    ]
+    assert strangers == []
+
+
+def test_a_face_exports_what_others_use() -> None:
+    """Other packages, authors of plugins by the page of the contract, and users by that of Python."""
+    used = {full for name in modules() for full, _ in crossings(name)}
+    pages = "".join((ROOT / "docs" / page).read_text(encoding="utf-8") for page in FOR_OTHERS)
+    unused = sorted(set(faces()) - used)
+    assert [full for full in unused if full.rpartition(".")[2] not in pages] == []
 
 
 def plugin_breaches(name: str) -> Iterator[str]:

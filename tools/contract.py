@@ -125,7 +125,7 @@ def page() -> str:
 def _lines() -> Iterator[str]:
     yield from HEAD.splitlines()
     for part in PARTS:
-        module = part.module.removesuffix(".py").replace("/", ".")
+        module = ".".join(part.module.removesuffix(".py").split("/")[:2])
         yield from ("", f"## {part.title}", "", *part.text.splitlines(), "", f"From `{module}`.")
         definitions = _definitions(part.module)
         for name in part.names:

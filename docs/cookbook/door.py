@@ -1,7 +1,6 @@
 """A plugin for the cookbook: it tells when somebody opens the door of the greenhouse."""
 
-from lupin_engine.plugin.contract import EventKind, Plugin
-from lupin_engine.plugin.types import TEXT
+from lupin_engine.plugin import TEXT, EventKind, Plugin
 
 PLUGIN = Plugin(
     name="door",

@@ -1,1 +1,5 @@
 """What a mission says: YAML, positions, models, and one composed, checked chart."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,1 +1,5 @@
 """A chart as a picture: Mermaid and SCXML as text, SVG and PNG drawn without any other program."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,1 +1,5 @@
 """The contract with the outside world: what plugins offer, as typed data that loads without ROS."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,1 +1,5 @@
 """What reads a run: its story, timeline, coverage and figures, a scenario made of it, a debugger."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -16,7 +16,7 @@ from action_msgs.msg import GoalInfo, GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
 
-from lupin_engine.plugin.contract import Outlet
+from lupin_engine.plugin import Outlet
 from lupin_ros.adapter.actions import WORKING, goal_id
 from lupin_ros.adapter.host import Repeater
 from lupin_ros.adapter.node import Goal, Qos, RosNode, ServiceCaller

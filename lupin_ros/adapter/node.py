@@ -59,7 +59,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.types import MAX_SECONDS
+from lupin_engine.plugin import MAX_SECONDS
 from lupin_ros.adapter.actions import (
     CANCEL_LIMIT_S,
     ActionCaller,

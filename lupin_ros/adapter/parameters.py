@@ -23,9 +23,7 @@ from rclpy.parameter import Parameter as RosParameter
 from structlog.typing import FilteringBoundLogger
 
 from lupin_engine.errors import LupinError, PluginError, nearest
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.parameters import carried_as, named, narrowed, sorted_out
-from lupin_engine.plugin.types import MAX_INTEGER, Type
+from lupin_engine.plugin import MAX_INTEGER, Parameter, Type, carried_as, named, narrowed, sorted_out
 
 _ROS_TYPES = {
     "bool": RosParameter.Type.BOOL,

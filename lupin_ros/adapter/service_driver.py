@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from lupin_engine.plugin.contract import Outlet
+from lupin_engine.plugin import Outlet
 from lupin_ros.adapter.host import TimerHandle
 from lupin_ros.adapter.node import CallFailure, ServiceCall, ServiceCaller
 

@@ -18,7 +18,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from lupin_engine.plugin.files import user_folder
+from lupin_engine.plugin import user_folder
 from lupin_ros.adapter.qos import Qos
 
 #: Where ROS tools look for diagnostics.

@@ -13,8 +13,22 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from lupin_engine.errors import LupinError, meant, nearest
-from lupin_engine.plugin.types import ANY, BOOL, INTEGER, NUMBER, POSE, TEXT, Type, convert, list_of
-from lupin_engine.plugin.wire import POSE_MESSAGE, TIMES, pose_fields, seconds_of, time_fields
+from lupin_engine.plugin import (
+    ANY,
+    BOOL,
+    INTEGER,
+    NUMBER,
+    POSE,
+    POSE_MESSAGE,
+    TEXT,
+    TIMES,
+    Type,
+    convert,
+    list_of,
+    pose_fields,
+    seconds_of,
+    time_fields,
+)
 from lupin_ros.interfaces.type_hashes import installed, local_fields, local_source
 
 #: What an interface without any field has in its place.

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from lupin_engine.plugin.discovery import GROUP, PROFILES, entry_points_by_group
+from lupin_engine.plugin import GROUP, PROFILES, entry_points_by_group
 
 _SHELF = Path(__file__).parents[1]
 #: A module of interfaces.

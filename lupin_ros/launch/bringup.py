@@ -14,9 +14,7 @@ from types import MappingProxyType
 from typing import Any, Protocol
 
 from lupin_engine.errors import LupinError, Severity
-from lupin_engine.plugin.contract import RESTARTED
-from lupin_engine.plugin.profile import Profile, Progress
-from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin import RESTARTED, Catalog, Profile, Progress
 from lupin_ros.launch.dds_discovery import settled
 from lupin_ros.launch.description import (
     LaunchDescription,

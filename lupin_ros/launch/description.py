@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.plugin.contract import Plugin
-from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin import Catalog, Plugin
 from lupin_ros.launch.nodes import ORCHESTRATOR, LaunchableNode, nodes_of
 
 #: Values of ROS parameters by name.

@@ -6,8 +6,7 @@ import os
 from pathlib import Path
 
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.domain import DOMAIN, domain_advice
-from lupin_engine.plugin.files import ros_domain
+from lupin_engine.plugin import DOMAIN, domain_advice, ros_domain
 from lupin_ros.adapter import environment
 from lupin_ros.adapter.dds.profile import CLOSED, RANGE, close_the_range, is_closed, users_profile
 

@@ -18,13 +18,16 @@ from typing import Literal
 
 from lupin_engine import __version__
 from lupin_engine.errors import LupinError, Severity, UsageError
-from lupin_engine.missions.folders import lifecycle_in, mission_files
-from lupin_engine.missions.load import check_chart
-from lupin_engine.missions.selection import mission_folders
-from lupin_engine.plugin.discovery import entry_points
-from lupin_engine.plugin.domain import DOMAIN, domain_advice
-from lupin_engine.plugin.files import ros_domain
-from lupin_engine.plugin.registry import load_catalog, load_profiles, verified_plugin
+from lupin_engine.missions import check_chart, lifecycle_in, mission_files, mission_folders
+from lupin_engine.plugin import (
+    DOMAIN,
+    domain_advice,
+    entry_points,
+    load_catalog,
+    load_profiles,
+    ros_domain,
+    verified_plugin,
+)
 from lupin_ros.adapter import environment
 from lupin_ros.adapter.dds.profile import CLOSED, RANGE, users_profile
 from lupin_ros.interfaces.type_hashes import local_hash

@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.errors import Severity
-from lupin_engine.plugin.profile import Profile, Progress, Remark, TargetResult
-from lupin_engine.runtime.history import History
-from lupin_engine.runtime.record import OpenQuestion, open_questions, read_step
+from lupin_engine.plugin import Profile, Progress, Remark, TargetResult
+from lupin_engine.runtime import History, OpenQuestion, open_questions, read_step
 from lupin_ros.service.messages import wire_of
 
 #: Exit codes of a run.

@@ -11,8 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from lupin_engine.errors import LupinError, PluginError, UsageError, nearest
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin import Catalog, Parameter
 from lupin_ros.adapter.process import is_rclpys_end
 from lupin_ros.service import names
 

@@ -22,9 +22,9 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, UsageError
-from lupin_engine.machine.event import NOTHING
-from lupin_engine.plugin.profile import Profile, StartRequest
-from lupin_engine.runtime.client_clocks import APART_S, STALE
+from lupin_engine.machine import NOTHING
+from lupin_engine.plugin import Profile, StartRequest
+from lupin_engine.runtime import APART_S, STALE
 from lupin_ros.adapter.network import Kind, interfaces
 from lupin_ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
 from lupin_ros.interfaces.definitions import interface_class
@@ -38,7 +38,7 @@ from lupin_ros.service.names import (
 )
 
 if TYPE_CHECKING:
-    from lupin_engine.runtime.record import OpenQuestion
+    from lupin_engine.runtime import OpenQuestion
 
 _START = "start"
 #: How long more of the last steps are waited for, in seconds, and how many are kept.
@@ -235,7 +235,7 @@ class Attendant(Commander):
 
     def asked(self) -> list[OpenQuestion]:
         """Return what is asked now; there must be a step."""
-        from lupin_engine.runtime.record import open_questions  # a seventh of the time that a pause takes
+        from lupin_engine.runtime import open_questions  # a seventh of the time that a pause takes
 
         return open_questions(self.steps[-1]["view"], self.now)
 

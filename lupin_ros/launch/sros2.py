@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 from types import MappingProxyType
 from xml.etree import ElementTree as Xml
 
-from lupin_engine.plugin.contract import Access
+from lupin_engine.plugin import Access
 from lupin_ros.adapter.network import ACTION, Interface
 from lupin_ros.adapter.node import OPERATOR_ENCLAVE, enclave_of
 from lupin_ros.service.names import DIAGNOSTICS_TOPIC

@@ -13,8 +13,8 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from rclpy.publisher import Publisher
 
-from lupin_engine.bindings.data import Binding, Endpoint, MessageHeard, MessageSent, OperationCall, Sending
-from lupin_engine.plugin.contract import Outlet
+from lupin_engine.bindings import Binding, Endpoint, MessageHeard, MessageSent, OperationCall, Sending
+from lupin_engine.plugin import Outlet
 from lupin_ros.adapter.action_driver import ActionAttempts, ActionOperation, ActionServer
 from lupin_ros.adapter.node import CallFailure, Qos, RosNode, RosTimer, peer_mismatches
 from lupin_ros.adapter.peers import is_listened_to

@@ -15,10 +15,9 @@ from functools import partial
 from typing import Any
 
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.machine import Machine
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.runtime.clock import Clock
-from lupin_engine.runtime.explanation import explanation
+from lupin_engine.machine import Machine
+from lupin_engine.missions import LoadedMissions
+from lupin_engine.runtime import Clock, explanation
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.interfaces.definitions import interface_class
 from lupin_ros.service import messages
@@ -81,7 +80,7 @@ class Displays:
         self, loaded: LoadedMissions, folded: frozenset[str], drawn: Callable[[str, str], None]
     ) -> None:
         """Draw; on a thread of its own, which the start of the node does not wait for."""
-        from lupin_engine.diagram.folding import folded_svg
+        from lupin_engine.diagram import folded_svg
 
         svg = problem = ""
         try:

@@ -7,18 +7,24 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from lupin_engine import __version__
-from lupin_engine.machine.event import HELD_BACK, TOLD, Event
-from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.requests import Possibility
-from lupin_engine.machine.step import Refusal, Step, View
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.contract import CLOSED_CODE, RECORDED_CODE, UNRECORDED, UNRECORDED_CODE, Parameter
-from lupin_engine.plugin.profile import START, Fields, Profile, Publish
-from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, TEXT
-from lupin_engine.runtime.journal.journal import Journal, Keep, journal_folder
-from lupin_engine.runtime.journal.records import JournalHead
-from lupin_engine.runtime.journal.recovery import Leftover
-from lupin_engine.runtime.journal.refusals import Refusals
+from lupin_engine.machine import HELD_BACK, TOLD, Event, Machine, Possibility, Refusal, Step, View
+from lupin_engine.missions import LoadedMissions
+from lupin_engine.plugin import (
+    BOOL,
+    CLOSED_CODE,
+    COUNT,
+    NUMBER,
+    RECORDED_CODE,
+    START,
+    TEXT,
+    UNRECORDED,
+    UNRECORDED_CODE,
+    Fields,
+    Parameter,
+    Profile,
+    Publish,
+)
+from lupin_engine.runtime import Journal, JournalHead, Keep, Leftover, Refusals, journal_folder
 from lupin_ros.adapter.host import Slices
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.orchestrator.resuming import LookBack

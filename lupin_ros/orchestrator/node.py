@@ -18,33 +18,55 @@ from typing import Any
 from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, shortened
-from lupin_engine.machine.event import NOTHING, RELEASED, TOLD, Event, Report
-from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.reload import is_idle, successor
-from lupin_engine.machine.requests import UNKNOWN_MISSION
-from lupin_engine.machine.step import Moment, Refusal, Step, View
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.builtin import BUILTIN
-from lupin_engine.plugin.clients import make_client
-from lupin_engine.plugin.contract import CLOSED_CODE, EXECUTION_CODE, RESTARTED, Driver, Parameter
-from lupin_engine.plugin.profile import (
+from lupin_engine.machine import (
+    NOTHING,
+    RELEASED,
+    TOLD,
+    UNKNOWN_MISSION,
+    Event,
+    Machine,
+    Moment,
+    Refusal,
+    Report,
+    Step,
+    View,
+    is_idle,
+    successor,
+)
+from lupin_engine.missions import LoadedMissions
+from lupin_engine.plugin import (
     ANSWER,
+    BUILTIN,
+    CLOSED_CODE,
+    EXECUTION_CODE,
+    NUMBER,
+    RESTARTED,
     START,
     START_VERB,
+    TEXT,
     Channel,
+    Driver,
     Fields,
+    Parameter,
     Publish,
     StartAnswer,
     given_fields,
+    list_of,
+    load_catalog,
+    make_client,
 )
-from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.plugin.types import NUMBER, TEXT, list_of
-from lupin_engine.runtime.client_clocks import STALE, STALE_AFTER_S, ClientClocks
-from lupin_engine.runtime.engine import Engine
-from lupin_engine.runtime.journal.records import JournalRecord
-from lupin_engine.runtime.journal.recovery import outcomes_of, resumed_event
-from lupin_engine.runtime.journal.replay import resumed
-from lupin_engine.runtime.setup import make_machine, make_world
+from lupin_engine.runtime import (
+    STALE,
+    STALE_AFTER_S,
+    ClientClocks,
+    Engine,
+    JournalRecord,
+    make_machine,
+    make_world,
+    outcomes_of,
+    resumed,
+    resumed_event,
+)
 from lupin_ros.adapter.executor import StaleAfter
 from lupin_ros.adapter.node import Qos, RosNode, RosTimer
 from lupin_ros.adapter.process import signals_call

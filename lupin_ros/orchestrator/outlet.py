@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from lupin_engine.runtime.engine import Engine, EngineOutlet
+from lupin_engine.runtime import Engine, EngineOutlet
 from lupin_ros.adapter.node import RosNode
 
 

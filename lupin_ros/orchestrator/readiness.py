@@ -7,8 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from lupin_engine.plugin.builtin import MISSING
-from lupin_engine.plugin.contract import Driver, Outlet
+from lupin_engine.plugin import MISSING, Driver, Outlet
 from lupin_ros.adapter.host import TimerHandle
 
 #: How often the drivers are asked, in seconds.

@@ -8,22 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import LupinError, UsageError
-from lupin_engine.machine.machine import Machine
-from lupin_engine.missions.folders import lifecycle_in
-from lupin_engine.missions.load import LoadedMissions, load_chart
-from lupin_engine.plugin.contract import CLOSED_CODE, Parameter
-from lupin_engine.plugin.profile import Publish, Rating
-from lupin_engine.plugin.types import TEXT
-from lupin_engine.runtime.journal.journal import CHARTS
-from lupin_engine.runtime.journal.recovery import (
+from lupin_engine.machine import Machine
+from lupin_engine.missions import LoadedMissions, lifecycle_in, load_chart
+from lupin_engine.plugin import CLOSED_CODE, TEXT, Parameter, Publish, Rating
+from lupin_engine.runtime import (
+    CHARTS,
     Leftover,
     Recovered,
     goes_on,
     leftover,
+    make_world,
     open_targets,
     recover,
 )
-from lupin_engine.runtime.setup import make_world
 from lupin_ros.adapter.node import RosNode
 
 ASK, CONTINUE, ABORT = POLICIES = ("ask", "continue", "abort")

@@ -10,7 +10,7 @@ from typing import Any
 
 from std_msgs.msg import String
 
-from lupin_engine.plugin.profile import Wire
+from lupin_engine.plugin import Wire
 from lupin_ros.adapter.network import NAMELESS, node_name
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.adapter.peers import service_channels

@@ -15,15 +15,10 @@ from typing import Any
 
 from std_msgs.msg import String
 
-from lupin_engine.machine.event import Report
-from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.step import Step, View
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import COUNT, TEXT
-from lupin_engine.runtime.clock import Clock
-from lupin_engine.runtime.journal.journal import domain_folder
-from lupin_engine.runtime.offer import missions_record
+from lupin_engine.machine import Machine, Report, Step, View
+from lupin_engine.missions import LoadedMissions
+from lupin_engine.plugin import COUNT, TEXT, Parameter
+from lupin_engine.runtime import Clock, domain_folder, missions_record
 from lupin_ros.adapter.host import Slices
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.orchestrator.displays import giving_way

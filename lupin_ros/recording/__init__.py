@@ -1,1 +1,5 @@
 """A run as a file that anybody can open: every topic, as MCAP with the definitions of its messages."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

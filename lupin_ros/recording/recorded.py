@@ -12,15 +12,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from lupin_engine.errors import LupinError, shortened
-from lupin_engine.machine.machine import Machine
-from lupin_engine.missions.folders import lifecycle_in, mission_files
-from lupin_engine.missions.load import LoadedMissions, load_files
-from lupin_engine.plugin.contract import Access
-from lupin_engine.plugin.pages import PageMessage
-from lupin_engine.plugin.profile import Profile
-from lupin_engine.plugin.registry import Catalog
-from lupin_engine.runtime.explanation import explanation
-from lupin_engine.runtime.journal.moments import JournalMoments
+from lupin_engine.machine import Machine
+from lupin_engine.missions import LoadedMissions, lifecycle_in, load_files, mission_files
+from lupin_engine.plugin import Access, Catalog, PageMessage, Profile
+from lupin_engine.runtime import JournalMoments, explanation
 from lupin_ros.recording.file import JOURNAL_TYPE
 from lupin_ros.recording.reader import Recording
 from lupin_ros.service import names

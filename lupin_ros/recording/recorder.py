@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import LupinError, Severity, UsageError
-from lupin_engine.plugin.profile import Profile, Wire
-from lupin_engine.runtime.journal.journal import journal_files, journal_folder
+from lupin_engine.plugin import Profile, Wire
+from lupin_engine.runtime import journal_files, journal_folder
 from lupin_ros.adapter.network import node_name
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.adapter.qos import asks_more, heard_profile, offers_text

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from lupin_engine.diagram.descriptions import ElementTexts
-from lupin_engine.diagram.folding import folded_svg
+from lupin_engine.diagram import ElementTexts, folded_svg
 from lupin_engine.errors import LupinError, Place, reason, shortened
-from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.missions import LoadedMissions
 
 
 def chart_record(loaded: LoadedMissions) -> dict[str, Any]:

@@ -14,12 +14,10 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart import Chart
 from lupin_engine.errors import nearest, shortened
-from lupin_engine.machine.event import Event
-from lupin_engine.machine.requests import BAD_REQUEST, MAX_PROBLEMS
-from lupin_engine.machine.step import Refusal, Step
-from lupin_engine.plugin.profile import ANSWER, ANSWER_VERB, OWN_VERBS, START, START_VERB
+from lupin_engine.machine import BAD_REQUEST, MAX_PROBLEMS, Event, Refusal, Step
+from lupin_engine.plugin import ANSWER, ANSWER_VERB, OWN_VERBS, START, START_VERB
 
 #: The field of an answer.
 CHOICE = "choice"

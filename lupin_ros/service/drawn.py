@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from lupin_engine.diagram.folding import folded_svg
+from lupin_engine.diagram import folded_svg
 from lupin_engine.errors import LupinError
-from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.missions import LoadedMissions
 from lupin_ros.service import names
 from lupin_ros.service.chart_record import check_chart
 

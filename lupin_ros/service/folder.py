@@ -15,24 +15,28 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.bindings.catalog import BINDINGS, lupin_file
-from lupin_engine.bindings.reader import check_definition
-from lupin_engine.chart.findings import Findings
+from lupin_engine.bindings import BINDINGS, check_definition, lupin_file
+from lupin_engine.chart import Findings
 from lupin_engine.errors import ChartError, LupinError
-from lupin_engine.machine.structure import dispatch_table
-from lupin_engine.missions.bundle import Bundle, check_signed, read_bundle, unpack
-from lupin_engine.missions.folders import (
+from lupin_engine.machine import dispatch_table
+from lupin_engine.missions import (
     BUNDLE,
     PARTS,
+    Bundle,
+    LoadedMissions,
+    SeenBundles,
+    check_signed,
     check_sizes,
     default_missions_folder,
     find_mission,
     lifecycle_in,
+    load_files,
     mission_files,
+    read_bundle,
+    seen_file,
+    unpack,
 )
-from lupin_engine.missions.load import LoadedMissions, load_files
-from lupin_engine.missions.seen import SeenBundles, seen_file
-from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin import Catalog
 from lupin_ros.interfaces.definitions import interface_types
 
 #: How often the folder is looked at while no mission runs, in seconds.

@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.step import View
-from lupin_engine.plugin.contract import Code, classify
-from lupin_engine.plugin.profile import Fields, Profile, Situation, Wire
+from lupin_engine.machine import View
+from lupin_engine.plugin import Code, Fields, Profile, Situation, Wire, classify
 from lupin_ros.interfaces.definitions import element_of
 
 

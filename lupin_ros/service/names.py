@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import Access
+from lupin_engine.plugin import Access
 
 #: The orchestrator's node.
 NODE = "mission_orchestrator"

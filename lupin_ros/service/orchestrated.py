@@ -9,16 +9,11 @@ from dataclasses import asdict
 from typing import Any
 
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.event import NOTHING, Event
-from lupin_engine.machine.scope import World
-from lupin_engine.machine.step import Refusal, Step
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.pages import PageMessage
-from lupin_engine.plugin.profile import START, Fields, Publish
-from lupin_engine.plugin.wire import time_fields
-from lupin_engine.runtime.explanation import explanation
-from lupin_engine.runtime.offer import missions_record
-from lupin_engine.sim.simulation import Script, Simulation
+from lupin_engine.machine import NOTHING, Event, Refusal, Step, World
+from lupin_engine.missions import LoadedMissions
+from lupin_engine.plugin import START, Fields, PageMessage, Publish, time_fields
+from lupin_engine.runtime import explanation, missions_record
+from lupin_engine.sim import Script, Simulation
 from lupin_ros.service import commands, messages, names
 from lupin_ros.service.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_ros.service.drawn import drawn, shown

@@ -13,13 +13,22 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 from lupin_engine.errors import LupinError, nearest
-from lupin_engine.machine.scope import World
-from lupin_engine.machine.step import Step
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.contract import Access
-from lupin_engine.plugin.pages import PageMessage
-from lupin_engine.sim.by_hand import Hand, Read, Wrong, first
-from lupin_engine.sim.simulation import Effect, Restart, Script, Simulation, Standstill, Tell, is_named
+from lupin_engine.machine import Step, World
+from lupin_engine.missions import LoadedMissions
+from lupin_engine.plugin import Access, PageMessage
+from lupin_engine.sim import (
+    Effect,
+    Hand,
+    Read,
+    Restart,
+    Script,
+    Simulation,
+    Standstill,
+    Tell,
+    Wrong,
+    first,
+    is_named,
+)
 from lupin_ros.service import messages, names
 from lupin_ros.service.chart_record import chart_picture, chart_record
 from lupin_ros.service.orchestrated import VirtualOrchestrator

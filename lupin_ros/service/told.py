@@ -11,12 +11,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.step import Moment, Step, View
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.profile import Fields, Publish, Wire
-from lupin_engine.runtime.possible import Foresight
-from lupin_engine.runtime.record import step_record, view_record
+from lupin_engine.machine import Machine, Moment, Step, View
+from lupin_engine.missions import LoadedMissions
+from lupin_engine.plugin import Fields, Publish, Wire
+from lupin_engine.runtime import Foresight, step_record, view_record
 from lupin_ros.service import messages
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import Access, Action, Argument, Parameter, Plugin
-from lupin_engine.plugin.types import BOOL, ROS_NAME, TEXT
+from lupin_engine.plugin import BOOL, ROS_NAME, TEXT, Access, Action, Argument, Parameter, Plugin
 
 PLUGIN = Plugin(
     name="arm",

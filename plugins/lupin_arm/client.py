@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from lupin_engine.plugin.contract import Outlet
+from lupin_engine.plugin import Outlet
 from lupin_msgs.srv import SetArmPreset
-from lupin_ros.adapter.node import CallFailure, RosNode
+from lupin_ros.adapter import CallFailure, RosNode
 
 #: Timeout of a preset, in seconds. The server answers when it has sent the motion, not when the arm arrives.
 CALL_DEADLINE_S = 5.0

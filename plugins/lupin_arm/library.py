@@ -32,7 +32,7 @@ from lupin_arm.joints import (
     jaw_to_degrees,
 )
 from lupin_engine.errors import LupinError, nearest, shortened
-from lupin_engine.plugin.files import write_atomically
+from lupin_engine.plugin import write_atomically
 
 #: Version of the file; one of a later version is left alone.
 VERSION = 1

@@ -6,7 +6,13 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.plugin.contract import (
+from lupin_engine.plugin import (
+    BOOL,
+    DURATION,
+    INTEGER,
+    NUMBER,
+    ROS_NAME,
+    TEXT,
     Access,
     Argument,
     Code,
@@ -16,21 +22,13 @@ from lupin_engine.plugin.contract import (
     Parameter,
     Parameters,
     Plugin,
-)
-from lupin_engine.plugin.types import (
-    BOOL,
-    DURATION,
-    INTEGER,
-    NUMBER,
-    ROS_NAME,
-    TEXT,
     Type,
     list_of,
     named_values,
     number_in,
     one_of,
 )
-from lupin_greenhouse.readings import MEASURED, SENSOR
+from lupin_greenhouse import MEASURED, SENSOR
 
 #: What the sensors at one tag measured in one poll; `stamp` is seconds of the bridge's clock.
 READING = Type(

@@ -7,12 +7,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_bridge.catalog import SCAN_FAILED, UNKNOWN_TAG
-from lupin_engine.plugin.contract import Outlet
-from lupin_engine.plugin.wire import seconds_of
+from lupin_engine.plugin import Outlet, seconds_of
 from lupin_msgs.msg import TagReading
 from lupin_msgs.srv import GetTagReading
-from lupin_ros.adapter.node import CallFailure, RosNode
-from lupin_ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
+from lupin_ros.adapter import CallFailure, Done, Failed, RosNode, ServiceDriver, ServiceOperation
 
 
 class BridgeClient(ServiceDriver):

@@ -11,7 +11,7 @@ from lupin_bridge.choice import check, make_backend
 from lupin_engine.errors import Severity
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import GetTagReading
-from lupin_ros.adapter.node import RosNode
+from lupin_ros.adapter import RosNode
 
 __all__ = ["PARAMETERS", "BridgeNode", "check", "main"]
 

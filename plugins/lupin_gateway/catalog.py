@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import Plugin
+from lupin_engine.plugin import Plugin
 
 PLUGIN = Plugin(
     name="gateway",

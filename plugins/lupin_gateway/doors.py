@@ -21,9 +21,9 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from lupin_engine.errors import LupinError, Problems, meant, nearest, or_else, shortened
-from lupin_engine.plugin.contract import Access
+from lupin_engine.plugin import Access
 from lupin_gateway.motion.names import MotionNames
-from lupin_greenhouse.stops import HMI_TOPIC
+from lupin_greenhouse import HMI_TOPIC
 
 #: The topic on which each page tells its software stop. Everybody who may come in may tell it: `stop` judges.
 STOP_TOPIC = HMI_TOPIC

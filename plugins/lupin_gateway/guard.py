@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from lupin_engine.plugin.contract import Access
+from lupin_engine.plugin import Access
 from lupin_gateway import protocol
 from lupin_gateway.audit import AuditLog, Repetitions, command_line, login_line
 from lupin_gateway.doors import STOP_TOPIC, Allowance, AllowList, Doors, NotAdmitted, Use, UserRole, Visitor

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from lupin_engine.errors import Severity
-from lupin_engine.plugin.profile import (
+from lupin_engine.plugin import (
     Fields,
     Progress,
     Projection,
@@ -20,9 +20,11 @@ from lupin_engine.plugin.profile import (
     StartRequest,
     TargetOutcome,
     TargetResult,
+    filled_in,
     last,
+    pose_fields,
+    time_fields,
 )
-from lupin_engine.plugin.wire import filled_in, pose_fields, time_fields
 from lupin_greenhouse.mission import STAGES
 
 #: The counters of MissionState are uint16; a robot that monitors for weeks stays at the highest.

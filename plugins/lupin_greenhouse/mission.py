@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lupin_engine.plugin.profile import Stages
+from lupin_engine.plugin import Stages
 
 #: The published states of missions/lifecycle.yaml that are not the missions' own.
 STAGES = Stages(

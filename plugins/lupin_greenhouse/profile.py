@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import Access, Argument
-from lupin_engine.plugin.profile import (
+from lupin_engine.plugin import (
+    ANY,
+    TEXT,
+    Access,
+    Argument,
     Channel,
     Flag,
     OperatorRequest,
@@ -12,9 +15,10 @@ from lupin_engine.plugin.profile import (
     RequestField,
     StartService,
     Terminal,
+    Type,
     Wire,
+    list_of,
 )
-from lupin_engine.plugin.types import ANY, TEXT, Type, list_of
 from lupin_greenhouse import messages
 from lupin_greenhouse.mission import STAGES
 from lupin_greenhouse.readings import SENSOR_UNITS

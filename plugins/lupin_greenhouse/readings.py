@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from lupin_engine.plugin.types import NUMBER, TEXT, Type, number_in
+from lupin_engine.plugin import NUMBER, TEXT, Type, number_in
 
 #: What is measured, each with the unit that it is told in; soil moisture from 0 to 1.
 SENSOR_UNITS: Mapping[str, str] = {

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_greenhouse.layout import Table
+from lupin_greenhouse import Table
 from lupin_nav.overrides import Override
 from lupin_nav.plates import side_of
 

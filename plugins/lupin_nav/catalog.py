@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.plugin.contract import (
+from lupin_engine.plugin import (
+    ANGLE,
+    BOOL,
+    COUNT,
+    DURATION,
+    INTEGER,
+    LENGTH,
+    NUMBER,
+    POSE,
+    ROS_NAME,
+    TEXT,
     Access,
     Argument,
     Code,
@@ -19,18 +29,6 @@ from lupin_engine.plugin.contract import (
     Parameters,
     Plugin,
     Reader,
-)
-from lupin_engine.plugin.types import (
-    ANGLE,
-    BOOL,
-    COUNT,
-    DURATION,
-    INTEGER,
-    LENGTH,
-    NUMBER,
-    POSE,
-    ROS_NAME,
-    TEXT,
     Type,
     list_of,
 )

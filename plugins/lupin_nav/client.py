@@ -17,26 +17,25 @@ from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import BatteryState
 from tf2_msgs.msg import TFMessage
 
-from lupin_engine.plugin.contract import Outlet
-from lupin_engine.plugin.wire import pose_fields
-from lupin_greenhouse.frames import frame_name
-from lupin_greenhouse.node.estop import StopListener
-from lupin_greenhouse.stops import StopState
+from lupin_engine.plugin import Outlet, pose_fields
+from lupin_greenhouse import StopListener, StopState, frame_name
 from lupin_nav import goal_status, localization
 from lupin_nav.battery import Charges, charge
 from lupin_nav.exploration import Explorer
 from lupin_nav.frontier import Point
 from lupin_nav.standstill import MovementWatch
-from lupin_ros.adapter.action_driver import (
+from lupin_ros.adapter import (
     WATCH_PERIOD_S,
     ActionAttempts,
     ActionOperation,
     ActionServer,
+    Done,
+    Failed,
+    Qos,
+    Repeater,
+    RosNode,
+    WarnOnce,
 )
-from lupin_ros.adapter.host import Repeater
-from lupin_ros.adapter.logs import WarnOnce
-from lupin_ros.adapter.node import Qos, RosNode
-from lupin_ros.adapter.service_driver import Done, Failed
 
 #: What people are told when the robot does not stop.
 REFUSES = "the robot may be moving: navigation refuses to stop"

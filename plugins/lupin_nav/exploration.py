@@ -10,9 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from lupin_engine.plugin.contract import Outlet
-from lupin_greenhouse.frames import Frames
-from lupin_greenhouse.poses import heading
+from lupin_engine.plugin import Outlet
+from lupin_greenhouse import Frames, heading
 from lupin_nav.frontier import Frontier, OccupancyGrid, Point, Survey, Thresholds, make_grid, survey
 
 #: The position of the robot; None while it is unknown.

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from lupin_engine.plugin.contract import Parameters
+from lupin_engine.plugin import Parameters
 from lupin_greenhouse import layout
 from lupin_nav import overrides
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from lupin_greenhouse.poses import heading
+from lupin_greenhouse import heading
 
 #: Places of x, y and yaw on the diagonal of a row-major 6 x 6 covariance.
 PLANAR = (0, 7, 35)

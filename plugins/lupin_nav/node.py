@@ -15,15 +15,19 @@ from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
 from std_msgs.msg import Bool
 
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import DURATION, ROS_NAME
-from lupin_greenhouse.mission import is_under_way
-from lupin_greenhouse.node.estop import StopListener
-from lupin_greenhouse.node.watchdog import WATCHDOG_PARAMETERS, WATCHDOG_TIMEOUT, WATCHED, SilenceWatchdog
-from lupin_greenhouse.stops import PAGES_TOPIC, StopState
+from lupin_engine.plugin import DURATION, ROS_NAME, Parameter
+from lupin_greenhouse import (
+    PAGES_TOPIC,
+    WATCHDOG_PARAMETERS,
+    WATCHDOG_TIMEOUT,
+    WATCHED,
+    SilenceWatchdog,
+    StopListener,
+    StopState,
+    is_under_way,
+)
 from lupin_msgs.msg import MissionState
-from lupin_ros.adapter.host import Repeater
-from lupin_ros.adapter.node import CallFailure, Qos, RosNode
+from lupin_ros.adapter import CallFailure, Qos, Repeater, RosNode
 
 #: Seconds between two cancels, and how long the answer to one may take.
 PERIOD_S = 0.5

@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from lupin_engine.errors import LupinError
-from lupin_greenhouse.numbers import finite
+from lupin_greenhouse import finite
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lupin_greenhouse.layout import Table
-from lupin_greenhouse.plates import LENGTH, PLATE_M, WIDTH, clearance
+from lupin_greenhouse import LENGTH, PLATE_M, WIDTH, Table, clearance
 
 #: Of several sides a tag hangs where there is most room at this distance before it.
 VIEWING_M = 0.5

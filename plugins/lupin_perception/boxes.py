@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lupin_greenhouse.poses import Array, Pose, matrix
+from lupin_greenhouse import Array, Pose, matrix
 
 #: The share of a turn by the golden ratio: multiples of it never cluster.
 GOLDEN = 0.6180339887498949

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import (
+from lupin_engine.plugin import (
+    BOOL,
+    COUNT,
+    DURATION,
+    LENGTH,
+    NUMBER,
+    ROS_NAME,
+    TEXT,
     Access,
     Argument,
     Code,
@@ -12,8 +19,9 @@ from lupin_engine.plugin.contract import (
     Operation,
     Parameter,
     Plugin,
+    Type,
+    list_of,
 )
-from lupin_engine.plugin.types import BOOL, COUNT, DURATION, LENGTH, NUMBER, ROS_NAME, TEXT, Type, list_of
 
 #: A tag that was seen: its id and position in metres in frame `map`, the rotation of its plate (+Z is the
 #: plate's normal; x, y, z, w as in ROS), the dominant flower with its confidence (0 to 1), whether a pest was

@@ -7,16 +7,22 @@ from functools import partial
 from typing import Any
 
 from lupin_engine.errors import shortened
-from lupin_engine.plugin.contract import Outlet
-from lupin_engine.plugin.wire import seconds_of
-from lupin_greenhouse.frames import frame_name
+from lupin_engine.plugin import Outlet, seconds_of
+from lupin_greenhouse import frame_name
 from lupin_msgs.msg import DiscoveredTags
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.discovered import records
 from lupin_perception.sightings import MAP
-from lupin_ros.adapter.logs import WarnOnce
-from lupin_ros.adapter.node import CallFailure, Qos, RosNode
-from lupin_ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
+from lupin_ros.adapter import (
+    CallFailure,
+    Done,
+    Failed,
+    Qos,
+    RosNode,
+    ServiceDriver,
+    ServiceOperation,
+    WarnOnce,
+)
 
 #: Seconds from an answer "not seen" to the next question, as long as the attempt has time left.
 ASK_AGAIN_S = 0.25

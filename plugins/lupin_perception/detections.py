@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from lupin_greenhouse.numbers import finite
+from lupin_greenhouse import finite
 from lupin_perception.boxes import PlanterBox, Size
 
 #: The longest text, in characters, and the longest list that are read: a frame has some dozens of entries.

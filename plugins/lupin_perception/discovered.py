@@ -10,8 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_greenhouse.layout import numeric_key
-from lupin_greenhouse.poses import seen_turn
+from lupin_greenhouse import numeric_key, seen_turn
 
 Record = Mapping[str, Any]
 

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_greenhouse.mission import is_under_way
-from lupin_greenhouse.poses import Array
+from lupin_greenhouse import Array, is_under_way
 from lupin_perception.boxes import BoxView, column_of, is_inside
 from lupin_perception.detections import Detection
 

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lupin_greenhouse.layout import Layout, Table, Tag
-from lupin_greenhouse.poses import Array, Pose, matrix
+from lupin_greenhouse import Array, Layout, Pose, Table, Tag, matrix
 from lupin_perception.boxes import PlanterBox, Size
 
 #: Tags that a fit keeps however badly they fit: of two nobody can say which one is wrong.

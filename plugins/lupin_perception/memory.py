@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import LupinError
-from lupin_engine.plugin.files import ros_domain, user_folder, write_atomically
-from lupin_greenhouse.poses import pose_of
+from lupin_engine.plugin import ros_domain, user_folder, write_atomically
+from lupin_greenhouse import pose_of
 from lupin_perception.anomalies import Point
 from lupin_perception.flowers import ColumnBloom, ScanSummary
 from lupin_perception.registry import Known

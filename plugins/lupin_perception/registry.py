@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lupin_engine.errors import shortened
-from lupin_greenhouse.poses import Pose
+from lupin_greenhouse import Pose
 from lupin_perception.flowers import ScanSummary
 
 #: Tags that are remembered; more in one greenhouse are a detector gone wild. The message with all of them is

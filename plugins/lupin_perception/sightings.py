@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from lupin_greenhouse.frames import Frames
-from lupin_greenhouse.poses import Pose
+from lupin_greenhouse import Frames, Pose
 from lupin_perception.detections import MAX_ENTRIES, TagSeen
 from lupin_perception.registry import Known, Registry
 

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_greenhouse.layout import Table, Tag
-from lupin_greenhouse.plates import LENGTH, WIDTH
+from lupin_greenhouse import LENGTH, WIDTH, Table, Tag
 from lupin_sim.floor import Point
 from lupin_sim.layout import Floorplan
 from lupin_sim.robot import FloorPose

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from lupin_greenhouse.plates import PLATE_M
+from lupin_greenhouse import PLATE_M
 from lupin_sim.camera import Plate
 from lupin_sim.floor import Point
 from lupin_sim.robot import FloorPose

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_greenhouse.layout import Table
-from lupin_greenhouse.plates import LENGTH, WIDTH
+from lupin_greenhouse import LENGTH, WIDTH, Table
 
 Point = tuple[float, float]
 

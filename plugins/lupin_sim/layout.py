@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lupin_greenhouse import layout, plates
-from lupin_greenhouse.layout import Table, Tag
+from lupin_greenhouse import Table, Tag, layout, plates
 
 
 @dataclass(frozen=True)

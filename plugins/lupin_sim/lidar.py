@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_greenhouse.plates import LENGTH, WIDTH
+from lupin_greenhouse import LENGTH, WIDTH
 from lupin_sim.layout import Floorplan
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100

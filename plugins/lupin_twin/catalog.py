@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
-from lupin_engine.plugin.contract import Access, LiveValue, Parameter, Plugin
-from lupin_engine.plugin.types import BOOL, DURATION, NUMBER, ROS_NAME, TEXT, Type, list_of, named_values
-from lupin_greenhouse.readings import MEASURED, SENSOR
+from lupin_engine.plugin import (
+    BOOL,
+    DURATION,
+    NUMBER,
+    ROS_NAME,
+    TEXT,
+    Access,
+    LiveValue,
+    Parameter,
+    Plugin,
+    Type,
+    list_of,
+    named_values,
+)
+from lupin_greenhouse import MEASURED, SENSOR
 
 #: `age` is the time since the tag was observed; of one that never was, years.
 TWIN_TAG = Type(

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.plugin.contract import Outlet
-from lupin_engine.plugin.wire import seconds_of
+from lupin_engine.plugin import Outlet, seconds_of
 from lupin_msgs.msg import TwinState, TwinTagState
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter import Qos, RosNode
 
 
 class TwinClient:

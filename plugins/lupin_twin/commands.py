@@ -12,8 +12,8 @@ from typing import Any
 import click
 
 from lupin_engine.errors import LupinError, Problems, UsageError, nearest
-from lupin_engine.plugin.files import write_atomically
-from lupin_greenhouse.layout import numeric_key
+from lupin_engine.plugin import write_atomically
+from lupin_greenhouse import numeric_key
 from lupin_twin.export.forms import finite, utc
 from lupin_twin.export.geojson import geojson
 from lupin_twin.export.georeference import FORM, Georeference

@@ -12,12 +12,10 @@ from geometry_msgs.msg import Point, Point32, Polygon, Pose, Quaternion
 from nav_msgs.msg import OccupancyGrid
 from std_msgs.msg import Header, String
 
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import COUNT, NUMBER, ROS_NAME, TEXT, number_in
-from lupin_engine.plugin.wire import filled_in, time_fields
+from lupin_engine.plugin import COUNT, NUMBER, ROS_NAME, TEXT, Parameter, filled_in, number_in, time_fields
 from lupin_msgs.msg import DiscoveredTags, FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
 from lupin_msgs.srv import GetField
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter import Qos, RosNode
 from lupin_twin import wire
 from lupin_twin.field import DEFAULTS, InterpolationSettings, OccupancyMap
 from lupin_twin.heatmap import FieldRequestRefused, Heatmap, Heatmaps, Request

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from lupin_engine.plugin.files import ros_domain, user_folder
+from lupin_engine.plugin import ros_domain, user_folder
 
 
 def store_path(given: str = "", domain: int | None = None) -> str:

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
-from lupin_engine.plugin.files import read_domain
+from lupin_engine.plugin import read_domain
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 

@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from lupin_engine.errors import LupinError, shortened
-from lupin_engine.plugin.wire import seconds_of
-from lupin_greenhouse.frames import frame_name
-from lupin_greenhouse.poses import seen_turn
+from lupin_engine.plugin import seconds_of
+from lupin_greenhouse import frame_name, seen_turn
 from lupin_twin.field import OccupancyMap
 from lupin_twin.records import Anomaly, Bloom, BoxOutline, Corners, Discovery, Flowers, Observed, Pin, Reading
 

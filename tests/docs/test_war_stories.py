@@ -17,6 +17,8 @@ from tests.docs.proofs import ON_THE_WIRE, Kind, kind_of
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "war-stories.md"
 SCENARIOS = ROOT / "tests" / "scenarios" / "war_stories"
+#: Below tests/.
+WIRE = "lupin_ros/system/wire"
 
 #: The stories as they are numbered: told by the field (62 was never given), and found by reading.
 NUMBERS = [str(number) for number in range(1, 79) if number != 62] + [f"A{number}" for number in range(1, 43)]

@@ -11,22 +11,23 @@ from typing import TYPE_CHECKING, Any
 from lupin_cli.run_folders import new_run_folder, writable
 from lupin_cli.settings import of_nodes, of_the_mission, settings_in
 from lupin_engine.errors import LupinError, PluginError, Problems, UsageError, nearest
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.registry import Catalog
-from lupin_ros.launch.description import (
+from lupin_engine.missions import LoadedMissions
+from lupin_engine.plugin import Catalog, Parameter
+from lupin_ros.launch import (
+    ORCHESTRATOR,
     NodeLaunch,
     ParameterValues,
     PresentEndpoints,
+    close_the_doors,
     describe_launch,
+    for_children,
+    nodes_of,
+    prepare_ros,
     simulators,
 )
-from lupin_ros.launch.environment import close_the_doors, for_children
-from lupin_ros.launch.nodes import ORCHESTRATOR, nodes_of
-from lupin_ros.launch.requirements import prepare_ros
 
 if TYPE_CHECKING:
-    from lupin_ros.launch.bringup import BringupSettings
+    from lupin_ros.launch import BringupSettings
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class CheckedOptions:
             parameters = self._parameters(given)
             self._check_nodes(parameters, given)
         self.problems.tell()
-        from lupin_ros.launch.bringup import BringupSettings  # needs rclpy
+        from lupin_ros.launch import BringupSettings  # needs rclpy
 
         folder = new_run_folder(self._wanted.log_dir)
         return BringupSettings(
@@ -141,7 +142,7 @@ class CheckedOptions:
     def _own(self) -> Mapping[str, Parameter]:
         """The orchestrator's own parameters, which are not the missions'."""
         prepare_ros()
-        from lupin_ros.orchestrator.node import OWN_PARAMETERS
+        from lupin_ros.orchestrator import OWN_PARAMETERS
 
         return OWN_PARAMETERS
 

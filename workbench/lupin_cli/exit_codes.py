@@ -24,7 +24,7 @@ def not_done() -> Iterator[None]:
     try:
         yield
     except LupinError as problem:
-        from lupin_ros.launch.monitor import NOT_DONE
+        from lupin_ros.launch import NOT_DONE
 
         problem.exit_code = NOT_DONE
         raise

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.registry import NAME
+from lupin_engine.plugin import NAME
 
 
 def write_text(file: Path, text: str) -> None:

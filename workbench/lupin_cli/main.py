@@ -27,7 +27,7 @@ from lupin_engine import __version__
 from lupin_engine.errors import ChartError, LupinError, nearest
 
 if TYPE_CHECKING:
-    from lupin_engine.plugin.discovery import EntryPoint
+    from lupin_engine.plugin import EntryPoint
 
 #: Verbs whose modules stand in a folder below that of the others.
 FOLDERS: Mapping[str, str] = MappingProxyType(
@@ -176,9 +176,8 @@ def _author(arguments: Sequence[str] | None) -> str:
 
 
 def _author_of_node(name: str) -> str:
-    from lupin_engine.plugin.discovery import find_entry_point
-    from lupin_engine.plugin.registry import load_catalog
-    from lupin_ros.launch.nodes import find_node
+    from lupin_engine.plugin import find_entry_point, load_catalog
+    from lupin_ros.launch import find_node
 
     try:
         distribution = find_entry_point(find_node(name, load_catalog()).plugin).distribution

@@ -9,9 +9,7 @@ from typing import Any, TypeVar
 import click
 
 from lupin_cli.exit_codes import not_done
-from lupin_engine.plugin.files import read_domain
-from lupin_engine.plugin.profile import RequestField
-from lupin_engine.plugin.registry import load_profiles
+from lupin_engine.plugin import RequestField, load_profiles, read_domain
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 

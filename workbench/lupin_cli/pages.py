@@ -7,8 +7,7 @@ import importlib
 import click
 
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.pages import PageSource, ServePages
-from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin import Catalog, PageSource, ServePages
 
 
 def find_server(catalog: Catalog) -> ServePages:

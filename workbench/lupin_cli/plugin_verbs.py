@@ -16,8 +16,7 @@ from collections.abc import Mapping, Sequence
 import click
 
 from lupin_engine.errors import PluginError
-from lupin_engine.plugin.discovery import PROFILES, VERBS, EntryPoint, entry_points, source_file
-from lupin_engine.plugin.profile import Profile
+from lupin_engine.plugin import PROFILES, VERBS, EntryPoint, Profile, entry_points, source_file
 
 
 def plugin_verbs() -> Mapping[str, Sequence[EntryPoint]]:

@@ -12,7 +12,7 @@ from lupin_cli.run_folders import writable
 from lupin_engine.errors import Severity, UsageError
 
 if TYPE_CHECKING:
-    from lupin_ros.recording.recorder import TopicRecorder
+    from lupin_ros.recording import TopicRecorder
 
 
 def check_recording(path: Path) -> None:
@@ -49,7 +49,7 @@ def recorded(path: Path | None, observer: Any) -> Iterator[Any]:
         yield observer
         return
     from lupin_cli.terminal.observers import TellingRecorder
-    from lupin_ros.recording.recorder import TopicRecorder  # needs rclpy
+    from lupin_ros.recording import TopicRecorder  # needs rclpy
 
     with TopicRecorder(path) as recorder:
         yield TellingRecorder(observer, recorder)

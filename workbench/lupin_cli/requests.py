@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart import Chart
 from lupin_engine.errors import Problems, UsageError
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.profile import given_fields
+from lupin_engine.missions import LoadedMissions
+from lupin_engine.plugin import given_fields
 
 
 def check_fields(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
@@ -37,7 +37,7 @@ def check_complete(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
         UsageError: one is not given; the text says how to give it.
     """
     # Imported here: other verbs need no machine, and its import takes longer than their work.
-    from lupin_engine.machine.requests import described, lacking
+    from lupin_engine.machine import described, lacking
 
     mission, problems = loaded.chart.missions[loaded.names[0]], Problems(UsageError)
     for field in lacking(mission, carried(loaded.chart, request)):
@@ -62,10 +62,8 @@ def check_request(loaded: LoadedMissions, given: Mapping[str, Any], request: Map
             for what is given (see `check_fields`), or lacks one (see `check_complete`); or a parameter leads
             nowhere (for example: a file that is absent). The text has everything that is wrong.
     """
-    from lupin_engine.machine.memory import Memory
-    from lupin_engine.machine.requests import read_request
-    from lupin_engine.machine.scope import EvaluationScope
-    from lupin_engine.runtime.setup import make_world
+    from lupin_engine.machine import EvaluationScope, Memory, read_request
+    from lupin_engine.runtime import make_world
 
     problems = Problems(UsageError)
     with problems.collecting():

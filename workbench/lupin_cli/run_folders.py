@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.files import user_folder
+from lupin_engine.plugin import user_folder
 
 #: How many earlier runs and crashes are kept; the oldest are removed first.
 KEPT_RUNS = KEPT_CRASHES = 20

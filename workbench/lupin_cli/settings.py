@@ -8,9 +8,7 @@ from typing import Any
 
 import yaml
 
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.parameters import named, sorted_out
-from lupin_engine.plugin.types import TEXT, Notation, Type
+from lupin_engine.plugin import TEXT, Notation, Parameter, Type, named, sorted_out
 
 _BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 

@@ -15,18 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import LupinError, PluginError
-from lupin_engine.plugin.clients import make_client
-from lupin_engine.plugin.contract import Argument, Driver, Plugin
-from lupin_engine.plugin.discovery import told
-from lupin_engine.plugin.types import convert
+from lupin_engine.plugin import Argument, Driver, Plugin, convert, make_client, told
 from lupin_harness.domains import claimed_domain
 from lupin_harness.examples import arguments_for, defaults_of
 from lupin_harness.referee import ContractBroken, Referee, RefereedAttempt, Untried
 from lupin_harness.rules import Given, as_told, changes
-from lupin_ros.adapter.environment import child_environment
-from lupin_ros.adapter.network import interfaces
-from lupin_ros.adapter.node import RosNode
-from lupin_ros.launch.supervisor import Death, Patience, Supervisor
+from lupin_ros.adapter import RosNode, child_environment, interfaces
+from lupin_ros.launch import Death, Patience, Supervisor
 
 #: Seconds in which everything that must happen has happened, on a busy machine.
 PATIENCE_S = 30.0

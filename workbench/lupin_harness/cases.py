@@ -21,14 +21,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import pytest
 
 from lupin_engine.errors import PluginError, UsageError, nearest
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin import load_catalog
 from lupin_harness.live import apply, cases
 from lupin_harness.referee import ContractBroken
 from lupin_harness.rules import RULES, Given, PluginUnderTest, find_subject, problems_with
 
 if TYPE_CHECKING:
     from lupin_harness.bench import Lab
-    from lupin_ros.adapter.node import RosNode
+    from lupin_ros.adapter import RosNode
 
 
 def _subject(plugin: str, arguments: Given = MappingProxyType({})) -> PluginUnderTest:

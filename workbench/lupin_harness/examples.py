@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from lupin_engine.plugin.contract import Argument, Parameter
-from lupin_engine.plugin.types import Type, convert
+from lupin_engine.plugin import Argument, Parameter, Type, convert
 
 #: The example of a text without further restriction.
 TEXT = "example"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from lupin_engine.plugin.contract import Plugin
+from lupin_engine.plugin import Plugin
 from lupin_harness.referee import ContractBroken
 
 if TYPE_CHECKING:

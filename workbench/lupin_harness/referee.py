@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lupin_engine.errors import nearest
-from lupin_engine.plugin.contract import EventKind, LiveValue, Operation, Plugin
-from lupin_engine.plugin.types import Notation, Type, problems
+from lupin_engine.plugin import EventKind, LiveValue, Notation, Operation, Plugin, Type, problems
 from lupin_harness.rules import result_problems
 
 

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from lupin_engine.errors import LupinError
 from lupin_harness.domains import claimed_domain
-from lupin_ros.adapter.network import Interface, interfaces
-from lupin_ros.adapter.node import RosNode
-from lupin_ros.launch.description import NodeLaunch, command
+from lupin_ros.adapter import Interface, RosNode, interfaces
+from lupin_ros.launch import NodeLaunch, command
 
 
 def declared_by(launches: Iterable[NodeLaunch]) -> list[Interface]:

@@ -15,10 +15,25 @@ from types import MappingProxyType
 from typing import Any
 
 from lupin_engine.errors import PluginError, nearest
-from lupin_engine.plugin.contract import Argument, Code, LiveValue, Operation, Plugin
-from lupin_engine.plugin.discovery import EntryPoint, entry_points, find_entry_point, source_file, told
-from lupin_engine.plugin.registry import build_catalog, import_plugin, load_catalog, refuse_rivals
-from lupin_engine.plugin.types import Notation, Type, problems
+from lupin_engine.plugin import (
+    Argument,
+    Code,
+    EntryPoint,
+    LiveValue,
+    Notation,
+    Operation,
+    Plugin,
+    Type,
+    build_catalog,
+    entry_points,
+    find_entry_point,
+    import_plugin,
+    load_catalog,
+    problems,
+    refuse_rivals,
+    source_file,
+    told,
+)
 from lupin_harness.examples import arguments_for, defaults_of
 
 #: Arguments by operation, action or function; what is not given is made up from the types.

@@ -13,17 +13,25 @@ from pathlib import Path
 
 from lsprotocol.types import CompletionItemKind as ItemKind
 
-from lupin_engine.chart.compose.actions import STRUCTURED, builtin_actions
-from lupin_engine.chart.compose.declare import level_events
-from lupin_engine.chart.documents import ActionNode, InvokeNode, MissionNode, PartNode, RetryNode, StateNode
-from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, Scope
-from lupin_engine.chart.expressions.units import named_in
-from lupin_engine.chart.model import WRITING
-from lupin_engine.chart.nodes import Meaning, Node
-from lupin_engine.missions.folders import PARTS
-from lupin_engine.plugin.contract import Argument
-from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import UNITS
+from lupin_engine.chart import (
+    BUILTIN_CALLS,
+    STRUCTURED,
+    WRITING,
+    ActionNode,
+    InvokeNode,
+    Meaning,
+    MissionNode,
+    Node,
+    PartNode,
+    RetryNode,
+    Scope,
+    StateNode,
+    builtin_actions,
+    level_events,
+    named_in,
+)
+from lupin_engine.missions import PARTS
+from lupin_engine.plugin import UNITS, Argument, Catalog
 from lupin_lsp import docs
 from lupin_lsp.folder import Folder
 from lupin_lsp.grammar import FILES, Shape, Spot, fields_of, shapes_of, spot_at

@@ -12,11 +12,10 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from lupin_engine.chart.compose.actions import builtin_actions
-from lupin_engine.chart.expressions.units import named_in
-from lupin_engine.chart.model import Field, Hold, Input, Kind, State, Variable
+from lupin_engine.chart import Field, Hold, Input, Kind, State, Variable, builtin_actions, named_in
 from lupin_engine.errors import Severity
-from lupin_engine.plugin.contract import (
+from lupin_engine.plugin import (
+    UNITS,
     Action,
     Argument,
     Code,
@@ -26,10 +25,10 @@ from lupin_engine.plugin.contract import (
     OnHold,
     Operation,
     Parameter,
+    Profile,
+    Type,
+    number_text,
 )
-from lupin_engine.plugin.describe import number_text
-from lupin_engine.plugin.profile import Profile
-from lupin_engine.plugin.types import UNITS, Type
 
 #: Built-in functions of expressions: signature, and description of the result.
 CALLS: Mapping[str, tuple[str, str]] = MappingProxyType(

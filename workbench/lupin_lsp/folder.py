@@ -12,21 +12,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lupin_engine.bindings.catalog import BINDINGS, LUPIN_FILE, binding_files
-from lupin_engine.bindings.file import BindingNode
-from lupin_engine.chart.documents import LifecycleNode, MissionNode, PartNode
-from lupin_engine.chart.nodes import Node
+from lupin_engine.bindings import BINDINGS, LUPIN_FILE, BindingNode, binding_files
+from lupin_engine.chart import LifecycleNode, MissionNode, Node, PartNode
 from lupin_engine.errors import Diagnostic
-from lupin_engine.missions.folders import LIFECYCLE, PARTS, mission_files
-from lupin_engine.missions.load import Inspection, inspect_chart
-from lupin_engine.plugin.registry import Catalog
+from lupin_engine.missions import LIFECYCLE, PARTS, Inspection, inspect_chart, mission_files
+from lupin_engine.plugin import Catalog
 from lupin_engine.sim import SUFFIX
 from lupin_lsp.grammar import kind_of
 from lupin_lsp.model import Model
 from lupin_lsp.scan import Scan, scan
 
 if TYPE_CHECKING:
-    from lupin_verify.counterexamples import Counterexamples
+    from lupin_verify import Counterexamples
 
 Found = tuple[Diagnostic, ...]
 
@@ -173,7 +170,7 @@ class Folder:
             return {}
         if self._counterexamples is None:
             # It takes a simulation: who has none to look at should not wait until that is loaded.
-            from lupin_verify.counterexamples import Counterexamples
+            from lupin_verify import Counterexamples
 
             self._counterexamples = Counterexamples()
         known, texts = self._counterexamples, self._texts()

@@ -14,17 +14,20 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
+from lupin_engine.bindings import BindingNode
 from lupin_engine.bindings import file as binding_file
-from lupin_engine.bindings.file import BindingNode
-from lupin_engine.chart.documents import (
+from lupin_engine.chart import (
     KINDS,
     ActionNode,
     InvariantNode,
+    Keyed,
+    Meaning,
+    Named,
+    Node,
     RaiseNode,
     StateNode,
     TransitionNode,
 )
-from lupin_engine.chart.nodes import Keyed, Meaning, Named, Node
 from lupin_lsp.scan import Scan, Steps
 
 #: What a file is, by the key that says so.

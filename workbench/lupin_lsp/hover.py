@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from lupin_engine.chart.compose.actions import builtin_actions
-from lupin_engine.chart.documents import MissionNode
-from lupin_engine.chart.nodes import Meaning, Node
+from lupin_engine.chart import Meaning, MissionNode, Node, builtin_actions
 from lupin_lsp import docs
 from lupin_lsp.folder import Folder
 from lupin_lsp.grammar import shapes_of, spot_at

@@ -9,9 +9,17 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from lupin_engine.chart.documents import ActionNode, InvokeNode, StateNode
-from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS, insets
-from lupin_engine.chart.nodes import Meaning, Node
+from lupin_engine.chart import (
+    BUILTIN_CALLS,
+    ROOTS,
+    WORDS,
+    ActionNode,
+    InvokeNode,
+    Meaning,
+    Node,
+    StateNode,
+    insets,
+)
 from lupin_lsp.grammar import Spot, spot_at
 from lupin_lsp.scan import Scan, Steps, Token, TokenRole
 

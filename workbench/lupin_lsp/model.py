@@ -9,22 +9,30 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from lupin_engine.chart.compose.carried import end_of
-from lupin_engine.chart.compose.compose import Composed
-from lupin_engine.chart.compose.invoke import names_when_done, names_when_failed
-from lupin_engine.chart.compose.transitions import event_type
-from lupin_engine.chart.compose.tree import Draft, Forest, UsedNode
-from lupin_engine.chart.documents import FileNode, MissionNode, PartNode
-from lupin_engine.chart.expressions.checker import check_expression
-from lupin_engine.chart.expressions.scope import ELEMENT, Fragment, Scope
-from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Kind
-from lupin_engine.chart.nodes import Meaning
-from lupin_engine.chart.source import text_at
+from lupin_engine.chart import (
+    ELEMENT,
+    Composed,
+    Draft,
+    FileNode,
+    Findings,
+    Forest,
+    Fragment,
+    Kind,
+    Meaning,
+    MissionNode,
+    PartNode,
+    Scope,
+    UsedNode,
+    check_expression,
+    end_of,
+    event_type,
+    names_when_done,
+    names_when_failed,
+    text_at,
+)
 from lupin_engine.errors import Place
-from lupin_engine.missions.load import Inspection
-from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import ANY, Type
+from lupin_engine.missions import Inspection
+from lupin_engine.plugin import ANY, Catalog, Type
 from lupin_lsp.mentions import Mention
 from lupin_lsp.scan import Scan, Steps
 

@@ -6,8 +6,7 @@ from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lupin_engine.chart.documents import MissionNode
-from lupin_engine.chart.nodes import Meaning
+from lupin_engine.chart import Meaning, MissionNode
 from lupin_lsp.folder import Folder
 from lupin_lsp.mentions import STATES, Mention, mention_at, mentions_in
 from lupin_lsp.model import states_of

@@ -8,14 +8,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from lupin_engine.bindings.catalog import binding_files
-from lupin_engine.chart.compose.tree import Draft
-from lupin_engine.chart.model import WRITING, Kind
-from lupin_engine.chart.nodes import Meaning
-from lupin_engine.missions.folders import PARTS
-from lupin_engine.plugin import builtin
-from lupin_engine.plugin.discovery import entry_points, source_file
-from lupin_engine.plugin.registry import import_plugin
+from lupin_engine.bindings import binding_files
+from lupin_engine.chart import WRITING, Draft, Kind, Meaning
+from lupin_engine.missions import PARTS
+from lupin_engine.plugin import builtin, entry_points, import_plugin, source_file
 from lupin_lsp.folder import Folder
 from lupin_lsp.mentions import STATES, Mention
 from lupin_lsp.model import steps_of

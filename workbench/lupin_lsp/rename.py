@@ -11,12 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from lupin_engine.chart.compose.compose import Composed
-from lupin_engine.chart.compose.declare import NAME
-from lupin_engine.chart.compose.tree import Draft
-from lupin_engine.chart.model import Kind
-from lupin_engine.chart.nodes import Meaning, Node
-from lupin_engine.chart.semantics import FAULT
+from lupin_engine.chart import FAULT, NAME, Composed, Draft, Kind, Meaning, Node
 from lupin_engine.errors import LupinError, Severity
 from lupin_lsp.folder import Folder
 from lupin_lsp.mentions import STATES, Mention, mentions_in

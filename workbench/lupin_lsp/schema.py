@@ -16,13 +16,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from lupin_engine.chart.compose.actions import builtin_actions
-from lupin_engine.chart.documents import IfNode, RaiseNode
-from lupin_engine.chart.model import WRITING
-from lupin_engine.plugin.contract import Argument
-from lupin_engine.plugin.profile import NO_PROFILE, Profile
-from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import UNITS, Type
+from lupin_engine.chart import WRITING, IfNode, RaiseNode, builtin_actions
+from lupin_engine.plugin import NO_PROFILE, UNITS, Argument, Catalog, Profile, Type
 from lupin_lsp import docs
 from lupin_lsp.grammar import FILES
 from lupin_lsp.snippets import EXAMPLES, SNIPPETS, Snippet

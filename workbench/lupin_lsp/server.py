@@ -21,8 +21,8 @@ from pygls.lsp.server import LanguageServer
 
 from lupin_engine import __version__
 from lupin_engine.errors import Severity
-from lupin_engine.missions.load import forget
-from lupin_engine.plugin.registry import Catalog
+from lupin_engine.missions import forget
+from lupin_engine.plugin import Catalog
 from lupin_lsp import completion, navigation
 from lupin_lsp.folder import Folder, Found, folder_of
 from lupin_lsp.hover import hover

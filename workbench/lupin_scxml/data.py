@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS
+from lupin_engine.chart import BUILTIN_CALLS, ROOTS, WORDS
 from lupin_scxml.elements import Element
 from lupin_scxml.events import QUOTED, Events, Seen, field, word
 from lupin_scxml.expressions import (

@@ -12,8 +12,8 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate, pairwise
 
-from lupin_engine.chart.expressions.scope import WORDS
-from lupin_engine.plugin.registry import RESERVED_EVENTS
+from lupin_engine.chart import WORDS
+from lupin_engine.plugin import RESERVED_EVENTS
 from lupin_scxml.elements import Element
 from lupin_scxml.expressions import UNDEFINED, Operand, constant
 

@@ -20,23 +20,27 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Constant, Expression, UnknownValue, Value
-from lupin_engine.chart.model import (
+from lupin_engine.chart import (
+    FAULT,
+    TIMERS,
     WRITING,
     ActionCall,
     Chart,
+    Constant,
+    Expression,
     Invoke,
     Kind,
     Prompt,
+    Role,
     State,
     Timer,
     Transition,
+    UnknownValue,
+    Value,
+    parts_of,
+    walk,
 )
-from lupin_engine.chart.records import Role, parts_of, walk
-from lupin_engine.chart.semantics import FAULT, TIMERS
-from lupin_engine.diagram.outline import find_state
-from lupin_engine.diagram.picture import LineRole, Picture, StateBox
-from lupin_engine.diagram.xml_text import escape, quoted
+from lupin_engine.diagram import LineRole, Picture, StateBox, escape, find_state, quoted
 from lupin_engine.errors import UsageError
 
 _NAMESPACES = 'xmlns="http://www.w3.org/2005/07/scxml" xmlns:lupin="urn:lupin-engine:chart"'

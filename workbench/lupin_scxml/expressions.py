@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from lupin_engine.plugin.types import MAX_INTEGER
+from lupin_engine.plugin import MAX_INTEGER
 from lupin_scxml.notes import AlwaysFails, CannotSay
 
 #: Longer or deeper expressions are none that a mission can say.

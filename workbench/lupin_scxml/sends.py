@@ -10,8 +10,8 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from lupin_engine.chart.semantics import MIN_PERIOD
-from lupin_engine.plugin.types import parse_quantity
+from lupin_engine.chart import MIN_PERIOD
+from lupin_engine.plugin import parse_quantity
 from lupin_scxml.data import measure
 from lupin_scxml.elements import Element
 from lupin_scxml.events import QUOTED, STATES, Events, is_to_itself, params_of, snake

@@ -6,11 +6,10 @@ import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart import Chart
 from lupin_engine.errors import Diagnostic, Place, Severity
-from lupin_engine.properties.built_in import BUILT_IN
-from lupin_engine.sim import SUFFIX
-from lupin_engine.sim.scenario import Scenario
+from lupin_engine.properties import BUILT_IN
+from lupin_engine.sim import SUFFIX, Scenario
 from lupin_verify.proof import Proof, Proven
 from lupin_verify.situations.graph import OF_THE_GRAPH
 

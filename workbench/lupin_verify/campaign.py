@@ -13,16 +13,14 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from lupin_engine.chart.model import Chart, Kind, State, Transition
-from lupin_engine.machine.scope import World
-from lupin_engine.machine.step import Step
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.profile import START
-from lupin_engine.properties.authored import properties_of
-from lupin_engine.properties.built_in import STANDSTILL, Monitor, Property
-from lupin_engine.replay.reconstruction import RunRecord
-from lupin_engine.runtime.setup import make_world
-from lupin_engine.sim.simulation import Run, Script, Simulation, Standstill
+from lupin_engine.chart import Chart, Kind, State, Transition
+from lupin_engine.machine import Step, World
+from lupin_engine.missions import LoadedMissions
+from lupin_engine.plugin import START
+from lupin_engine.properties import STANDSTILL, Monitor, Property, properties_of
+from lupin_engine.replay import RunRecord
+from lupin_engine.runtime import make_world
+from lupin_engine.sim import Run, Script, Simulation, Standstill
 from lupin_verify.draws import draw, pool_of
 from lupin_verify.rates import Rates
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart import Chart
 from lupin_engine.errors import Diagnostic, LupinError
-from lupin_engine.plugin.registry import Catalog
-from lupin_engine.sim.scenario import Missions, load_scenario_text
+from lupin_engine.plugin import Catalog
+from lupin_engine.sim import Missions, load_scenario_text
 from lupin_verify.breach import counterexamples, shown_by
 
 #: Returns the chart of a mission as it is being edited; None when there are errors.

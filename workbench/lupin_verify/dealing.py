@@ -31,8 +31,8 @@ from typing import Any
 
 from lupin_engine import __version__
 from lupin_engine.errors import LupinError
-from lupin_engine.missions.load import LoadedMissions, load_files
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.missions import LoadedMissions, load_files
+from lupin_engine.plugin import load_catalog
 from lupin_verify.campaign import Campaign, CampaignSum
 from lupin_verify.rates import default_rates, read_rates
 

@@ -7,12 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from lupin_engine.machine.itineraries import identity_of
-from lupin_engine.machine.memory import Memory
-from lupin_engine.machine.requests import read_request
-from lupin_engine.machine.scope import EvaluationScope, World
-from lupin_engine.sim.scripted import Between
-from lupin_engine.sim.simulation import Happening, Script
+from lupin_engine.machine import EvaluationScope, Memory, World, identity_of, read_request
+from lupin_engine.sim import Between, Happening, Script
 from lupin_verify.rates import Rates
 
 

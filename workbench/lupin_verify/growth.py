@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart import Chart
 from lupin_engine.errors import Place
-from lupin_engine.sim.narration import shorten
+from lupin_engine.sim import shorten
 from lupin_verify.situations.explorer import SituationExplorer
 from lupin_verify.situations.found import Effect
 from lupin_verify.situations.situation import Situation, SlotName, TooMany

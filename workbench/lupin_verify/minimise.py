@@ -15,24 +15,24 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.errors import LupinError, UsageError
-from lupin_engine.machine.event import Start
-from lupin_engine.machine.step import Step
-from lupin_engine.properties.built_in import INVARIANTS, STANDSTILL
-from lupin_engine.replay.reconstruction import RunRecord, duration, script_of
-from lupin_engine.replay.yaml_text import yaml_text
-from lupin_engine.sim.scenario import Missions, load_scenario_text, mission_name
-from lupin_engine.sim.simulation import (
+from lupin_engine.machine import Start, Step
+from lupin_engine.properties import INVARIANTS, STANDSTILL
+from lupin_engine.replay import RunRecord, duration, script_of, yaml_text
+from lupin_engine.sim import (
     Ask,
     ComeBack,
     Effect,
     End,
     Happen,
     Leave,
+    Missions,
     Restart,
     Run,
     Script,
     SetClock,
     Tell,
+    load_scenario_text,
+    mission_name,
 )
 
 #: To how many digits times are tried, and how many scenarios at most.

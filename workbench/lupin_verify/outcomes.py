@@ -20,20 +20,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from lupin_engine.chart.compose.compose import ITINERARY
-from lupin_engine.chart.compose.timeless import scope_of
-from lupin_engine.chart.expressions.evaluation import Expression
-from lupin_engine.chart.expressions.values import read_guard
-from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Chart
-from lupin_engine.chart.source import text_at
+from lupin_engine.chart import ITINERARY, Chart, Expression, Findings, read_guard, scope_of, text_at
 from lupin_engine.errors import Place, Problems, UsageError, near, nearest
-from lupin_engine.machine.event import Act, Cancel, Report, Start
-from lupin_engine.machine.holds import all_holds
-from lupin_engine.machine.memory import Phase
-from lupin_engine.machine.scope import EvaluationScope, reads_of
-from lupin_engine.plugin.profile import Publish
-from lupin_engine.properties.built_in import NOT_ABOUT, Passage, Property, Remembered, Verdict
+from lupin_engine.machine import Act, Cancel, EvaluationScope, Phase, Report, Start, all_holds, reads_of
+from lupin_engine.plugin import Publish
+from lupin_engine.properties import NOT_ABOUT, Passage, Property, Remembered, Verdict
 
 #: The property that the page holds.
 OUTCOMES = "outcomes"

@@ -9,11 +9,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart import Chart
 from lupin_engine.errors import Problems, UsageError
-from lupin_engine.machine.scope import World
-from lupin_engine.machine.step import Step
-from lupin_engine.properties.authored import properties_of
+from lupin_engine.machine import Step, World
+from lupin_engine.properties import properties_of
 from lupin_verify.growth import BoundedExplorer, Growth
 from lupin_verify.outcomes import OutcomePage, read_page
 from lupin_verify.reached import Reached, Unreached, reached, unreached

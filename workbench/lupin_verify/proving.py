@@ -20,11 +20,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.missions.selection import load_missions
-from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.runtime.setup import make_world
-from lupin_engine.sim.narration import shorten
+from lupin_engine.missions import LoadedMissions, load_missions
+from lupin_engine.plugin import load_catalog
+from lupin_engine.runtime import make_world
+from lupin_engine.sim import shorten
 from lupin_verify.dealing import WorkerProcesses
 from lupin_verify.proof import Proof, prove
 from lupin_verify.situations.classes import parameter_classes

@@ -24,20 +24,30 @@ from typing import Any
 
 from pydantic import Field
 
-from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Chart, Input, Invoke, State
-from lupin_engine.chart.nodes import Node
-from lupin_engine.chart.source import Map, read
-from lupin_engine.chart.validation import validate
+from lupin_engine.chart import Chart, Findings, Input, Invoke, Map, Node, State, read, validate
 from lupin_engine.errors import ChartError
-from lupin_engine.plugin.builtin import MISSING
-from lupin_engine.plugin.contract import Operation
-from lupin_engine.plugin.profile import START
-from lupin_engine.runtime.setup import make_world
-from lupin_engine.sim.scenario_file import Duration, Latency, ScriptNode, WhenNode
-from lupin_engine.sim.scenario_reader import ScenarioNames, ScriptReader, check_names
-from lupin_engine.sim.scripted import AnyOf, Between, MockOutcome, OnCancel, Rule
-from lupin_engine.sim.simulation import Ask, Effect, Happen, Happening, Script, Tell
+from lupin_engine.plugin import MISSING, START, Operation
+from lupin_engine.runtime import make_world
+from lupin_engine.sim import (
+    AnyOf,
+    Ask,
+    Between,
+    Duration,
+    Effect,
+    Happen,
+    Happening,
+    Latency,
+    MockOutcome,
+    OnCancel,
+    Rule,
+    ScenarioNames,
+    Script,
+    ScriptNode,
+    ScriptReader,
+    Tell,
+    WhenNode,
+    check_names,
+)
 from lupin_verify.situations.classes import Classes
 from lupin_verify.situations.relevance import Relevance
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from lupin_engine.chart.expressions.evaluation import Constant, Value
-from lupin_engine.chart.model import Chart, Kind, State, Transition
+from lupin_engine.chart import Chart, Constant, Kind, State, Transition, Value
 from lupin_engine.errors import Place
 
 

@@ -7,19 +7,23 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart import Chart
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.step import Step
-from lupin_engine.plugin.contract import OWN_HOLDS
-from lupin_engine.plugin.profile import START
-from lupin_engine.properties.built_in import STANDSTILL
-from lupin_engine.replay.reconstruction import RunRecord, script_of
-from lupin_engine.replay.yaml_text import yaml_text
-from lupin_engine.runtime.history import History
-from lupin_engine.sim import SUFFIX
-from lupin_engine.sim.narration import StepLine, short_name, tell
-from lupin_engine.sim.scenario import Missions, load_scenario_text, mission_name
-from lupin_engine.sim.simulation import Run
+from lupin_engine.machine import Step
+from lupin_engine.plugin import OWN_HOLDS, START
+from lupin_engine.properties import STANDSTILL
+from lupin_engine.replay import RunRecord, script_of, yaml_text
+from lupin_engine.runtime import History
+from lupin_engine.sim import (
+    SUFFIX,
+    Missions,
+    Run,
+    StepLine,
+    load_scenario_text,
+    mission_name,
+    short_name,
+    tell,
+)
 from lupin_verify.outcomes import OUTCOMES
 from lupin_verify.proof import Proven
 from lupin_verify.situations.graph import NO_ZENO, SILENCE

@@ -6,8 +6,22 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_arm.calibration.offsets import HOMES
-from lupin_engine.plugin.contract import Argument, Code, LiveValue, Mock, OnHold, Operation, Plugin
-from lupin_engine.plugin.types import ANGLE, BOOL, DURATION, INTEGER, TEXT, Type, list_of
+from lupin_engine.plugin import (
+    ANGLE,
+    BOOL,
+    DURATION,
+    INTEGER,
+    TEXT,
+    Argument,
+    Code,
+    LiveValue,
+    Mock,
+    OnHold,
+    Operation,
+    Plugin,
+    Type,
+    list_of,
+)
 
 #: The offset of a servo, in hundredths of a degree.
 SERVO_OFFSET = Type("record", "servo_offset", fields={"joint": TEXT, "centidegrees": INTEGER})

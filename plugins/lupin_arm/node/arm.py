@@ -20,10 +20,9 @@ from lupin_arm.node.gripper import Gripper
 from lupin_arm.node.serving import ArmRequestRefused
 from lupin_arm.node.torque import Done, Torque
 from lupin_arm.trajectory import FIRST_POINT_S, START_TOLERANCE, VELOCITY_HINT, Point, Trajectory
-from lupin_engine.plugin.wire import time_fields
-from lupin_greenhouse.node.estop import StopListener
-from lupin_greenhouse.stops import StopState
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_engine.plugin import time_fields
+from lupin_greenhouse import StopListener, StopState
+from lupin_ros.adapter import Qos, RosNode
 
 #: Seconds without feedback after which the arm counts as gone; when it is back it is pinned like a new one.
 LOST_S = 2.0

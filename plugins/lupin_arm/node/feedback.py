@@ -7,8 +7,8 @@ from collections.abc import Callable
 from sensor_msgs.msg import JointState
 
 from lupin_arm.joints import ARM, FARTHEST, JAW, Pose, read_pose
-from lupin_engine.plugin.wire import seconds_of
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_engine.plugin import seconds_of
+from lupin_ros.adapter import Qos, RosNode
 
 #: Seconds for which a measured angle counts as present.
 FRESH_S = 0.5

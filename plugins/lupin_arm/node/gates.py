@@ -12,10 +12,9 @@ from typing import NamedTuple
 from mirte_msgs.srv import SetServoOffset
 
 from lupin_arm.node.serving import ArmRequestRefused
-from lupin_greenhouse.mission import SILENCE_S, is_under_way
-from lupin_greenhouse.node.watchdog import SilenceWatchdog
+from lupin_greenhouse import SILENCE_S, SilenceWatchdog, is_under_way
 from lupin_msgs.msg import MissionState
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter import Qos, RosNode
 
 #: Where the vendor's servos have their services and topics.
 SERVOS = "/io/servo/hiwonder"

@@ -10,7 +10,7 @@ from control_msgs.action import GripperCommand
 from lupin_arm.joints import JAW_EFFORT, jaw_to_degrees
 from lupin_arm.node.torque import Done
 from lupin_arm.node.waiting import when_ready
-from lupin_ros.adapter.node import Goal, RosNode
+from lupin_ros.adapter import Goal, RosNode
 
 #: Seconds that a command waits for the jaw's controller to be there.
 PATIENCE_S = 2.0

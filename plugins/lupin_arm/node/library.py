@@ -23,7 +23,7 @@ from lupin_arm.node.serving import STALE_AFTER_S, ArmRequestRefused, refuse
 from lupin_arm.presets import PRESETS
 from lupin_arm.trajectory import clamp_speed, move
 from lupin_engine.errors import nearest, shortened
-from lupin_engine.plugin.files import user_folder
+from lupin_engine.plugin import user_folder
 from lupin_msgs.srv import (
     ArmLibraryEdit,
     ArmRecord,
@@ -32,7 +32,7 @@ from lupin_msgs.srv import (
     SaveArmPose,
     SetArmPreset,
 )
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter import Qos, RosNode
 
 #: The name under which saved poses move the arm.
 OWNER = "library"

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from lupin_engine.plugin.files import write_atomically
-from lupin_ros.adapter.node import RosNode
+from lupin_engine.plugin import write_atomically
+from lupin_ros.adapter import RosNode
 
 
 class RestoreMarker:

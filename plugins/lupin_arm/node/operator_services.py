@@ -22,7 +22,7 @@ from lupin_arm.node.serving import STALE_AFTER_S, ArmRequestRefused, refuse
 from lupin_arm.presets import UnknownPreset, find_preset
 from lupin_arm.trajectory import move, time_for
 from lupin_msgs.srv import SetArmPreset
-from lupin_ros.adapter.node import RosNode
+from lupin_ros.adapter import RosNode
 
 #: The names under which operators move and switch the arm.
 SLIDER, PRESET, OPERATOR = "slider", "preset", "operator"

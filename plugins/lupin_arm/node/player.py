@@ -10,7 +10,7 @@ from lupin_arm.node.arm import Arm
 from lupin_arm.node.serving import ArmRequestRefused
 from lupin_arm.node.torque import Done
 from lupin_arm.player import JawEvent, Replay, plan
-from lupin_ros.adapter.node import RosNode, RosTimer
+from lupin_ros.adapter import RosNode, RosTimer
 
 #: The name under which sequences move the arm.
 OWNER = "library: playing"

@@ -18,7 +18,7 @@ from lupin_arm.node.serving import ArmRequestRefused
 from lupin_arm.node.torque import Done
 from lupin_arm.recorder import PoseRecording
 from lupin_engine.errors import nearest, shortened
-from lupin_ros.adapter.node import RosNode
+from lupin_ros.adapter import RosNode
 
 #: The name under which the arm is kept for a recording by hand.
 OWNER = "library: recording"

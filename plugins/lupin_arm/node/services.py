@@ -13,8 +13,8 @@ from lupin_arm.node.gates import Gates, HardwareGate, MissionGate
 from lupin_arm.node.library import serve_library
 from lupin_arm.node.operator_services import serve_presets, serve_sliders, serve_torque
 from lupin_arm.node.settings import PARAMETERS
-from lupin_greenhouse.node.watchdog import WATCHDOG_TIMEOUT, WATCHED, SilenceWatchdog
-from lupin_ros.adapter.node import RosNode
+from lupin_greenhouse import WATCHDOG_TIMEOUT, WATCHED, SilenceWatchdog
+from lupin_ros.adapter import RosNode
 
 
 def main(arguments: Sequence[str]) -> int:

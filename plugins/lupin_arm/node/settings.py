@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from lupin_arm.node.calibration.chart import CHART
 from lupin_arm.node.gates import SERVOS
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import ROS_NAME, TEXT, number_in, one_of
-from lupin_greenhouse.node.watchdog import WATCHDOG_PARAMETERS
+from lupin_engine.plugin import ROS_NAME, TEXT, Parameter, number_in, one_of
+from lupin_greenhouse import WATCHDOG_PARAMETERS
 
 PARAMETERS = {
     "joint_states_topic": Parameter(ROS_NAME, "/joint_states", "JointState: where the joints are"),

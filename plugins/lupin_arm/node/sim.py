@@ -26,11 +26,8 @@ from lupin_arm.presets import PRESETS
 from lupin_arm.simulated import SimulatedArm
 from lupin_arm.trajectory import LONGEST_S, Point, Trajectory, time_for
 from lupin_engine.errors import LupinError, Problems
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import ANGLE, list_of
-from lupin_engine.plugin.wire import seconds_of
-from lupin_ros.adapter.host import Repeater
-from lupin_ros.adapter.node import Qos, RosNode, ServedGoal
+from lupin_engine.plugin import ANGLE, Parameter, list_of, seconds_of
+from lupin_ros.adapter import Qos, Repeater, RosNode, ServedGoal
 
 #: Seconds between two messages while nothing moves, and while something does.
 REST_S, MOVE_S = 0.2, 0.05

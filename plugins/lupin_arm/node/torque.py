@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from std_srvs.srv import SetBool
 
 from lupin_arm.node.waiting import when_ready
-from lupin_ros.adapter.node import CallFailure, RosNode
+from lupin_ros.adapter import CallFailure, RosNode
 
 #: Seconds in which a switch must be found, and in which it must answer.
 LOOK_UP_S = 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lupin_ros.adapter.node import RosNode
+from lupin_ros.adapter import RosNode
 
 #: Seconds between two looks.
 LOOK_S = 0.05

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from lupin_engine.plugin.files import ros_domain, user_folder, write_atomically
+from lupin_engine.plugin import ros_domain, user_folder, write_atomically
 
 #: Seconds that a code is good for.
 GOOD_FOR_S = 600

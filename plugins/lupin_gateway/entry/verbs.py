@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from lupin_engine.errors import UsageError, nearest
-from lupin_engine.plugin.files import read_domain, ros_domain
+from lupin_engine.plugin import read_domain, ros_domain
 from lupin_gateway.doors import read_tokens
 from lupin_gateway.entry.invitations import GOOD_FOR_S, Invitations, ServedDoors, state_folder
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from fnmatch import translate
 from typing import Any
 
-from lupin_engine.plugin.contract import Access
+from lupin_engine.plugin import Access
 from lupin_gateway import protocol
 
 #: The service of an action that takes goals: a goal by another door.

@@ -11,9 +11,7 @@ from functools import partial
 from typing import Any
 
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.plugin.types import COUNT, DURATION, ROS_NAME, TEXT, list_of
+from lupin_engine.plugin import COUNT, DURATION, ROS_NAME, TEXT, Parameter, list_of, load_catalog
 from lupin_gateway.history import TopicHistory
 from lupin_gateway.history.settings import history_topics
 from lupin_gateway.hub import Backlog, Hub
@@ -23,10 +21,8 @@ from lupin_gateway.node.loop import LoopThread
 from lupin_gateway.node.ros import NodeSide
 from lupin_gateway.server import Address, Gateway, serve
 from lupin_gateway.session import Limits
-from lupin_greenhouse.node.estop import StopListener
-from lupin_greenhouse.stops import StopState
-from lupin_ros.adapter.host import Repeater
-from lupin_ros.adapter.node import RosNode
+from lupin_greenhouse import StopListener, StopState
+from lupin_ros.adapter import Repeater, RosNode
 from lupin_ros.service import names
 
 #: The longest that either thread keeps Python's lock while the other one wants it, in seconds.

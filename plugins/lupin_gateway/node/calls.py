@@ -17,10 +17,17 @@ from lupin_gateway.motion import STOPPED
 from lupin_gateway.node import types
 from lupin_gateway.shapes import NotCarried
 from lupin_gateway.sides import CallFailed, GoalEnd
-from lupin_ros.adapter.host import Repeater, TimerHandle
-from lupin_ros.adapter.network import type_name
-from lupin_ros.adapter.node import ActionCaller, CallFailure, Goal, RosNode, ServiceCaller
-from lupin_ros.adapter.peers import service_channels
+from lupin_ros.adapter import (
+    ActionCaller,
+    CallFailure,
+    Goal,
+    Repeater,
+    RosNode,
+    ServiceCaller,
+    TimerHandle,
+    service_channels,
+    type_name,
+)
 
 #: Seconds between two looks whether a client has found its server.
 MATCH_LOOK_S = 0.02

@@ -12,10 +12,17 @@ from typing import Any
 from std_msgs.msg import Bool, String
 
 from lupin_engine.errors import LupinError, Problems, UsageError
-from lupin_engine.plugin.contract import Access, Parameter
-from lupin_engine.plugin.pages import declared_access
-from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_engine.plugin.types import BOOL, TEXT, list_of, one_of
+from lupin_engine.plugin import (
+    BOOL,
+    TEXT,
+    Access,
+    Catalog,
+    Parameter,
+    declared_access,
+    list_of,
+    load_catalog,
+    one_of,
+)
 from lupin_gateway.audit import AuditLog, last_lines
 from lupin_gateway.doors import (
     AllowList,
@@ -32,10 +39,9 @@ from lupin_gateway.node.ros import NodeSide
 from lupin_gateway.people import MOST_COMMANDS, NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
 from lupin_gateway.sides import CallFailed, RosSide
 from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter
-from lupin_greenhouse.stops import HMI_TOPIC, PAGES_TOPIC
-from lupin_ros.adapter.node import Qos, RosNode
-from lupin_ros.service import names
-from lupin_ros.service.folder import MissionsFolder
+from lupin_greenhouse import HMI_TOPIC, PAGES_TOPIC
+from lupin_ros.adapter import Qos, RosNode
+from lupin_ros.service import MissionsFolder, names
 
 #: Addresses at which only this machine is heard.
 LOOPBACK = ("127.0.0.1", "localhost", "::1")

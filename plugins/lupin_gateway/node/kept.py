@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.plugin.files import write_atomically
-from lupin_ros.adapter.node import RosNode
+from lupin_engine.plugin import write_atomically
+from lupin_ros.adapter import RosNode
 
 
 class StateFile:

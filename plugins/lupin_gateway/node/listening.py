@@ -8,7 +8,7 @@ from typing import Any
 
 import orjson
 
-from lupin_engine.plugin.profile import Profile
+from lupin_engine.plugin import Profile
 from lupin_gateway.encoding import Sample
 from lupin_gateway.guard import HouseRules
 from lupin_gateway.hub import Hub, Outbox, Subscriber

@@ -13,7 +13,7 @@ from lupin_gateway.node.calls import Actions, GoalUnderWay, Services
 from lupin_gateway.node.rosapi import Rosapi
 from lupin_gateway.node.topics import Publishers, Subscription, Subscriptions
 from lupin_gateway.sides import CallFailed, GoalEnd
-from lupin_ros.adapter.node import RosNode
+from lupin_ros.adapter import RosNode
 
 Post = Callable[..., None]
 

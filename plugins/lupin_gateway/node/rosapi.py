@@ -18,7 +18,7 @@ from lupin_gateway.node.topics import topic_types
 from lupin_gateway.protocol import full_type
 from lupin_gateway.shapes import TEXT, Listed, MessageShape, NotCarried
 from lupin_gateway.sides import CallFailed
-from lupin_ros.adapter.node import RosNode
+from lupin_ros.adapter import RosNode
 
 #: Seconds that a node has to tell a parameter.
 PARAMETER_WITHIN_S = 5.0

@@ -17,10 +17,7 @@ from lupin_gateway.filling import DoesNotFit, filled
 from lupin_gateway.motion.names import MotionNames
 from lupin_gateway.node import types
 from lupin_gateway.shapes import NotCarried
-from lupin_ros.adapter.host import Repeater, TimerHandle
-from lupin_ros.adapter.network import type_name
-from lupin_ros.adapter.node import Qos, RosNode
-from lupin_ros.adapter.qos import heard_profile, is_latched
+from lupin_ros.adapter import Qos, Repeater, RosNode, TimerHandle, heard_profile, is_latched, type_name
 
 #: Messages that ROS keeps until they are taken: a burst, or what is kept for late subscribers.
 DEPTH = 100

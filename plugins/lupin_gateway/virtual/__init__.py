@@ -8,9 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-from lupin_engine.plugin.contract import Access
-from lupin_engine.plugin.pages import PageSource, declared_access
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin import Access, PageSource, declared_access, load_catalog
 from lupin_gateway.doors import AllowList, Doors
 from lupin_gateway.entry.gate import GateListener
 from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 from lupin_engine.errors import LupinError
-from lupin_engine.plugin.pages import PageMessage, PageSource
+from lupin_engine.plugin import PageMessage, PageSource
 from lupin_gateway.encoding import Sample, as_json
 from lupin_gateway.guard import STOPS_TOPIC
 from lupin_gateway.people import NOTIFICATIONS_TOPIC, PEOPLE_TOPIC

@@ -18,8 +18,7 @@ from lupin_greenhouse.stops import (
     StopState,
     rules,
 )
-from lupin_ros.adapter.host import Repeater
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter import Qos, Repeater, RosNode
 
 #: Looks within the shortest time after which something is over.
 LOOKS = 8

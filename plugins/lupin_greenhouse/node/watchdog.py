@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import number_in
-from lupin_ros.adapter.host import Every, Repeater
+from lupin_engine.plugin import Parameter, number_in
+from lupin_ros.adapter import Every, Repeater
 
 #: Looks for a state within the timeout: silence is noticed at most one of them later.
 LOOKS = 8

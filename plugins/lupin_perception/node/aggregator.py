@@ -15,8 +15,7 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError
-from lupin_greenhouse.mission import is_under_way
-from lupin_greenhouse.poses import Array
+from lupin_greenhouse import Array, is_under_way
 from lupin_msgs.msg import DiscoveredTags, MissionState, Observation
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.anomalies import AnomalyWatch
@@ -30,8 +29,7 @@ from lupin_perception.node.passive import PassiveObserver
 from lupin_perception.node.settings import PARAMETERS, fusion_rules
 from lupin_perception.registry import MAX_TAGS, Known, Registry
 from lupin_perception.sightings import Sightings
-from lupin_ros.adapter.logs import WarnOnce
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter import Qos, RosNode, WarnOnce
 
 __all__ = ["NAME", "PARAMETERS", "Aggregator", "main"]
 

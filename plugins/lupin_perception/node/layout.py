@@ -16,7 +16,7 @@ from lupin_perception.boxes import PlanterBox
 from lupin_perception.detections import read_boxes
 from lupin_perception.layout import Quality, entries, register
 from lupin_perception.registry import Registry
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter import Qos, RosNode
 
 #: Seconds between two messages about the boxes: consumers in browsers need them again and again.
 TELL_S = 1.0

@@ -8,8 +8,8 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Point32, Polygon, PoseStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMessage
 
-from lupin_engine.plugin.wire import filled_in
-from lupin_greenhouse.poses import Array, Pose
+from lupin_engine.plugin import filled_in
+from lupin_greenhouse import Array, Pose
 from lupin_msgs.msg import (
     AnomalyReport,
     DiscoveredTag,

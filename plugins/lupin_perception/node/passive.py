@@ -12,7 +12,7 @@ from lupin_msgs.srv import GetTagReading
 from lupin_perception.idle import Schedule
 from lupin_perception.node import messages
 from lupin_perception.registry import Registry
-from lupin_ros.adapter.node import CallFailure, RosNode
+from lupin_ros.adapter import CallFailure, RosNode
 
 #: Seconds that the bridge may take to answer.
 ANSWER_S = 5.0

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.errors import LupinError, Problems, nearest
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import (
+from lupin_engine.plugin import (
     ANGLE,
     BOOL,
     COUNT,
@@ -16,11 +15,11 @@ from lupin_engine.plugin.types import (
     NUMBER,
     ROS_NAME,
     TEXT,
+    Parameter,
     list_of,
     number_in,
 )
-from lupin_greenhouse import layout
-from lupin_greenhouse.mission import SILENCE_S
+from lupin_greenhouse import SILENCE_S, layout
 from lupin_perception.boxes import BoxView
 from lupin_perception.flowers import Rules
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from std_msgs.msg import String
 
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_ros.adapter import Qos, RosNode
 from lupin_sim.camera import Plate, facing
 from lupin_sim.detector import HEIGHT_M, flower_entries, readable, tag_entries, tag_in_robot
 from lupin_sim.floor import Point

@@ -12,8 +12,8 @@ from geometry_msgs.msg import PoseStamped, Quaternion
 from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import Path
 
-from lupin_engine.plugin.wire import turn_fields
-from lupin_ros.adapter.node import Goal, Qos, RosNode
+from lupin_engine.plugin import turn_fields
+from lupin_ros.adapter import Goal, Qos, RosNode
 from lupin_sim.floor import Point
 
 

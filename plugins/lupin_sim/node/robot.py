@@ -25,16 +25,18 @@ from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
 from lupin_engine.errors import LupinError, Problems
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, number_in, one_of
-from lupin_engine.plugin.wire import time_fields
-from lupin_greenhouse.mission import is_under_way
-from lupin_greenhouse.node.estop import StopListener
-from lupin_greenhouse.node.watchdog import WATCHDOG_PARAMETERS, WATCHDOG_TIMEOUT, WATCHED, SilenceWatchdog
-from lupin_greenhouse.poses import heading
+from lupin_engine.plugin import BOOL, COUNT, NUMBER, POSE, TEXT, Parameter, number_in, one_of, time_fields
+from lupin_greenhouse import (
+    WATCHDOG_PARAMETERS,
+    WATCHDOG_TIMEOUT,
+    WATCHED,
+    SilenceWatchdog,
+    StopListener,
+    heading,
+    is_under_way,
+)
 from lupin_msgs.msg import MissionState
-from lupin_ros.adapter.host import Repeater
-from lupin_ros.adapter.node import Qos, RosNode, ServedGoal
+from lupin_ros.adapter import Qos, Repeater, RosNode, ServedGoal
 from lupin_sim.faults import Faults, InjectedFault
 from lupin_sim.floor import Floor
 from lupin_sim.layout import load_layout

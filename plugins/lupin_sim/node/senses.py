@@ -13,9 +13,8 @@ from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import OccupancyGrid
 
 from lupin_engine.errors import LupinError
-from lupin_engine.plugin.contract import Parameter
-from lupin_engine.plugin.types import ANGLE, BOOL, LENGTH, NUMBER, list_of
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_engine.plugin import ANGLE, BOOL, LENGTH, NUMBER, Parameter, list_of
+from lupin_ros.adapter import Qos, RosNode
 from lupin_sim.camera import Camera
 from lupin_sim.floor import Point
 from lupin_sim.layout import Floorplan

@@ -8,7 +8,7 @@ from lupin_cli import options
 from lupin_cli.exit_codes import ACCEPTED, REFUSED
 from lupin_cli.operator.network import attendant, nobody, told
 from lupin_engine.errors import UsageError, nearest
-from lupin_engine.plugin.profile import ANSWER_VERB
+from lupin_engine.plugin import ANSWER_VERB
 
 
 @click.command(short_help="Show what a mission asks the operator, and answer it.")

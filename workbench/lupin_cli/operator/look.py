@@ -7,8 +7,8 @@ from itertools import takewhile
 from typing import Any
 
 from lupin_cli.terminal.view import clock, default_text
-from lupin_engine.plugin.profile import ANSWER, ANSWER_VERB, START_VERB
-from lupin_engine.runtime.record import OpenQuestion, open_questions
+from lupin_engine.plugin import ANSWER, ANSWER_VERB, START_VERB
+from lupin_engine.runtime import OpenQuestion, open_questions
 
 #: How many of the codes that were reported last are shown.
 SHOWN_CODES = 3

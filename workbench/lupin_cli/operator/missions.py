@@ -13,7 +13,7 @@ from lupin_cli import options
 from lupin_cli.exit_codes import not_done
 
 if TYPE_CHECKING:
-    from lupin_engine.replay.journaled import JournaledRun
+    from lupin_engine.replay import JournaledRun
 
 
 @click.command(short_help="List the missions that were run, and how they ended.")
@@ -28,8 +28,8 @@ def missions(domain: int | None, journal: Path | None, as_json: bool) -> int:
 
     Exit code: 0 listed, 2 there is no journal.
     """
-    from lupin_engine.replay.journaled import runs_of
-    from lupin_engine.runtime.journal.journal import journal_folder
+    from lupin_engine.replay import runs_of
+    from lupin_engine.runtime import journal_folder
 
     runs = [run for run in runs_of(journal or journal_folder(domain=domain)) if run.mission_id]
     if as_json:
@@ -49,7 +49,7 @@ def missions(domain: int | None, journal: Path | None, as_json: bool) -> int:
 
 
 def _row(run: JournaledRun) -> tuple[str, ...]:
-    from lupin_engine.replay.timeline_rows import lasting
+    from lupin_engine.replay import lasting
 
     end = run.end
     counts = {name: n for name, n in (end or {}).items() if isinstance(n, int) and name != "total" and n}

@@ -10,10 +10,10 @@ import click
 
 from lupin_cli.exit_codes import ACCEPTED, REFUSED
 from lupin_engine.errors import Problems, UsageError
-from lupin_ros.launch.environment import close_the_doors, current_domain
+from lupin_ros.launch import close_the_doors, current_domain
 
 if TYPE_CHECKING:
-    from lupin_ros.launch.operator import Answer, Attendant
+    from lupin_ros.launch import Answer, Attendant
 
 
 @contextlib.contextmanager
@@ -23,7 +23,7 @@ def attendant(domain: int | None) -> Iterator[Attendant]:
     Raises:
         UsageError: ROS is missing, or the shell's variables keep nodes from finding each other.
     """
-    from lupin_ros.launch.requirements import prepare_ros
+    from lupin_ros.launch import prepare_ros
 
     problems = Problems(UsageError)
     with problems.collecting():
@@ -31,7 +31,7 @@ def attendant(domain: int | None) -> Iterator[Attendant]:
     with problems.collecting():
         prepare_ros()
     problems.tell()
-    from lupin_ros.launch.operator import Attendant  # needs rclpy
+    from lupin_ros.launch import Attendant  # needs rclpy
 
     found = Attendant()
     try:

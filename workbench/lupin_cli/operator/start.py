@@ -11,7 +11,7 @@ import click
 from lupin_cli import options
 from lupin_cli.operator.network import attendant, nobody, told
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.profile import START_VERB, given_fields
+from lupin_engine.plugin import START_VERB, given_fields
 
 
 @click.command(cls=options.RequestCommand, short_help="Start a mission of the orchestrator that runs.")
@@ -56,7 +56,7 @@ def _read(given: Iterable[str], declared: Sequence[Mapping[str, Any]]) -> dict[s
         UsageError: one of them has no `=`, or lacks its unit: to programs, the orchestrator allows that.
     """
     from lupin_cli.settings import read_value, split
-    from lupin_engine.plugin.types import BUILTIN_TYPES, TEXT, Fault, Notation, list_of, parse_type, problems
+    from lupin_engine.plugin import BUILTIN_TYPES, TEXT, Fault, Notation, list_of, parse_type, problems
 
     types = {}
     for field in declared:

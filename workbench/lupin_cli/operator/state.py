@@ -13,11 +13,10 @@ import click
 from lupin_cli import options
 from lupin_cli.exit_codes import ACCEPTED
 from lupin_cli.operator.network import attendant, nobody
-from lupin_engine.plugin.profile import Profile
-from lupin_engine.plugin.registry import load_profiles
+from lupin_engine.plugin import Profile, load_profiles
 
 if TYPE_CHECKING:
-    from lupin_ros.launch.operator import Attendant
+    from lupin_ros.launch import Attendant
 
 #: How often what is watched is looked at, in seconds.
 WATCH_PERIOD_S = 0.25
@@ -67,7 +66,7 @@ def _watch(orchestrator: Attendant, as_json: bool) -> None:
     from rich.live import Live
     from rich.text import Text
 
-    from lupin_ros.launch.interrupts import Interrupts
+    from lupin_ros.launch import Interrupts
 
     console = Console(highlight=False)
     in_place = console.is_terminal and not console.is_dumb_terminal and not as_json

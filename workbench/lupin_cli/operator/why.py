@@ -17,11 +17,10 @@ import click
 from lupin_cli import options
 from lupin_cli.exit_codes import not_done
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin import load_catalog
 
 if TYPE_CHECKING:
-    from lupin_engine.replay.journaled import JournaledRun
-    from lupin_engine.replay.why import Cause, Explanation, Inquiry
+    from lupin_engine.replay import Cause, Explanation, Inquiry, JournaledRun
 
 _CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[ T])?(\d?\d):(\d\d)(?::(\d\d))?$")
 #: How wide a line is where there is no terminal, in cells.
@@ -59,9 +58,8 @@ def why(
 
     Exit code: 0 told, 2 the journal does not know.
     """
-    from lupin_engine.replay.journaled import chart_of, covering, live_again, run_called, runs_of
-    from lupin_engine.replay.why import Inquiry
-    from lupin_engine.runtime.journal.journal import journal_folder
+    from lupin_engine.replay import Inquiry, chart_of, covering, live_again, run_called, runs_of
+    from lupin_engine.runtime import journal_folder
 
     if bool(about) is (at is not None):
         raise UsageError("say what about: a target, a state, or --at TIME")
@@ -80,8 +78,7 @@ def why(
     )
     if picture is not None:
         from lupin_cli.terminal.outcome import draw
-        from lupin_engine.replay.journaled import as_run
-        from lupin_engine.replay.timeline import timeline
+        from lupin_engine.replay import as_run, timeline
 
         draw(timeline(as_run(chart, lived, machine)), Path(picture))
     if as_json:
@@ -95,7 +92,7 @@ def why(
 
 def _asked(inquiry: Inquiry, about: tuple[str, ...], target: str) -> Explanation:
     """Answer what was asked: about a target where the word for one stands before it, else a state first."""
-    from lupin_engine.replay.why import NothingKnown
+    from lupin_engine.replay import NothingKnown
 
     name = " ".join(about[1:]) if about[0].lower() == target and len(about) > 1 else ""
     if name:

@@ -8,8 +8,7 @@ from types import MappingProxyType
 from rich.text import Text
 
 from lupin_cli.terminal.view import RATING_STYLES
-from lupin_engine.replay.story import TonedText
-from lupin_engine.replay.timeline_rows import CURVE, FLAG, HOLD, OPERATION, PHASE, STATE
+from lupin_engine.replay import CURVE, FLAG, HOLD, OPERATION, PHASE, STATE, TonedText
 from lupin_engine.runtime import history
 
 #: Tone -> style of rich; other tones are plain.

@@ -10,8 +10,7 @@ from rich.console import Console
 from rich.text import Text
 
 from lupin_cli.terminal.colours import styled
-from lupin_engine.replay.debugger import Debugger
-from lupin_engine.replay.story import TonedLine
+from lupin_engine.replay import Debugger, TonedLine
 
 
 def interact(debugger: Debugger, console: Console) -> int:

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from lupin_engine.plugin.profile import ANSWER_VERB, Profile
-from lupin_engine.runtime.record import OpenQuestion
+from lupin_engine.plugin import ANSWER_VERB, Profile
+from lupin_engine.runtime import OpenQuestion
 
 #: Within so many seconds the key that ends a mission is pressed twice.
 TWICE_S = 3.0

@@ -17,13 +17,13 @@ from rich.text import Text
 
 from lupin_cli.terminal import view
 from lupin_cli.terminal.tty import hang_up
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart import Chart
 from lupin_engine.errors import Severity
-from lupin_engine.plugin.profile import TargetResult
-from lupin_ros.launch.monitor import RunMonitor
+from lupin_engine.plugin import TargetResult
+from lupin_ros.launch import RunMonitor
 
 if TYPE_CHECKING:
-    from lupin_ros.recording.recorder import TopicRecorder
+    from lupin_ros.recording import TopicRecorder
 
 #: Pictures a second in the terminal.
 PICTURES_HZ = 8.0

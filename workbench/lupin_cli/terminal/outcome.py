@@ -16,17 +16,21 @@ from lupin_cli.options import PNG
 from lupin_cli.terminal.colours import styled
 from lupin_cli.terminal.view import counts_text, results_table
 from lupin_engine.errors import UsageError
-from lupin_engine.machine.memory import Visit
-from lupin_engine.plugin.contract import EXECUTION_CODE
-from lupin_engine.plugin.profile import Profile, TargetResult
-from lupin_engine.replay.story import Columns, columns_for, laid_out
-from lupin_engine.replay.summary import Attempted, RunSummary, summarise
-from lupin_engine.replay.timeline import Timeline
-from lupin_engine.replay.timeline_rows import lasting
-from lupin_engine.runtime.record import command_record, step_record, view_record
-from lupin_engine.sim.narration import StepLine, tell
-from lupin_engine.sim.simulation import Run
-from lupin_ros.launch.monitor import ALL_VISITED, NOT_DONE, SOME_MISSED
+from lupin_engine.machine import Visit
+from lupin_engine.plugin import EXECUTION_CODE, Profile, TargetResult
+from lupin_engine.replay import (
+    Attempted,
+    Columns,
+    RunSummary,
+    Timeline,
+    columns_for,
+    laid_out,
+    lasting,
+    summarise,
+)
+from lupin_engine.runtime import command_record, step_record, view_record
+from lupin_engine.sim import Run, StepLine, tell
+from lupin_ros.launch import ALL_VISITED, NOT_DONE, SOME_MISSED
 
 #: How wide the output is where there is no terminal, in cells.
 WIDTH = 120
@@ -43,8 +47,8 @@ def draw(lanes: Timeline, file: Path) -> None:
     Raises:
         UsageError: the file cannot be written.
     """
-    from lupin_engine.diagram.png import png
-    from lupin_engine.replay.timeline_svg import svg
+    from lupin_engine.diagram import png
+    from lupin_engine.replay import svg
 
     text = svg(lanes)
     content = png(text) if file.suffix == PNG else text.encode()
@@ -76,7 +80,7 @@ def tell_lines(
 
 def show_timeline(lanes: Timeline, console: Console) -> None:
     """Draw the timeline in the terminal."""
-    from lupin_engine.replay.timeline_text import ASCII, UNICODE, text
+    from lupin_engine.replay import ASCII, UNICODE, text
 
     for row in text(lanes, console.width, ASCII if console.options.ascii_only else UNICODE):
         console.print(styled(row), soft_wrap=True)

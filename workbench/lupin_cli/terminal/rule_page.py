@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 import lupin_engine
-from lupin_engine.chart.findings import RULES, SUBJECTS
+from lupin_engine.chart import RULES, SUBJECTS
 from lupin_engine.errors import UsageError, nearest
 
 _MARKED = re.compile(r"\*([^*]+)\*")

@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from lupin_cli.terminal.excerpt import Sources, token_length
 from lupin_engine import __version__
-from lupin_engine.chart.findings import RULES, SUBJECTS
+from lupin_engine.chart import RULES, SUBJECTS
 from lupin_engine.errors import Diagnostic, Place
 
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"

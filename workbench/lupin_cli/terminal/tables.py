@@ -13,12 +13,11 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from lupin_engine.plugin.contract import Plugin
-from lupin_engine.plugin.describe import Entry, sections
-from lupin_ros.launch.health import Finding
+from lupin_engine.plugin import Entry, Plugin, sections
+from lupin_ros.launch import Finding
 
 if TYPE_CHECKING:
-    from lupin_ros.adapter.network import Interface, Kind
+    from lupin_ros.adapter import Interface, Kind
 
 #: Cells that no name of the map fills.
 _ANY_WIDTH = 10_000

@@ -17,18 +17,11 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from lupin_engine.chart.model import Chart, Kind
+from lupin_engine.chart import Chart, Kind
 from lupin_engine.errors import Severity
-from lupin_engine.plugin.profile import Profile, Progress, Rating, TargetOutcome, TargetResult
-from lupin_engine.runtime.record import OpenQuestion
-from lupin_ros.launch.monitor import (
-    ALL_VISITED,
-    NOT_DONE,
-    SOME_MISSED,
-    RunEvent,
-    RunMonitor,
-    RunningOperation,
-)
+from lupin_engine.plugin import Profile, Progress, Rating, TargetOutcome, TargetResult
+from lupin_engine.runtime import OpenQuestion
+from lupin_ros.launch import ALL_VISITED, NOT_DONE, SOME_MISSED, RunEvent, RunMonitor, RunningOperation
 
 STYLES: Mapping[Severity, str] = {
     Severity.INFO: "cyan",

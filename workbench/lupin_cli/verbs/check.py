@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import click
 
 from lupin_engine.errors import Diagnostic, LupinError, Problems, Severity, UsageError
-from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.plugin import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
 
 if TYPE_CHECKING:
     from lupin_cli.terminal.findings import Checked
-    from lupin_engine.bindings.catalog import BoundCatalog
+    from lupin_engine.bindings import BoundCatalog
 
 #: Kind of file -> the folder beside the missions in which such files stand.
 _BESIDE = {"part": "parts", "binding": "bindings"}
@@ -88,7 +88,7 @@ def check(
 def _proven(paths: Sequence[str | Path], seconds: float, told: bool) -> tuple[Diagnostic, ...]:
     """Return what is broken in the missions that `paths` name; `told` as for `prove_within`."""
     from lupin_cli.verbs.proofs.prove import prove_within
-    from lupin_engine.missions.selection import mission_folders
+    from lupin_engine.missions import mission_folders
 
     files = [file for name in paths or mission_folders()[:1] for file in _meant_by(str(name))[1]]
     return prove_within(list(dict.fromkeys(files)), seconds, told)
@@ -107,7 +107,7 @@ def check_paths(
     """
     from lupin_cli.terminal.excerpt import Sources
     from lupin_cli.terminal.findings import FORMS, wants_colour
-    from lupin_engine.chart.findings import accepted
+    from lupin_engine.chart import accepted
 
     seconds = None
     if budget is not None:
@@ -173,11 +173,9 @@ def watch_paths(
 def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
     """Check what `paths` name, each file once. Errors as for `check_paths`."""
     from lupin_cli.terminal.findings import Checked
-    from lupin_engine.bindings.catalog import BINDINGS, bound_catalog
-    from lupin_engine.chart.findings import Findings
-    from lupin_engine.missions.folders import check_sizes
-    from lupin_engine.missions.load import SAVED, inspect_chart
-    from lupin_engine.missions.selection import mission_folders
+    from lupin_engine.bindings import BINDINGS, bound_catalog
+    from lupin_engine.chart import Findings
+    from lupin_engine.missions import SAVED, check_sizes, inspect_chart, mission_folders
 
     groups: dict[Path, dict[Path, None]] = {}
     problems = Problems(UsageError)
@@ -199,7 +197,7 @@ def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
         findings = Findings()
         bound = bound_catalog([folder], catalog, SAVED, findings)
         if bound is not None:
-            from lupin_engine.bindings.allowed import check_allowed
+            from lupin_engine.bindings import check_allowed
 
             check_allowed(bound.bindings.values(), catalog, findings)
         found.update(dict.fromkeys([*findings.all, *_misfits(bound)]))
@@ -211,9 +209,9 @@ def _misfits(bound: BoundCatalog | None) -> tuple[Diagnostic, ...]:
     bindings = bound.bindings.values() if bound is not None else ()
     if not bindings:
         return ()
-    from lupin_engine.bindings.reader import check_definition
-    from lupin_engine.chart.findings import Findings
-    from lupin_ros.interfaces.definitions import installed_types, knows_interfaces
+    from lupin_engine.bindings import check_definition
+    from lupin_engine.chart import Findings
+    from lupin_ros.interfaces import installed_types, knows_interfaces
 
     findings = Findings()
     for binding in bindings if knows_interfaces() else ():
@@ -229,9 +227,9 @@ def _is_elsewhere(diagnostic: Diagnostic, lifecycle: Path, missions: Iterable[Pa
 
 def _meant_by(name: str) -> tuple[Path, list[Path]]:
     """Return the lifecycle and the missions to check for a path or a mission's name."""
-    from lupin_engine.chart.source import head
+    from lupin_engine.chart import head
+    from lupin_engine.missions import LOCAL, mission_folders
     from lupin_engine.missions import folders as files
-    from lupin_engine.missions.selection import LOCAL, mission_folders
 
     path = Path(name)
     if path.name.endswith(SUFFIX):
@@ -259,8 +257,7 @@ def _meant_by(name: str) -> tuple[Path, list[Path]]:
 
 def _watched(paths: Sequence[str | Path]) -> Iterator[Path]:
     """Yield every file that may have to do with what `paths` name."""
-    from lupin_engine.missions.folders import find_mission
-    from lupin_engine.missions.selection import mission_folders
+    from lupin_engine.missions import find_mission, mission_folders
 
     for path in paths or mission_folders()[:1]:
         named = Path(path)

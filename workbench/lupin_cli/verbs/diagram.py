@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING
 import click
 
 from lupin_engine.errors import ChartError, Diagnostic, Problems, UsageError
-from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.plugin import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
 
 if TYPE_CHECKING:
-    from lupin_engine.diagram.picture import Picture
-    from lupin_engine.diagram.trace import Counts
-    from lupin_engine.missions.load import LoadedMissions
+    from lupin_engine.diagram import Counts, Picture
+    from lupin_engine.missions import LoadedMissions
 
 #: Format -> ending of its files. The function of that name writes it.
 FORMATS: Mapping[str, str] = MappingProxyType(
@@ -76,8 +75,7 @@ def diagram(
         return 0
     if mission is None:
         raise UsageError("name a mission, or a folder of missions with --all FOLDER")
-    from lupin_engine.diagram.outline import find_state
-    from lupin_engine.diagram.trace import check_fits, coloured
+    from lupin_engine.diagram import check_fits, coloured, find_state
 
     problems = Problems(UsageError)
     with problems.collecting():
@@ -100,7 +98,7 @@ def diagram(
 
 
 def _loaded(mission: str, catalog: Catalog) -> LoadedMissions:
-    from lupin_engine.missions.selection import load_missions
+    from lupin_engine.missions import load_missions
 
     if mission.endswith(SUFFIX):
         raise UsageError(_scenario(mission, catalog))
@@ -122,7 +120,7 @@ def _format(formats: tuple[str, ...], output: Path | None) -> str:
 
 def _scenario(name: str, catalog: Catalog) -> str:
     """Return what to tell somebody who wants a picture of a scenario."""
-    from lupin_engine.sim.scenario import load_scenario
+    from lupin_engine.sim import load_scenario
 
     mission = load_scenario(name, catalog).mission
     return f"{name!r} is a scenario; for a picture name the mission that it tests: {str(mission)!r}"
@@ -130,7 +128,7 @@ def _scenario(name: str, catalog: Catalog) -> str:
 
 def _picture(loaded: LoadedMissions, wanted: str, focus: str | None, depth: int | None) -> Picture:
     """Return what is to be drawn."""
-    from lupin_engine.diagram.outline import outline, readable_depth
+    from lupin_engine.diagram import outline, readable_depth
 
     if wanted == "scxml":
         return outline(loaded.chart, whole=True)
@@ -143,8 +141,8 @@ def _picture(loaded: LoadedMissions, wanted: str, focus: str | None, depth: int 
 
 
 def _counts(trace: Path) -> Counts:
-    from lupin_engine.diagram.trace import Counts
-    from lupin_engine.replay.reconstruction import read_steps
+    from lupin_engine.diagram import Counts
+    from lupin_engine.replay import read_steps
 
     steps = read_steps(trace.read_text(encoding="utf-8", errors="replace"), trace.name).steps
     states = Counter(name for step in steps for name in step.entered)
@@ -157,7 +155,7 @@ def _counts(trace: Path) -> Counts:
 def _draw(picture: Picture, wanted: str) -> bytes:
     """Return a picture in one of the formats."""
     if wanted == "png":
-        from lupin_engine.diagram.png import png
+        from lupin_engine.diagram import png
 
         return png(_text(picture, "svg"))
     return _text(picture, wanted).encode()
@@ -182,8 +180,8 @@ def _write(content: bytes, output: Path | None) -> None:
 
 
 def _draw_all(folder: Path, formats: tuple[str, ...], depth: int | None, output: Path) -> None:
-    from lupin_engine.diagram.index import Page, index
-    from lupin_engine.missions.folders import mission_files
+    from lupin_engine.diagram import Page, index
+    from lupin_engine.missions import mission_files
 
     files = mission_files(folder)
     if not files:
@@ -206,7 +204,7 @@ def _draw_all(folder: Path, formats: tuple[str, ...], depth: int | None, output:
 
 def _loaded_each(files: Sequence[Path]) -> list[LoadedMissions]:
     """Load missions, each for itself; all that is wrong with any is told at once, a shared file's once."""
-    from lupin_engine.missions.selection import load_missions
+    from lupin_engine.missions import load_missions
 
     catalog = load_catalog()
     loaded: list[LoadedMissions] = []

@@ -9,10 +9,10 @@ import click
 
 from lupin_cli import options
 from lupin_engine.errors import Problems, UsageError, meant
-from lupin_ros.launch.environment import close_the_doors, current_domain
+from lupin_ros.launch import close_the_doors, current_domain
 
 if TYPE_CHECKING:
-    from lupin_ros.adapter.network import Interface
+    from lupin_ros.adapter import Interface
 
 
 @click.command()
@@ -31,7 +31,7 @@ def graph(words: Sequence[str], domain: int | None, everything: bool, mermaid: b
     import json
     from dataclasses import asdict
 
-    from lupin_ros.launch.requirements import prepare_ros
+    from lupin_ros.launch import prepare_ros
 
     problems = Problems(UsageError)
     if mermaid and as_json:
@@ -59,7 +59,7 @@ def _chosen(words: Sequence[str], everything: bool) -> list[Interface]:
     Raises:
         UsageError: there are none.
     """
-    from lupin_ros.launch.graph import network  # needs rclpy
+    from lupin_ros.launch import network  # needs rclpy
 
     seen = network()
     if not seen:

@@ -30,10 +30,9 @@ def scxml(file: Path, name: str | None) -> int:
     from lupin_cli.files import title_of
     from lupin_cli.verbs.check import check_paths
     from lupin_cli.verbs.new import write_mission
-    from lupin_engine.missions.selection import LOCAL
-    from lupin_engine.replay.yaml_text import yaml_text
-    from lupin_scxml.elements import read_document
-    from lupin_scxml.importer import from_scxml
+    from lupin_engine.missions import LOCAL
+    from lupin_engine.replay import yaml_text
+    from lupin_scxml import from_scxml, read_document
 
     name = name or "".join(c if c.isalnum() else "_" for c in file.stem).lower()
     try:

@@ -13,7 +13,7 @@ import click
 
 from lupin_cli.files import nearest_name, title_of, write_text
 from lupin_engine.errors import Problems, UsageError
-from lupin_engine.plugin.registry import NAME, load_catalog
+from lupin_engine.plugin import NAME, load_catalog
 from lupin_engine.sim import SUFFIX
 
 MISSION = """\
@@ -79,9 +79,8 @@ def write_mission(
     Raises:
         UsageError: the name cannot be one, the mission exists, or there is none to be `like`.
     """
-    from lupin_engine.bindings.catalog import BINDINGS, LUPIN_FILE
-    from lupin_engine.missions import folders
-    from lupin_engine.missions.selection import LOCAL
+    from lupin_engine.bindings import BINDINGS, LUPIN_FILE
+    from lupin_engine.missions import LOCAL, folders
 
     missions = folder / LOCAL
     scenario = folder / "scenarios" / f"{name}{SUFFIX}"
@@ -135,9 +134,8 @@ def _check_name(name: str, files: Iterable[Path]) -> None:
 
 def _model(like: str, folder: Path) -> tuple[Path, list[str]]:
     """Return the file of a mission, and the parts and missions that it uses, as named beside it."""
+    from lupin_engine.missions import LOCAL, inspect_chart
     from lupin_engine.missions import folders as files
-    from lupin_engine.missions.load import inspect_chart
-    from lupin_engine.missions.selection import LOCAL
 
     local = folder / LOCAL
     folders = [local] if files.is_missions_folder(local) else []

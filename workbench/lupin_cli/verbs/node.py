@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import click
 
-from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_ros.adapter.process import end_with_supervisor
-from lupin_ros.launch.environment import close_the_doors
-from lupin_ros.launch.nodes import find_node, nodes_of
-from lupin_ros.launch.requirements import prepare_ros
+from lupin_engine.plugin import Catalog, load_catalog
+from lupin_ros.adapter import end_with_supervisor
+from lupin_ros.launch import close_the_doors, find_node, nodes_of, prepare_ros
 
 
 @click.command(

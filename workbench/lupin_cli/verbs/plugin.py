@@ -14,20 +14,23 @@ import click
 
 from lupin_cli.files import nearest_name, title_of, write_text
 from lupin_engine.errors import LupinError, PluginError, UsageError
-from lupin_engine.plugin.contract import Plugin
-from lupin_engine.plugin.discovery import (
+from lupin_engine.plugin import (
+    NAME,
     Distribution,
     EntryPoint,
+    Plugin,
+    build_catalog,
     declared_in,
     entry_points,
     find_entry_point,
+    load_catalog,
     source_file,
+    verified_plugin,
 )
-from lupin_engine.plugin.registry import NAME, build_catalog, load_catalog, verified_plugin
 
 if TYPE_CHECKING:
     from lupin_cli.terminal.tables import InstalledPlugin
-    from lupin_harness.rules import PluginUnderTest
+    from lupin_harness import PluginUnderTest
 
 #: Where the missions of the current folder may be.
 _HERE = ("missions", ".")
@@ -109,7 +112,7 @@ def show(name: str, as_json: bool) -> int:
 
     Example: lupin plugin show nav
     """
-    from lupin_engine.plugin.describe import sections
+    from lupin_engine.plugin import sections
 
     found, origin = _installed_or_bound(name)
     if as_json:
@@ -128,8 +131,8 @@ def _installed_or_bound(name: str) -> tuple[Plugin, str]:
     if file is None:
         point = find_entry_point(name)
         return verified_plugin(point), str(point)
-    from lupin_engine.bindings.catalog import bound_catalog
-    from lupin_engine.chart.findings import Findings
+    from lupin_engine.bindings import bound_catalog
+    from lupin_engine.chart import Findings
 
     findings = Findings()
     bound = bound_catalog([file.parent.parent], load_catalog(), {}, findings)
@@ -187,7 +190,7 @@ def check(name: str | None, live: bool, as_json: bool) -> int:
 
 
 def _subjects(name: str | None) -> list[PluginUnderTest]:
-    from lupin_harness.rules import PluginUnderTest, find_subject
+    from lupin_harness import PluginUnderTest, find_subject
 
     if name is None:
         return [PluginUnderTest(point) for point in entry_points()]
@@ -201,7 +204,7 @@ def _subjects(name: str | None) -> list[PluginUnderTest]:
 
 def _in_folder(folder: Path) -> list[PluginUnderTest]:
     """Return the plugins that a project declares; its packages are found as if it was installed."""
-    from lupin_harness.rules import PluginUnderTest
+    from lupin_harness import PluginUnderTest
 
     file = folder / "pyproject.toml"
     if not file.is_file():
@@ -216,7 +219,7 @@ def _in_folder(folder: Path) -> list[PluginUnderTest]:
 
 
 def _tried(subject: PluginUnderTest, live: bool) -> Iterator[RuleVerdict]:
-    from lupin_harness.rules import findings
+    from lupin_harness import findings
 
     name = subject.point.name
     try:
@@ -237,12 +240,10 @@ def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
             f"plugin {plugin.name!r} brings no node to try its driver with; "
             "derive a test from lupin_harness.cases.DriverContract, with servers of yours"
         )
-    from lupin_ros.launch.requirements import prepare_ros
+    from lupin_ros.launch import prepare_ros
 
     prepare_ros()
-    from lupin_harness.bench import Lab, Setting
-    from lupin_harness.live import apply, cases
-    from lupin_harness.referee import ContractBroken, Untried
+    from lupin_harness import ContractBroken, Lab, Setting, Untried, apply, cases
 
     setting = Setting(plugin, nodes=plugin.serving)
     with Lab(setting).open() as lab:

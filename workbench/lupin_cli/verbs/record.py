@@ -12,11 +12,11 @@ import click
 
 from lupin_cli import options
 from lupin_engine.errors import Problems, Severity, UsageError
-from lupin_ros.launch.environment import close_the_doors, current_domain
+from lupin_ros.launch import close_the_doors, current_domain
 
 if TYPE_CHECKING:
-    from lupin_ros.launch.interrupts import Interrupts
-    from lupin_ros.recording.recorder import TopicRecorder
+    from lupin_ros.launch import Interrupts
+    from lupin_ros.recording import TopicRecorder
 
 #: How long what a mission tells last may take after its end, in seconds.
 _STRAGGLER_S = 2.0
@@ -42,7 +42,7 @@ def record(output: Path | None, without: str | None, domain: int | None) -> int:
     Exit code: 0 recorded; 1 the file ends too early, because the disk is full; 2 nothing was recorded.
     """
     from lupin_cli.recording import check_recording
-    from lupin_ros.launch.requirements import prepare_ros
+    from lupin_ros.launch import prepare_ros
 
     path = output or Path(f"lupin_{time.strftime('%Y-%m-%d_%H-%M-%S')}.mcap")
     problems = Problems(UsageError)
@@ -68,9 +68,9 @@ def _pattern(without: str | None) -> re.Pattern[str] | None:
 def _record(path: Path, without: re.Pattern[str] | None) -> int:
     from lupin_cli.recording import result
     from lupin_cli.terminal.tty import quiet_terminal
-    from lupin_engine.plugin.registry import load_profiles
-    from lupin_ros.launch.interrupts import Interrupts
-    from lupin_ros.recording.recorder import TopicRecorder  # needs rclpy
+    from lupin_engine.plugin import load_profiles
+    from lupin_ros.launch import Interrupts
+    from lupin_ros.recording import TopicRecorder  # needs rclpy
 
     with quiet_terminal(), Interrupts() as interrupts:
         with TopicRecorder(path, without, load_profiles()) as recorder:

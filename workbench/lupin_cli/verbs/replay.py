@@ -13,13 +13,12 @@ from lupin_cli import options
 from lupin_cli.exit_codes import not_done
 from lupin_cli.options import TERMINAL
 from lupin_engine.errors import Problems, UsageError
-from lupin_engine.plugin.registry import load_catalog, load_profiles
+from lupin_engine.plugin import load_catalog, load_profiles
 
 if TYPE_CHECKING:
-    from lupin_engine.machine.machine import Machine
-    from lupin_engine.missions.load import LoadedMissions
-    from lupin_engine.replay.reconstruction import RunRecord
-    from lupin_engine.replay.why import LivedStep
+    from lupin_engine.machine import Machine
+    from lupin_engine.missions import LoadedMissions
+    from lupin_engine.replay import LivedStep, RunRecord
 
 
 @click.command(short_help="Run a mission of the journal again; show a recording in the console.")
@@ -61,8 +60,8 @@ def replay(
         return _show(Path(what), port, journal, domain)
     if sum((interactive, scenario is not None, changed is not None)) > 1:
         raise UsageError("--interactive, --to-scenario and --against do not go together")
-    from lupin_engine.replay.journaled import chart_of, live_again, recording_of, run_called, runs_of
-    from lupin_engine.runtime.journal.journal import journal_folder
+    from lupin_engine.replay import chart_of, live_again, recording_of, run_called, runs_of
+    from lupin_engine.runtime import journal_folder
 
     run = run_called(runs_of(journal or journal_folder(domain=domain)), what)
     for problem in run.problems:
@@ -85,9 +84,8 @@ def _show(file: Path, port: int, journal: Path | None, domain: int | None) -> in
 
     if any(importlib.util.find_spec(name) is None for name in ("mcap", "mcap_ros2")):
         raise UsageError("to read a recording, packages are needed: `pip install 'lupin-engine[record]'`")
-    from lupin_engine.runtime.journal.journal import journal_folder
-    from lupin_ros.recording.reader import Recording
-    from lupin_ros.recording.recorded import RecordedPages
+    from lupin_engine.runtime import journal_folder
+    from lupin_ros.recording import RecordedPages, Recording
 
     catalog = load_catalog()
     server = find_server(catalog)
@@ -98,7 +96,7 @@ def _show(file: Path, port: int, journal: Path | None, domain: int | None) -> in
 def _cut(loaded: LoadedMissions, lived: list[LivedStep], until: str | None) -> list[LivedStep]:
     """Return the steps up to a time or a state; those that there are where it was not come to."""
     from lupin_cli.verbs.simulate import read_until
-    from lupin_engine.sim.simulation import is_named
+    from lupin_engine.sim import is_named
 
     end = read_until(loaded.chart, until)
     for index, each in enumerate(lived):
@@ -113,8 +111,7 @@ def _tell(
     loaded: LoadedMissions, lived: list[LivedStep], machine: Machine, picture: str | None, is_whole: bool
 ) -> None:
     from lupin_cli.terminal import outcome
-    from lupin_engine.replay.journaled import as_run
-    from lupin_engine.replay.timeline import timeline
+    from lupin_engine.replay import as_run, timeline
 
     run = as_run(loaded.chart, lived, machine)
     lanes, console = timeline(run), outcome.make_console()
@@ -138,9 +135,8 @@ class _Again:
     def write(self, file: Path) -> int:
         """Make a scenario; nothing is written over."""
         from lupin_cli.files import write_text
-        from lupin_engine.replay.reconstruction import scenario_text
-        from lupin_engine.sim import SUFFIX
-        from lupin_engine.sim.scenario import Missions, is_scenario
+        from lupin_engine.replay import scenario_text
+        from lupin_engine.sim import SUFFIX, Missions, is_scenario
 
         problems = Problems(UsageError)
         if not is_scenario(file.name):
@@ -156,9 +152,9 @@ class _Again:
 
     def compare(self, changed: Path) -> int:
         """Say whether another mission would have done otherwise."""
-        from lupin_engine.missions.selection import load_missions
-        from lupin_engine.replay.reconstruction import would_differ
-        from lupin_engine.sim.scenario import Missions
+        from lupin_engine.missions import load_missions
+        from lupin_engine.replay import would_differ
+        from lupin_engine.sim import Missions
 
         catalog = self.loaded.chart.catalog
         (other,) = load_missions([str(changed)], catalog).files
@@ -174,9 +170,8 @@ class _Again:
         from lupin_cli.settings import read_value
         from lupin_cli.terminal.interactive import interact
         from lupin_cli.terminal.outcome import make_console
-        from lupin_engine.replay.debugger import Debugger
-        from lupin_engine.replay.reconstruction import as_scenario
-        from lupin_engine.sim.scenario import Missions
+        from lupin_engine.replay import Debugger, as_scenario
+        from lupin_engine.sim import Missions
 
         missions, console = Missions(self.loaded.chart.catalog), make_console()
         scenario = as_scenario(self.recording, self._file(), missions)

@@ -13,15 +13,13 @@ import click
 from lupin_cli import options
 from lupin_cli.exit_codes import INTERRUPTED, not_done
 from lupin_engine.errors import LupinError, Severity
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin import load_catalog
 
 if TYPE_CHECKING:
     from lupin_cli.bring_up import CheckedOptions
     from lupin_cli.terminal.keys import Press
-    from lupin_engine.missions.load import LoadedMissions
-    from lupin_ros.launch.bringup import Bringup
-    from lupin_ros.launch.interrupts import Interrupts
-    from lupin_ros.launch.monitor import RunMonitor
+    from lupin_engine.missions import LoadedMissions
+    from lupin_ros.launch import Bringup, Interrupts, RunMonitor
 
 
 @click.command(cls=options.RequestCommand, short_help="Run a mission over ROS 2 and watch it.")
@@ -70,8 +68,8 @@ def run(
     from lupin_cli.requests import carried, check_request
     from lupin_cli.run_folders import writable
     from lupin_cli.terminal.tty import quiet_terminal
-    from lupin_engine.missions.selection import load_missions
-    from lupin_ros.launch.interrupts import Interrupts
+    from lupin_engine.missions import load_missions
+    from lupin_ros.launch import Interrupts
 
     loaded = load_missions([mission], load_catalog(), reaching=True)
     given = CheckedOptions(GivenOptions(**wanted), loaded, loaded.chart.catalog)
@@ -86,7 +84,7 @@ def run(
     if patience is None and (as_json or not sys.stdout.isatty()):
         patience = options.PATIENCE_S
     settings = given.settings(patience)
-    from lupin_ros.launch.bringup import Bringup  # needs rclpy
+    from lupin_ros.launch import Bringup  # needs rclpy
 
     keys = not as_json and _is_live() and sys.stdin.isatty()
     with quiet_terminal(keys), Interrupts() as interrupts:
@@ -106,8 +104,7 @@ def _carry_out(
     keys: bool,
 ) -> int:
     """Run the mission; an error is reported to the observer and aborts the mission."""
-    from lupin_ros.launch.interrupts import Interrupted
-    from lupin_ros.launch.monitor import NOT_DONE
+    from lupin_ros.launch import NOT_DONE, Interrupted
 
     try:
         bringup.bring_up(given.plugins, loaded.chart.catalog, loaded.heard)

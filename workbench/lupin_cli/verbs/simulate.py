@@ -15,13 +15,13 @@ from lupin_cli import options
 from lupin_cli.exit_codes import INTERRUPTED, not_done
 from lupin_cli.options import PNG, SVG, TERMINAL
 from lupin_engine.errors import Problems, UsageError, nearest
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin import load_catalog
 
 if TYPE_CHECKING:
-    from lupin_engine.chart.model import Chart
-    from lupin_engine.machine.scope import World
-    from lupin_engine.missions.load import LoadedMissions
-    from lupin_engine.sim.simulation import Run, Script
+    from lupin_engine.chart import Chart
+    from lupin_engine.machine import World
+    from lupin_engine.missions import LoadedMissions
+    from lupin_engine.sim import Run, Script
 
 
 @click.command(cls=options.RequestCommand, short_help="Run a mission in virtual time, without ROS.")
@@ -81,7 +81,7 @@ def simulate(
     or not ended, or an expression or action failed; 130 interrupted.
     """
     from lupin_cli.terminal import outcome
-    from lupin_engine.replay.timeline import timeline
+    from lupin_engine.replay import timeline
 
     problems = Problems(UsageError)
     if interactive and (as_json or quiet or speed or picture or until is not None):
@@ -150,7 +150,7 @@ class SimulationTask:
 
     def run(self) -> Run:
         """Simulate it; errors as for `simulation.simulate`."""
-        from lupin_engine.sim.simulation import simulate as run_script
+        from lupin_engine.sim import simulate as run_script
 
         if isinstance(self.until, str):
             return run_script(self.chart, replace(self.script, stop_at=self.until), world=self.world)
@@ -179,10 +179,9 @@ def _subject(
     """
     from lupin_cli.requests import carried, check_complete, check_fields
     from lupin_cli.settings import settings_in
-    from lupin_engine.missions.selection import load_missions
-    from lupin_engine.runtime.setup import make_world
-    from lupin_engine.sim.scenario import is_scenario, load_scenario
-    from lupin_engine.sim.simulation import LIMIT, Script
+    from lupin_engine.missions import load_missions
+    from lupin_engine.runtime import make_world
+    from lupin_engine.sim import LIMIT, Script, is_scenario, load_scenario
 
     catalog = load_catalog()
     if is_scenario(mission):
@@ -214,8 +213,8 @@ def _subject(
 
 def read_until(chart: Chart, text: str | None) -> float | str | None:
     """Read `--until`: a duration, in seconds, or the name of a state."""
-    from lupin_engine.plugin.types import DURATION, convert
-    from lupin_engine.sim.simulation import is_named
+    from lupin_engine.plugin import DURATION, convert
+    from lupin_engine.sim import is_named
 
     if text is None:
         return None
@@ -234,7 +233,7 @@ def read_until(chart: Chart, text: str | None) -> float | str | None:
 
 def _check_clock(text: str | None) -> None:
     """Check that a text is a date with a time of day."""
-    from lupin_engine.runtime.clock import UTC, calendar_of
+    from lupin_engine.runtime import UTC, calendar_of
 
     try:
         if text is not None:
@@ -260,7 +259,7 @@ def _interact(subject: SimulationTask) -> int:
     from lupin_cli.settings import read_value
     from lupin_cli.terminal.interactive import interact
     from lupin_cli.terminal.outcome import make_console
-    from lupin_engine.replay.debugger import Debugger
+    from lupin_engine.replay import Debugger
 
     # The user starts a mission; a scenario starts by itself.
     script = subject.script if subject.script.happenings else replace(subject.script, starts=False)
@@ -272,7 +271,7 @@ def _interact(subject: SimulationTask) -> int:
 def _serve(subject: SimulationTask, speed: float, port: int) -> int:
     from lupin_cli.pages import find_server, serve
     from lupin_cli.settings import read_value
-    from lupin_ros.service.simulated import SimulatedPages
+    from lupin_ros.service import SimulatedPages
 
     server = find_server(subject.chart.catalog)
     script = subject.script if subject.is_complete else replace(subject.script, starts=False)

@@ -11,12 +11,12 @@ import click
 
 from lupin_cli.files import write_text
 from lupin_engine.errors import Problems, UsageError
-from lupin_engine.plugin.registry import Catalog, load_catalog
+from lupin_engine.plugin import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
 
 if TYPE_CHECKING:
-    from lupin_engine.replay.coverage import Coverage
-    from lupin_engine.sim.suite import ScenarioResult
+    from lupin_engine.replay import Coverage
+    from lupin_engine.sim import ScenarioResult
 
 #: Where scenarios are looked for when none is named, nearest first.
 _PLACES = (Path("scenarios"), Path("tests/scenarios"))
@@ -69,9 +69,8 @@ def test(
 
     Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run.
     """
-    from lupin_engine.replay.coverage import CoverageObserver, add_up
-    from lupin_engine.sim.scenario import Missions
-    from lupin_engine.sim.suite import Suite
+    from lupin_engine.replay import CoverageObserver, add_up
+    from lupin_engine.sim import Missions, Suite
 
     catalog = load_catalog()
     if recording is not None or output is not None:
@@ -105,7 +104,7 @@ def test(
 
 def _chosen(paths: Sequence[Path]) -> list[Path]:
     """Return the files to run; UsageError when there are none."""
-    from lupin_engine.sim.scenario import scenario_files
+    from lupin_engine.sim import scenario_files
 
     return scenario_files(paths or _default())
 
@@ -123,8 +122,8 @@ def _make_scenario(
     recording: Path | None, output: Path | None, paths: Sequence[Path], catalog: Catalog
 ) -> int:
     """Make a scenario of a recorded run; nothing is written over."""
-    from lupin_engine.replay.reconstruction import read_recording, scenario_text
-    from lupin_engine.sim.scenario import Missions, is_scenario
+    from lupin_engine.replay import read_recording, scenario_text
+    from lupin_engine.sim import Missions, is_scenario
 
     if recording is None or output is None or paths:
         raise UsageError("write 'lupin test --record RUN.json -o NAME.scenario.yaml'")
@@ -151,10 +150,8 @@ def _text(file: Path) -> str:
 
 def _draw(coverage: Coverage, file: Path) -> None:
     """Draw every mission that was tested, coloured by what its scenarios reached."""
-    from lupin_engine.diagram.outline import outline
-    from lupin_engine.diagram.svg import svg
-    from lupin_engine.diagram.trace import Counts, coloured
-    from lupin_engine.replay.coverage import STATES, TRANSITIONS
+    from lupin_engine.diagram import Counts, coloured, outline, svg
+    from lupin_engine.replay import STATES, TRANSITIONS
 
     for mission, (chart, reached) in coverage.charts.items():
         states = {name: count for (kind, name, _), count in reached.items() if kind == STATES}
@@ -199,7 +196,7 @@ def _how(result: ScenarioResult) -> str:
 
 
 def _sum_up(results: Sequence[ScenarioResult], coverage: Coverage | None) -> None:
-    from lupin_engine.replay.coverage import coverage_lines
+    from lupin_engine.replay import coverage_lines
 
     if coverage is not None:
         click.echo("\n".join(("", *coverage_lines(coverage), "")))

@@ -9,14 +9,14 @@ import click
 from lupin_cli import options
 from lupin_cli.exit_codes import not_done
 from lupin_engine.errors import LupinError, Severity
-from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_ros.launch.environment import current_domain
+from lupin_engine.plugin import Catalog, load_catalog
+from lupin_ros.launch import current_domain
 
 if TYPE_CHECKING:
     from lupin_cli.bring_up import CheckedOptions
-    from lupin_engine.missions.load import LoadedMissions
-    from lupin_engine.plugin.profile import Profile, Progress
-    from lupin_ros.launch.bringup import Bringup, Observer
+    from lupin_engine.missions import LoadedMissions
+    from lupin_engine.plugin import Profile, Progress
+    from lupin_ros.launch import Bringup, Observer
 
 
 @click.command(short_help="Start the nodes of missions; an operator starts the missions.")
@@ -32,9 +32,9 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
     """
     from lupin_cli.bring_up import CheckedOptions, GivenOptions
     from lupin_cli.terminal.observers import Heard, PlainObserver
-    from lupin_engine.missions.selection import load_missions
-    from lupin_engine.runtime.setup import make_world
-    from lupin_ros.launch.interrupts import Interrupts
+    from lupin_engine.missions import load_missions
+    from lupin_engine.runtime import make_world
+    from lupin_ros.launch import Interrupts
 
     loaded = load_missions(missions, load_catalog(), reaching=True)
     catalog = loaded.chart.catalog
@@ -42,7 +42,7 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
     with given.problems.collecting():
         make_world(loaded.chart, given.values)
     settings = given.settings()
-    from lupin_ros.launch.bringup import Bringup  # needs rclpy
+    from lupin_ros.launch import Bringup  # needs rclpy
 
     with Interrupts() as interrupts:
         observer = Heard(PlainObserver(), interrupts.stop)
@@ -53,8 +53,7 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
 def _serve(
     bringup: Bringup, observer: Observer, given: CheckedOptions, loaded: LoadedMissions, catalog: Catalog
 ) -> int:
-    from lupin_ros.launch.interrupts import Interrupted
-    from lupin_ros.launch.monitor import NOT_DONE
+    from lupin_ros.launch import NOT_DONE, Interrupted
 
     try:
         bringup.bring_up(given.plugins, catalog, loaded.heard)

@@ -14,19 +14,22 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import date, time
 from typing import Any
 
-from lupin_engine.chart.model import Chart, Field, Input, Mission
+from lupin_engine.chart import Chart, Field, Input, Mission
 from lupin_engine.errors import shortened
+from lupin_engine.machine import EvaluationScope, Event, Memory, World, identity_of
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import Event
-from lupin_engine.machine.itineraries import identity_of
-from lupin_engine.machine.memory import Memory
-from lupin_engine.machine.scope import EvaluationScope, World
-from lupin_engine.plugin.contract import OPERATION_CODES
-from lupin_engine.plugin.describe import number_text, value_text
-from lupin_engine.plugin.profile import START
-from lupin_engine.plugin.types import ANY as ANY_TYPE
-from lupin_engine.plugin.types import DATE, TIME_OF_DAY, Type, within
-from lupin_engine.runtime.possible import requests_of
+from lupin_engine.plugin import ANY as ANY_TYPE
+from lupin_engine.plugin import (
+    DATE,
+    OPERATION_CODES,
+    START,
+    TIME_OF_DAY,
+    Type,
+    number_text,
+    value_text,
+    within,
+)
+from lupin_engine.runtime import requests_of
 from lupin_verify.situations.compared import ANY, Compared, Read, part, side
 from lupin_verify.situations.relevance import (
     Relevance,

@@ -16,11 +16,9 @@ from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from lupin_engine.chart.expressions.evaluation import Compiled, Expression, Value, to_function
-from lupin_engine.chart.model import Chart
-from lupin_engine.machine.memory import Memory
-from lupin_engine.machine.scope import EvaluationScope, World
-from lupin_engine.plugin.types import Type
+from lupin_engine.chart import Chart, Compiled, Expression, Value, to_function
+from lupin_engine.machine import EvaluationScope, Memory, World
+from lupin_engine.plugin import Type
 from lupin_verify.situations.relevance import (
     KEEPING,
     Relevance,

@@ -14,16 +14,27 @@ from functools import partial
 from typing import Any, NamedTuple, cast
 
 from lupin_engine.errors import reason
-from lupin_engine.machine.actions import CompiledAction, ExecutableContent
-from lupin_engine.machine.event import RESUMED, Act, Report, Trigger
-from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Attempt, Memory, Phase, Reported
-from lupin_engine.machine.reload import is_idle, successor
-from lupin_engine.machine.scope import EvaluationScope, World
-from lupin_engine.machine.step import Macrostep, Step
-from lupin_engine.plugin.contract import OnHold
-from lupin_engine.plugin.profile import Publish
-from lupin_engine.properties.built_in import (
+from lupin_engine.machine import (
+    RESUMED,
+    Act,
+    Attempt,
+    CompiledAction,
+    EvaluationScope,
+    ExecutableContent,
+    Machine,
+    Macrostep,
+    Memory,
+    Phase,
+    Report,
+    Reported,
+    Step,
+    Trigger,
+    World,
+    is_idle,
+    successor,
+)
+from lupin_engine.plugin import OnHold, Publish
+from lupin_engine.properties import (
     BUILT_IN,
     Glance,
     Passage,
@@ -35,7 +46,7 @@ from lupin_engine.properties.built_in import (
     is_over,
     is_speaking,
 )
-from lupin_engine.sim.simulation import label_of
+from lupin_engine.sim import label_of
 from lupin_verify.situations.classes import Classes
 from lupin_verify.situations.found import Does, Effect, Is
 from lupin_verify.situations.memo import Rows

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_engine.plugin.profile import Stages
+from lupin_engine.plugin import Stages
 from lupin_verify.situations.found import Does, Explored, Is
 from lupin_verify.situations.worlds import Mover, TimerName
 

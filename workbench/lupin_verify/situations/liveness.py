@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Set
 from typing import NamedTuple
 
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart import Chart
 from lupin_verify.situations.found import Effect
 from lupin_verify.situations.situation import SlotTable
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_engine.chart.model import Chart
-from lupin_engine.machine.event import RELEASED, RESUMED
-from lupin_engine.sim.narration import short_name, shorten
+from lupin_engine.chart import Chart
+from lupin_engine.machine import RELEASED, RESUMED
+from lupin_engine.sim import short_name, shorten
 from lupin_verify.situations.relevance import ANY_ORPHAN, is_orphan, kind_of
 from lupin_verify.situations.worlds import LOADED, OF_PROPERTY, WorldMove
 

@@ -13,13 +13,31 @@ from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Compiled, Expression, Value
-from lupin_engine.chart.model import ActionCall, Chart, ForEach, Invoke, State, Transition, every_call
-from lupin_engine.machine.event import Event
-from lupin_engine.machine.memory import Attempt, Invocation, Phase, Reported, Timer, Traversal
-from lupin_engine.machine.operations import CANCELLED_CODE, EVERYTHING
-from lupin_engine.machine.scope import reads_of
-from lupin_engine.plugin.builtin import is_builtin
+from lupin_engine.chart import (
+    ActionCall,
+    Chart,
+    Compiled,
+    Expression,
+    ForEach,
+    Invoke,
+    State,
+    Transition,
+    Value,
+    every_call,
+)
+from lupin_engine.machine import (
+    CANCELLED_CODE,
+    EVERYTHING,
+    Attempt,
+    Event,
+    Invocation,
+    Phase,
+    Reported,
+    Timer,
+    Traversal,
+    reads_of,
+)
+from lupin_engine.plugin import is_builtin
 
 #: Actions whose arguments stay in the memory, or go on as an event.
 KEEPING = ("set", "add", "remove")

@@ -19,8 +19,7 @@ from operator import attrgetter
 from typing import Any
 
 from lupin_engine.errors import shortened
-from lupin_engine.machine.holds import all_holds
-from lupin_engine.machine.memory import (
+from lupin_engine.machine import (
     Attempt,
     CutShort,
     Invocation,
@@ -29,6 +28,7 @@ from lupin_engine.machine.memory import (
     ResourceClaim,
     Timer,
     Traversal,
+    all_holds,
     claim_of,
 )
 from lupin_verify.situations.relevance import Relevance, is_orphan, kind_of, orphan_kind

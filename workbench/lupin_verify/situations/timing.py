@@ -12,10 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Timer
-from lupin_engine.machine.reload import successor
-from lupin_engine.machine.step import Step
+from lupin_engine.machine import Machine, Step, Timer, successor
 from lupin_verify.situations.explorer import MORNING, SituationExplorer
 from lupin_verify.situations.found import Effect
 from lupin_verify.situations.situation import Situation, is_new

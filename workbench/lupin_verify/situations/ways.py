@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lupin_engine.machine.event import RESUMED
+from lupin_engine.machine import RESUMED
 from lupin_verify.situations.found import Breach, Explored
 from lupin_verify.situations.worlds import Mover, WorldMove
 

@@ -17,19 +17,27 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any, NamedTuple, TypeVar
 
-from lupin_engine.chart.model import Chart, State
+from lupin_engine.chart import Chart, State
+from lupin_engine.machine import (
+    ANSWERED,
+    CANCELLED_CODE,
+    RELEASED,
+    RESUMED,
+    WAITS,
+    Attempt,
+    Event,
+    Machine,
+    Phase,
+    Reported,
+    ResourceClaim,
+    Step,
+    Timer,
+    Timers,
+)
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import ANSWERED, RELEASED, RESUMED, Event
-from lupin_engine.machine.inputs import WAITS
-from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.memory import Attempt, Phase, Reported, ResourceClaim, Timer
-from lupin_engine.machine.operations import CANCELLED_CODE
-from lupin_engine.machine.step import Step
-from lupin_engine.machine.timers import Timers
-from lupin_engine.plugin.builtin import is_builtin
-from lupin_engine.plugin.contract import RESTARTED
-from lupin_engine.properties.built_in import Remembered
-from lupin_engine.sim.simulation import label_of
+from lupin_engine.plugin import RESTARTED, is_builtin
+from lupin_engine.properties import Remembered
+from lupin_engine.sim import label_of
 from lupin_verify.situations.classes import Classes
 from lupin_verify.situations.relevance import ANY_ORPHAN, is_orphan
 from lupin_verify.situations.situation import (

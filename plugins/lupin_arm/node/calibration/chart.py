@@ -6,11 +6,10 @@ from pathlib import Path
 
 import lupin_arm.calibration
 from lupin_arm.calibration.catalog import PLUGIN
-from lupin_engine.chart.model import Chart
-from lupin_engine.missions.folders import LIFECYCLE
-from lupin_engine.missions.load import load_chart
-from lupin_engine.plugin.registry import build_catalog
-from lupin_greenhouse.profile import PROFILE
+from lupin_engine.chart import Chart
+from lupin_engine.missions import LIFECYCLE, load_chart
+from lupin_engine.plugin import build_catalog
+from lupin_greenhouse import PROFILE
 
 #: Where the chart is written down.
 FOLDER = Path(lupin_arm.calibration.__file__).parent

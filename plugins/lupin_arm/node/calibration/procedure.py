@@ -18,13 +18,11 @@ from lupin_arm.node.library import library_path
 from lupin_arm.node.mark import RestoreMarker
 from lupin_arm.node.serving import STALE_AFTER_S, ArmRequestRefused, refuse
 from lupin_engine.errors import Severity, nearest, shortened
-from lupin_engine.machine.event import Event
-from lupin_engine.machine.step import Step
-from lupin_engine.plugin.contract import Driver
-from lupin_engine.runtime.engine import Engine, EngineOutlet
-from lupin_engine.runtime.setup import make_machine
+from lupin_engine.machine import Event, Step
+from lupin_engine.plugin import Driver
+from lupin_engine.runtime import Engine, EngineOutlet, make_machine
 from lupin_msgs.srv import CalibrateArm
-from lupin_ros.adapter.node import RosNode, RosTimer
+from lupin_ros.adapter import RosNode, RosTimer
 
 SERVICE = "/lupin/arm/calibrate"
 #: Action of a request -> event of the chart.

@@ -21,8 +21,8 @@ from lupin_arm.node.gates import SERVOS
 from lupin_arm.node.mark import RestoreMarker
 from lupin_arm.node.serving import ArmRequestRefused
 from lupin_arm.node.waiting import when_ready
-from lupin_engine.plugin.contract import Outlet
-from lupin_ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
+from lupin_engine.plugin import Outlet
+from lupin_ros.adapter import CallFailure, Qos, RosNode, ServiceCaller
 
 #: The name under which the arm is calibrated.
 OWNER = "calibration"

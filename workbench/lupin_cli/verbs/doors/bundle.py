@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin import load_catalog
 
 
 @click.command(short_help="Put a mission with all its files into one, signed.")
@@ -42,10 +42,8 @@ def bundle(mission: str, key: Path | None, version: str, name: str, output: Path
 
     Exit code: 0 written, 1 the mission has errors, 2 wrong usage.
     """
-    from lupin_engine.missions.bundle import make_bundle
-    from lupin_engine.missions.folders import BUNDLE
-    from lupin_engine.missions.selection import load_missions
-    from lupin_engine.plugin.files import write_atomically
+    from lupin_engine.missions import BUNDLE, load_missions, make_bundle
+    from lupin_engine.plugin import write_atomically
 
     loaded = load_missions([mission], load_catalog())
     file = output or Path(loaded.files[0].stem + BUNDLE)

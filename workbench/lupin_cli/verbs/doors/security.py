@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 import click
 
 from lupin_cli.files import write_text
-from lupin_engine.plugin.contract import Access
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin import Access, load_catalog
 
 if TYPE_CHECKING:
-    from lupin_engine.missions.load import LoadedMissions
+    from lupin_engine.missions import LoadedMissions
 
 _ROLES = ("viewer", "operator", "engineer")
 
@@ -39,17 +38,14 @@ def policy(missions: tuple[str, ...], sim: bool, folder: Path | None) -> int:
 
     Exit code: 0 written, 1 a mission has errors or a node does not start, 2 wrong usage.
     """
-    from lupin_engine.missions.selection import load_missions
-    from lupin_ros.launch.environment import close_the_doors, current_domain
-    from lupin_ros.launch.requirements import prepare_ros
+    from lupin_engine.missions import load_missions
+    from lupin_ros.launch import close_the_doors, current_domain, prepare_ros
 
     loaded = load_missions(missions, load_catalog(), reaching=True)
     close_the_doors()
     prepare_ros()
-    from lupin_harness.rehearsal import declared_by
-    from lupin_ros.launch import sros2
-    from lupin_ros.launch.description import PresentEndpoints, describe_launch
-    from lupin_ros.launch.nodes import ORCHESTRATOR
+    from lupin_harness import declared_by
+    from lupin_ros.launch import ORCHESTRATOR, PresentEndpoints, describe_launch, sros2
 
     catalog = loaded.chart.catalog
     serving = [name for name, plugin in catalog.plugins.items() if plugin.hmi]
@@ -75,7 +71,7 @@ def policy(missions: tuple[str, ...], sim: bool, folder: Path | None) -> int:
 
 def _asked(loaded: LoadedMissions) -> list[str]:
     """Return the services that people's verbs call."""
-    from lupin_ros.service.names import COMMAND_SERVICE
+    from lupin_ros.service import COMMAND_SERVICE
 
     profile = loaded.chart.profile
     wire = profile.wire
@@ -85,8 +81,8 @@ def _asked(loaded: LoadedMissions) -> list[str]:
 
 def _access(loaded: LoadedMissions) -> Access:
     """Return what pages may use: what the profile, the engine, plugins and bindings say."""
-    from lupin_engine.plugin.pages import declared_access
-    from lupin_ros.service.names import ACCESS
+    from lupin_engine.plugin import declared_access
+    from lupin_ros.service import ACCESS
 
     catalog = loaded.chart.catalog
     called = (call.endpoint.name for one in loaded.bindings.values() for call in one.calls.values())

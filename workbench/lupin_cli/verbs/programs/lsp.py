@@ -9,7 +9,7 @@ import sys
 import click
 
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin import load_catalog
 
 
 @click.command(short_help="Serve editors: completion, hover, definition, rename, findings as you type.")
@@ -19,7 +19,7 @@ def lsp() -> int:
     Editors start this themselves; docs/editor.md says what to write into their settings.
     """
     try:
-        from lupin_lsp.server import serve
+        from lupin_lsp import serve
     except ModuleNotFoundError as problem:
         if (problem.name or "").partition(".")[0] not in ("pygls", "lsprotocol"):
             raise

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from lupin_engine.errors import UsageError, nearest
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin import load_catalog
 
 #: Short forms of mappings in scenarios, by model.
 SHORT_FORMS: Mapping[str, dict[str, Any]] = MappingProxyType(
@@ -49,7 +49,7 @@ def schema(kind: str | None, with_names: bool, folder: Path | None) -> int:
     Editors complete and check YAML with it. With --catalog it lists the operations, actions, events and live
     values of the plugins that are installed here.
     """
-    from lupin_lsp.schema import ANY_KIND, text_of, write
+    from lupin_lsp import ANY_KIND, text_of, write
 
     kind = kind or ANY_KIND
     found = schemas(with_names)
@@ -68,8 +68,8 @@ def schema(kind: str | None, with_names: bool, folder: Path | None) -> int:
 
 def schemas(with_names: bool = False) -> dict[str, dict[str, Any]]:
     """Return the schemas of all kinds of files, and of any."""
-    from lupin_engine.sim.scenario_file import ScenarioNode
-    from lupin_lsp.schema import all_schemas, kinds
+    from lupin_engine.sim import ScenarioNode
+    from lupin_lsp import all_schemas, kinds
 
     models = kinds({"scenario": ScenarioNode})
     catalog = load_catalog()

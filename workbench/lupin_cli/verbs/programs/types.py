@@ -28,11 +28,8 @@ def types(language: str, more: tuple[str, ...], output: Path | None) -> int:
 
     Exit code: 0 written; 2 a definition is not here, or the file cannot be written.
     """
-    from lupin_engine.plugin.files import write_atomically
-    from lupin_ros.interfaces.files import read_interfaces
-    from lupin_ros.interfaces.json_schema import json_schema
-    from lupin_ros.interfaces.typescript import typescript
-    from lupin_ros.interfaces.used import used_interfaces
+    from lupin_engine.plugin import write_atomically
+    from lupin_ros.interfaces import json_schema, read_interfaces, typescript, used_interfaces
 
     interfaces = read_interfaces(used_interfaces().union(_named(more)))
     text = typescript(interfaces) if language == "ts" else json_schema(interfaces)
@@ -62,8 +59,7 @@ def _named(more: Iterable[str]) -> list[str]:
 
 
 def _interfaces(name: str) -> Iterator[str]:
-    from lupin_ros.interfaces.files import names_in, packages
-    from lupin_ros.interfaces.used import NAME
+    from lupin_ros.interfaces import NAME, names_in, packages
 
     if NAME.fullmatch(name):
         yield name

@@ -18,11 +18,10 @@ from lupin_cli import options
 from lupin_cli.exit_codes import BROKEN, INTERRUPTED, not_done
 from lupin_cli.files import write_text
 from lupin_engine.errors import LupinError, Problems, UsageError
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin import load_catalog
 
 if TYPE_CHECKING:
-    from lupin_verify.campaign import Campaign, CampaignSum, Violation
-    from lupin_verify.dealing import Dealer
+    from lupin_verify import Campaign, CampaignSum, Dealer, Violation
 
 #: How long the scheduler of a cluster has to answer, in seconds.
 SCHEDULER_S = 10.0
@@ -88,7 +87,7 @@ def campaign(
 
     Exit code: 0 nothing is violated; 1 something is; 2 it could not be run; 130 interrupted.
     """
-    from lupin_verify.dealing import Dealer, WorkerProcesses, make_task
+    from lupin_verify import Dealer, WorkerProcesses, make_task
 
     found = _campaign(mission, rates, settings)
     _make_folder(out)
@@ -149,7 +148,7 @@ def _make_folder(out: Path) -> None:
 
 def _why_none_began(campaign: Campaign) -> str:
     """Return why the mission of the first seed did not begin."""
-    from lupin_verify.campaign import CampaignSum
+    from lupin_verify import CampaignSum
 
     run = campaign.run(0, CampaignSum())
     refused = [step.refusal for step in run.history.refused if step.refusal] if run is not None else []
@@ -160,9 +159,8 @@ def _why_none_began(campaign: Campaign) -> str:
 
 def _campaign(mission: str, rates: Path | None, settings: tuple[str, ...]) -> Campaign:
     from lupin_cli.settings import settings_in
-    from lupin_engine.missions.selection import load_missions
-    from lupin_verify.campaign import Campaign
-    from lupin_verify.rates import default_rates, read_rates
+    from lupin_engine.missions import load_missions
+    from lupin_verify import Campaign, default_rates, read_rates
 
     loaded, problems = load_missions([mission], load_catalog()), Problems(UsageError)
     if rates is not None and not rates.is_file():
@@ -239,9 +237,8 @@ def _status(text: str, show: bool) -> AbstractContextManager[Any]:
 
 def _write(campaign: Campaign, violation: Violation, out: Path) -> Written:
     """Write a violation as a scenario, as small as can be."""
-    from lupin_engine.sim import SUFFIX
-    from lupin_engine.sim.scenario import Missions
-    from lupin_verify.minimise import Minimiser
+    from lupin_engine.sim import SUFFIX, Missions
+    from lupin_verify import Minimiser
 
     file = out / f"{violation.name}_{violation.seed}{SUFFIX}"
     missions, mission = Missions(campaign.chart.catalog), campaign.loaded.files[0]

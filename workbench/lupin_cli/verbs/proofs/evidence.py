@@ -18,9 +18,8 @@ import click
 
 import lupin_engine
 import lupin_verify
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.contract import Plugin
-from lupin_engine.plugin.describe import sections
+from lupin_engine.missions import LoadedMissions
+from lupin_engine.plugin import Plugin, sections
 
 #: What the words of a proof mean.
 MEANINGS: Mapping[str, str] = {

@@ -7,18 +7,13 @@ from html import escape
 
 from lupin_cli.verbs.proofs.evidence import ASSUMPTIONS, MEANINGS, NOT_SHOWN, Origin, catalogs_hash
 from lupin_cli.verbs.proofs.proof_words import counted, name_of, shown_place, summary
-from lupin_engine.diagram.outline import outline
-from lupin_engine.diagram.svg import svg as draw
-from lupin_engine.diagram.trace import Counts, coloured
+from lupin_engine.diagram import Counts, coloured, outline
+from lupin_engine.diagram import svg as draw
 from lupin_engine.errors import near
-from lupin_engine.missions.load import LoadedMissions
-from lupin_engine.plugin.describe import value_text
-from lupin_engine.plugin.types import ANY
-from lupin_engine.replay.story import exact_columns, laid_out
-from lupin_engine.replay.timeline import timeline
-from lupin_engine.replay.timeline_svg import svg
-from lupin_verify.proof import Proof, Proven
-from lupin_verify.story import FailingScenario, why_none
+from lupin_engine.missions import LoadedMissions
+from lupin_engine.plugin import ANY, value_text
+from lupin_engine.replay import exact_columns, laid_out, svg, timeline
+from lupin_verify import FailingScenario, Proof, Proven, why_none
 
 _STYLE = """
 body { font: 15px/1.5 Inter, "DejaVu Sans", Arial, sans-serif; margin: 2rem auto; max-width: 76rem; }

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lupin_engine.errors import Place
-from lupin_engine.missions.load import LoadedMissions
-from lupin_verify.proof import Proof
-from lupin_verify.reached import Unreached
+from lupin_engine.missions import LoadedMissions
+from lupin_verify import Proof, Unreached
 
 
 def name_of(loaded: LoadedMissions, varied: str) -> str:

@@ -20,18 +20,15 @@ import click
 from lupin_cli import options
 from lupin_cli.exit_codes import BROKEN, NOT_PROVEN, not_done
 from lupin_engine.errors import Diagnostic, UsageError
-from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.plugin import load_catalog
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from lupin_cli.verbs.proofs.evidence import Origin
-    from lupin_engine.chart.model import Chart
-    from lupin_engine.missions.load import LoadedMissions
-    from lupin_verify.proof import Proof, Proven
-    from lupin_verify.proving import ProofTask
-    from lupin_verify.situations.found import ExplorationProgress
-    from lupin_verify.story import FailingScenario
+    from lupin_engine.chart import Chart
+    from lupin_engine.missions import LoadedMissions
+    from lupin_verify import ExplorationProgress, FailingScenario, Proof, ProofTask, Proven
 
 
 @click.command(short_help="Explore every way that missions can go, without ROS.")
@@ -110,9 +107,8 @@ def prove(
     from lupin_cli.settings import settings_in
     from lupin_cli.verbs.proofs.evidence import origin
     from lupin_engine.errors import Problems
-    from lupin_engine.missions.selection import load_missions
-    from lupin_verify.proving import proof_tasks, prove_tasks
-    from lupin_verify.situations.explorer import Bounds
+    from lupin_engine.missions import load_missions
+    from lupin_verify import Bounds, proof_tasks, prove_tasks
 
     problems, catalog = Problems(UsageError), load_catalog()
     seconds = None
@@ -160,7 +156,7 @@ def prove(
 
 def read_budget(option: str, budget: str | None) -> float | None:
     """Read the duration of an option, in seconds; UsageError: it is none."""
-    from lupin_engine.plugin.types import DURATION, convert
+    from lupin_engine.plugin import DURATION, convert
 
     try:
         return None if budget is None else float(convert(budget, DURATION))
@@ -215,10 +211,8 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
         KeyboardInterrupt: somebody has interrupted; nothing more is proven.
     """
     from lupin_cli.verbs.proofs.proof_words import last_line
-    from lupin_engine.missions.selection import load_missions
-    from lupin_verify.breach import findings
-    from lupin_verify.proving import INTERRUPTED, ProofTask, prove_tasks
-    from lupin_verify.situations.explorer import Bounds
+    from lupin_engine.missions import load_missions
+    from lupin_verify import INTERRUPTED, Bounds, ProofTask, findings, prove_tasks
 
     found: list[list[Diagnostic]] = []
     charts: list[Chart] = []
@@ -239,7 +233,7 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
 
 def _is_of_all(one: Diagnostic, charts: Sequence[Chart], found: Sequence[Sequence[Diagnostic]]) -> bool:
     """Say whether none of the missions that use a file reaches something; true of what other rules find."""
-    from lupin_verify.breach import UNREACHED
+    from lupin_verify import UNREACHED
 
     users = [told for chart, told in zip(charts, found, strict=True) if one.place.file in chart.files]
     return one.rule != UNREACHED or all(any(_is_same(one, other) for other in told) for told in users)
@@ -254,8 +248,8 @@ def _write_scenarios(
 ) -> dict[str, FailingScenario]:
     """Write a scenario that fails for each property that is broken; return them by the property."""
     from lupin_cli.files import write_text
-    from lupin_engine.sim.scenario import Missions
-    from lupin_verify.story import failing_scenario
+    from lupin_engine.sim import Missions
+    from lupin_verify import failing_scenario
 
     written = {}
     missions = Missions(load_catalog())
@@ -307,9 +301,8 @@ _MARKS = {
 def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console, wanted: bool) -> None:
     """Tell how a property is broken: as `lupin simulate` tells it, or as the moves that lead there."""
     from lupin_cli.terminal.outcome import show_timeline, tell_lines
-    from lupin_engine.replay.story import exact_columns
-    from lupin_engine.replay.timeline import timeline
-    from lupin_verify.story import why_none
+    from lupin_engine.replay import exact_columns, timeline
+    from lupin_verify import why_none
 
     click.echo(f"      {one.text}")
     if scenario is not None:
@@ -333,7 +326,7 @@ def _record(
     from dataclasses import asdict
 
     from lupin_cli.verbs.proofs.evidence import ASSUMPTIONS, NOT_SHOWN, catalogs_hash
-    from lupin_engine.runtime.record import step_record
+    from lupin_engine.runtime import step_record
 
     return {
         "mission": loaded.names[0],

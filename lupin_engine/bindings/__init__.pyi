@@ -1,0 +1,16 @@
+from . import file as file
+from .allowed import check_allowed as check_allowed
+from .catalog import BINDINGS as BINDINGS
+from .catalog import LUPIN_FILE as LUPIN_FILE
+from .catalog import BoundCatalog as BoundCatalog
+from .catalog import binding_files as binding_files
+from .catalog import bound_catalog as bound_catalog
+from .catalog import lupin_file as lupin_file
+from .data import Binding as Binding
+from .data import Endpoint as Endpoint
+from .data import MessageHeard as MessageHeard
+from .data import MessageSent as MessageSent
+from .data import OperationCall as OperationCall
+from .data import Sending as Sending
+from .file import BindingNode as BindingNode
+from .reader import check_definition as check_definition

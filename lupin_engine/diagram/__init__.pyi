@@ -1,0 +1,17 @@
+from .descriptions import ElementTexts as ElementTexts
+from .folding import folded_svg as folded_svg
+from .index import Page as Page
+from .index import index as index
+from .outline import find_state as find_state
+from .outline import outline as outline
+from .outline import readable_depth as readable_depth
+from .picture import LineRole as LineRole
+from .picture import Picture as Picture
+from .picture import StateBox as StateBox
+from .png import png as png
+from .svg import svg as svg
+from .trace import Counts as Counts
+from .trace import check_fits as check_fits
+from .trace import coloured as coloured
+from .xml_text import escape as escape
+from .xml_text import quoted as quoted

@@ -1,0 +1,16 @@
+from .authored import properties_of as properties_of
+from .built_in import BUILT_IN as BUILT_IN
+from .built_in import INVARIANTS as INVARIANTS
+from .built_in import NOT_ABOUT as NOT_ABOUT
+from .built_in import STANDSTILL as STANDSTILL
+from .built_in import Glance as Glance
+from .built_in import Monitor as Monitor
+from .built_in import Passage as Passage
+from .built_in import Property as Property
+from .built_in import Remembered as Remembered
+from .built_in import Verdict as Verdict
+from .built_in import action_moves as action_moves
+from .built_in import begun as begun
+from .built_in import closed as closed
+from .built_in import is_over as is_over
+from .built_in import is_speaking as is_speaking

@@ -1,0 +1,12 @@
+from .bench import Lab as Lab
+from .bench import Setting as Setting
+from .cases import CatalogContract as CatalogContract
+from .cases import DriverContract as DriverContract
+from .live import apply as apply
+from .live import cases as cases
+from .referee import ContractBroken as ContractBroken
+from .referee import Untried as Untried
+from .rehearsal import declared_by as declared_by
+from .rules import PluginUnderTest as PluginUnderTest
+from .rules import find_subject as find_subject
+from .rules import findings as findings
