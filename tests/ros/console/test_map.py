@@ -17,6 +17,7 @@ import pytest
 
 pytest.importorskip("playwright", reason="playwright is not installed here")
 
+from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Point32, Quaternion, TransformStamped
 from nav_msgs.msg import OccupancyGrid
@@ -26,9 +27,10 @@ from websockets.sync.client import ClientConnection, connect
 
 from lupin_engine.ros.adapter.node import Qos, RosNode
 from lupin_engine.ros.names import COMMAND_SERVICE
+from lupin_gateway.people import COMMANDS, PEOPLE_TOPIC
 from lupin_greenhouse.readings import SENSOR_UNITS
 from lupin_msgs.msg import FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
-from tests.ros.console.conftest import PATIENCE_MS, Served
+from tests.ros.console.conftest import PATIENCE_MS, Served, stall
 from tests.ros.gateway.conftest import gateway
 from tests.ros.world import World
 
@@ -250,6 +252,46 @@ def test_an_operator_takes_the_base_of_a_mission_that_is_held(greenhouse: MapCan
     assert wire.call(COMMAND_SERVICE, verb="resume")["accepted"]
     expect(why).to_contain_text("Not during a mission (")
     expect(page.get_by_role("button", name="Give the base back")).to_have_count(0)
+
+
+def commanded(line: dict[str, Any]) -> str:
+    """Return what a line of the audit log says of a goal, or the name of the service that was called."""
+    if line["what"] == "send_action_goal":
+        return str(line.get("answer", "sent"))
+    return "cancelled" if line["what"] == "cancel_action_goal" else str(line["name"])
+
+
+def drive_to(greenhouse: MapCanvas, x: float, y: float) -> None:
+    """Send the robot to a place by the map."""
+    page = greenhouse.page
+    page.get_by_role("button", name="Drive to a place…").click()
+    greenhouse.press(x, y)
+    page.get_by_role("button", name="Drive", exact=True).click()
+
+
+def test_giving_the_base_back_ends_the_drive_first(greenhouse: MapCanvas, wire: Wire, robot: Served) -> None:
+    page, why = greenhouse.page, greenhouse.page.locator("#map-drive-why")
+    assert wire.call(COMMAND_SERVICE, verb="pause")["accepted"]
+    page.get_by_role("button", name="Take the base").click()
+    drive_to(greenhouse, 0.8, 0.9)
+    expect(page.locator(".map-drive [role=status]")).to_contain_text("Arrived at x 0.")
+    before = wire.call(COMMANDS)["commands"][-1]["number"]
+    stall(robot, 2)
+    drive_to(greenhouse, 0.8, 7.5)
+    expect(page.locator(".map-drive [role=status]")).to_contain_text("Sent to x")
+    drive_to(greenhouse, 0.5, 0.5)  # takes the place of the drive before
+    ended = before + len(("sent", "sent", "ended"))
+    wire.until(PEOPLE_TOPIC, "std_msgs/String", lambda told: json.loads(told["data"])["commands"] == ended)
+    expect(page.locator(".map-drive [role=status]")).to_contain_text("Sent to x 0.5")
+    page.get_by_role("button", name="Give the base back").click()
+    expect(why).to_contain_text("take the base first")
+    expect(page.locator(".map-drive [role=status]")).to_have_text("")
+    done = [commanded(line) for line in wire.call(COMMANDS, since=before)["commands"]]
+    assert done == [
+        *("sent", "sent", f"ended with status {GoalStatus.STATUS_ABORTED}", "cancelled"),
+        *(f"ended with status {GoalStatus.STATUS_CANCELED}", "/lupin/hmi/take_base"),
+    ]
+    assert wire.call(COMMAND_SERVICE, verb="resume")["accepted"]
 
 
 # --- what the simulated greenhouse never does; its mission goes on meanwhile --------------------------------
