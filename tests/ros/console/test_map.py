@@ -6,7 +6,6 @@ import csv
 import json
 import math
 import re
-import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -30,7 +29,7 @@ from lupin_engine.ros.names import COMMAND_SERVICE
 from lupin_gateway.people import COMMANDS, PEOPLE_TOPIC
 from lupin_greenhouse.readings import SENSOR_UNITS
 from lupin_msgs.msg import FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
-from tests.ros.console.conftest import PATIENCE_MS, Served, stall
+from tests.ros.console.conftest import PATIENCE_MS, Served, stall, telling
 from tests.ros.gateway.conftest import gateway
 from tests.ros.world import World
 
@@ -319,25 +318,6 @@ def transform(parent: str, child: str, x: float, y: float, yaw: float) -> Transf
     found.transform.translation.x, found.transform.translation.y = x, y
     found.transform.rotation = Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
     return found
-
-
-@contextmanager
-def telling(*tell: Callable[[], None]) -> Iterator[None]:
-    """Tell something ten times a second."""
-    ended = threading.Event()
-
-    def work() -> None:
-        while not ended.wait(0.1):
-            for each in tell:
-                each()
-
-    worker = threading.Thread(target=work)
-    worker.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        worker.join()
 
 
 @pytest.fixture
