@@ -19,16 +19,17 @@ pytest.importorskip("playwright", reason="playwright is not installed here")
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Point32, Quaternion, TransformStamped
+from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import OccupancyGrid
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 from tf2_msgs.msg import TFMessage
 from websockets.sync.client import ClientConnection, connect
 
-from lupin_engine.ros.adapter.node import Qos, RosNode
+from lupin_engine.ros.adapter.node import Qos, RosNode, ServedGoal
 from lupin_engine.ros.names import COMMAND_SERVICE
 from lupin_gateway.people import COMMANDS, PEOPLE_TOPIC
 from lupin_greenhouse.readings import SENSOR_UNITS
-from lupin_msgs.msg import FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
+from lupin_msgs.msg import FlowerPoint, MissionState, Observation, SensorReading, TwinState, TwinTagState
 from tests.ros.console.conftest import PATIENCE_MS, Served, stall, telling
 from tests.ros.gateway.conftest import gateway
 from tests.ros.world import World
@@ -459,6 +460,46 @@ def test_a_twin_that_falls_silent_has_grey_tags(bare: tuple[MapCanvas, RosNode])
     expect(seen.page.locator(".map-notes")).to_contain_text(re.compile(r"The twin is silent since \d"))
     seen.until_colour(1.0, 1.0, SILENT)
     expect(seen.page.locator(".map-tags")).to_have_class(re.compile("stale"))
+
+
+def test_a_base_whose_drive_does_not_end_is_not_given_back(bare: tuple[MapCanvas, RosNode]) -> None:
+    """Navigation refuses: the page says so after a while, and the base is still its own."""
+    seen, node = bare
+    page, said = seen.page, seen.page.locator(".map-drive [role=status]")
+    goals: list[ServedGoal] = []
+    navigation = node.serve_action(
+        NavigateToPose, "navigate_to_pose", admit=lambda _: True, started=goals.append, cancelled=end_goal
+    )
+    navigation.refuses = lambda: True
+    node.publisher(OccupancyGrid, "/map", Qos.LATCHED).publish(grid_of((0.0, 0.0), (4, 3)))
+    moving = node.publisher(TFMessage, "/tf", Qos.TRANSFORMS)
+    states = node.publisher(MissionState, "/mission/state", Qos.LATCHED)
+    here = TFMessage(transforms=[transform("map", "base_link", 1.0, 1.0, 0.0)])
+    held = MissionState(lifecycle_state="INSPECTING", paused=True)
+    with telling(lambda: moving.publish(here), lambda: states.publish(held), lambda: work(node)):
+        seen.until_colour(0.45, 0.35, OCCUPIED)
+        page.get_by_role("button", name="Take the base").click()
+        drive_to(seen, 2.0, 1.0)
+        expect(said).to_contain_text("Sent to x ")
+        page.get_by_role("button", name="Give the base back").click()
+        expect(page.locator("#map-drive-why")).to_contain_text("The drive is being ended")
+        expect(said).to_have_text("The drive does not end: the base was not given back.")
+        navigation.refuses = lambda: False
+        expect(said).to_have_text("The drive was ended before the robot was there.")
+        page.get_by_role("button", name="Give the base back").click()
+        expect(page.get_by_role("button", name="Take the base")).to_be_visible()
+    assert len(goals) == 1
+
+
+def work(node: RosNode) -> None:
+    """Handle what has come for a node."""
+    for _ in range(20):
+        node.spin_once(0.0)
+
+
+def end_goal(goal: ServedGoal) -> None:
+    """End a goal as its client asks."""
+    goal.cancel(NavigateToPose.Result())
 
 
 # --- after the mission -------------------------------------------------------------------------------------
