@@ -216,6 +216,8 @@ def test_between_packages_only_faces_are_imported() -> None:
 def test_a_face_exports_what_others_use() -> None:
     """Other packages, authors of plugins by the page of the contract, and users by that of Python."""
     used = {full for name in modules() for full, _ in crossings(name)}
+    hidden = {full: where for full, where in faces().items() if full in modules() and full != where}
+    assert hidden == {}, "a module of that name would hide what the face exports"
     pages = "".join((ROOT / "docs" / page).read_text(encoding="utf-8") for page in FOR_OTHERS)
     unused = sorted(set(faces()) - used)
     assert [full for full in unused if full.rpartition(".")[2] not in pages] == []

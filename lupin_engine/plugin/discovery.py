@@ -132,7 +132,7 @@ def _reason(error: BaseException) -> str:
     missing = _NO_NAME.match(str(error)) if isinstance(error, ImportError) else None
     if missing is None or missing[2] not in sys.modules:
         return f"{type(error).__name__}: {error}".rstrip(": ")
-    offered = [name for name in vars(sys.modules[missing[2]]) if not name.startswith("_")]
+    offered = [name for name in dir(sys.modules[missing[2]]) if not name.startswith("_")]
     return f"there is no {missing[1]!r} in {missing[2]}; {nearest(missing[1], offered)}"
 
 

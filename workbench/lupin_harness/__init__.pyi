@@ -3,7 +3,7 @@ from .bench import Setting as Setting
 from .cases import CatalogContract as CatalogContract
 from .cases import DriverContract as DriverContract
 from .live import apply as apply
-from .live import cases as cases
+from .live import live_cases as live_cases
 from .referee import ContractBroken as ContractBroken
 from .referee import Untried as Untried
 from .rehearsal import declared_by as declared_by

@@ -22,7 +22,7 @@ import pytest
 
 from lupin_engine.errors import PluginError, UsageError, nearest
 from lupin_engine.plugin import load_catalog
-from lupin_harness.live import apply, cases
+from lupin_harness.live import apply, live_cases
 from lupin_harness.referee import ContractBroken
 from lupin_harness.rules import RULES, Given, PluginUnderTest, find_subject, problems_with
 
@@ -124,7 +124,7 @@ class DriverContract:
 
     def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
         """Make one test of each rule, for each operation that it is about."""
-        found = list(cases(_subject(self.plugin).plugin))
+        found = list(live_cases(_subject(self.plugin).plugin))
         names = [f"{rule}-{operation}" if operation else rule for rule, operation in found]
         metafunc.parametrize(("rule", "operation"), found, ids=names)
 

@@ -209,7 +209,7 @@ OPERATION_RULES: Mapping[str, Callable[[Lab, str], None]] = MappingProxyType(
 )
 
 
-def cases(plugin: Plugin) -> Iterator[tuple[str, str]]:
+def live_cases(plugin: Plugin) -> Iterator[tuple[str, str]]:
     """Yield the rules that say something about a plugin, each with its operation, or ''."""
     for rule in RULES:
         if rule != acts.__name__ or plugin.actions:

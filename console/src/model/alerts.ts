@@ -20,12 +20,9 @@ export const alerts = computed<readonly Alert[]>(() => {
   const t = texts.value.alerts;
   const at = mode.value === "recording" ? moment.value : null;
   const view = steps.past.at(at)?.value.view;
-  const names = stopNames(at);
-  // A robot repeats the stop of pages as its own, and our gateway tells it to other HMIs: only without it are these news.
-  const told = base.past.at(at)?.value.stops ?? [];
-  const others = told.includes("pages") ? [] : told.flatMap((each) => (each === "robot" || each === "hmi" ? [t.sources[each]] : []));
+  const { pages, others } = stoppers(at);
   const found: Alert[] = [];
-  if (names.length || state.past.at(at)?.value.estop_engaged) found.push({ kind: "stop", text: t.stop([...names, ...others].join(", ")), isSaid: names.length > 0 && others.length === 0 });
+  if (pages.length || state.past.at(at)?.value.estop_engaged) found.push({ kind: "stop", text: t.stop([...pages, ...others].join(", ")), isSaid: pages.length > 0 && others.length === 0 });
   if (view && isFault(view.lifecycle)) {
     const label = missions.past.at(at)?.value.codes[view.code]?.label ?? view.code;
     found.push({ kind: "fault", text: t.fault(view.lifecycle, [label, view.detail].filter(Boolean).join(": ")) });
@@ -34,9 +31,14 @@ export const alerts = computed<readonly Alert[]>(() => {
   return found;
 });
 
-/** Which pages hold the robot. */
-export function stopNames(at: number | null): readonly string[] {
-  return stops.past.at(at)?.value.stops.map(({ name }) => name) ?? [];
+/** Who stops the robot: pages by their names, and other sources in words. */
+export function stoppers(at: number | null): { readonly pages: readonly string[]; readonly others: readonly string[] } {
+  const { sources } = texts.value.alerts;
+  const pages = stops.past.at(at)?.value.stops.map(({ name }) => name) ?? [];
+  // A robot repeats the stop of pages as its own, and our gateway tells it to other HMIs: only without it are these news.
+  const told = base.past.at(at)?.value.stops ?? [];
+  const others = told.includes("pages") ? [] : told.flatMap((each) => (each === "robot" || each === "hmi" ? [sources[each]] : []));
+  return { pages, others };
 }
 
 export function startAlerts(): void {

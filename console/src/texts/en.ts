@@ -237,6 +237,9 @@ export const en = {
       go: "Drive",
       cancel: "Cancel",
       sent: (x: number, y: number) => `Sent to x ${x.toFixed(2)} m, y ${y.toFixed(2)} m.`,
+      arrived: (x: number, y: number) => `Arrived at x ${x.toFixed(2)} m, y ${y.toFixed(2)} m.`,
+      ended: "The drive was ended before the robot was there.",
+      gaveUp: (why: string) => `The robot did not get there${why && ` (${why})`}.`,
       failed: "It was not sent: there is no connection.",
       lost: "Nobody says where the robot is.",
       stopped: "The robot is stopped.",
@@ -246,6 +249,8 @@ export const en = {
       others: (page: string) => `${page} has taken the base.`,
       take: "Take the base",
       giveBack: "Give the base back",
+      giving: "The drive is being ended; then the base is given back.",
+      goesOn: "The drive does not end: the base was not given back.",
     },
   },
   log: {

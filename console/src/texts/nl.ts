@@ -239,6 +239,9 @@ export const nl: Texts = {
       go: "Rijden",
       cancel: "Annuleren",
       sent: (x, y) => `Gestuurd naar x ${x.toFixed(2)} m, y ${y.toFixed(2)} m.`,
+      arrived: (x, y) => `Aangekomen op x ${x.toFixed(2)} m, y ${y.toFixed(2)} m.`,
+      ended: "De rit is beëindigd voordat de robot er was.",
+      gaveUp: (why) => `De robot is er niet gekomen${why && ` (${why})`}.`,
       failed: "Het is niet gestuurd: er is geen verbinding.",
       lost: "Niemand zegt waar de robot is.",
       stopped: "De robot is gestopt.",
@@ -248,6 +251,8 @@ export const nl: Texts = {
       others: (page) => `${page} heeft het onderstel overgenomen.`,
       take: "Onderstel overnemen",
       giveBack: "Onderstel teruggeven",
+      giving: "De rit wordt beëindigd; daarna wordt het onderstel teruggegeven.",
+      goesOn: "De rit eindigt niet: het onderstel is niet teruggegeven.",
     },
   },
   log: {

@@ -8,6 +8,20 @@ export type LinkState = "connecting" | "open" | "lost";
 /** What a call came to that has no answer; the text says of what and why. */
 export class CallFailed extends Error {}
 
+/** How a goal of an action ended: a status of `GoalStatus`, and what its server told. */
+export interface GoalEnd<Result> {
+  readonly status: number;
+  readonly result: Result;
+}
+
+/** A goal that this page has sent. The gateway cancels it when the page goes. */
+export interface SentGoal<Result> {
+  /** Fails with `CallFailed` when it was refused, or when nobody can tell how it ended. */
+  readonly end: Promise<GoalEnd<Result>>;
+  /** Ask the server to end it; nothing happens where it has ended. */
+  readonly cancel: () => void;
+}
+
 interface Subscription {
   readonly topic: string;
   readonly type: string;
@@ -18,7 +32,8 @@ interface Subscription {
 interface Waiting {
   readonly done: (values: unknown) => void;
   readonly failed: (problem: CallFailed) => void;
-  readonly timer: number;
+  /** A goal has none: it may take as long as it likes. */
+  readonly timer?: number;
 }
 
 interface Frame {
@@ -30,6 +45,7 @@ interface Frame {
   at?: number;
   values?: unknown;
   result?: boolean;
+  status?: number;
   level?: string;
 }
 
@@ -116,9 +132,17 @@ export class Link {
     });
   }
 
-  /** Publish a message once; returns whether it was sent. */
-  publish(topic: string, type: string, msg: object): boolean {
-    return this.send({ op: "publish", topic, type, msg });
+  /** Send a goal to an action server; undefined where there is no link. */
+  sendGoal<Result>(action: string, type: string, args: object): SentGoal<Result> | undefined {
+    const id = `g${++this.count}`;
+    if (!this.send({ op: "send_action_goal", id, action, action_type: type, args })) return undefined;
+    const end = new Promise<GoalEnd<Result>>((done, failed) => {
+      this.waiting.set(id, { done: done as (values: unknown) => void, failed });
+    });
+    const cancel = (): void => {
+      if (this.waiting.has(id)) this.send({ op: "cancel_action_goal", id, action });
+    };
+    return { end, cancel };
   }
 
   private connect(): void {
@@ -190,16 +214,23 @@ export class Link {
     if (frame.op === "publish") {
       for (const subscription of [...this.subscriptions.values()])
         if (subscription.topic === frame.topic) subscription.heard(frame.msg, frame.at);
-    } else if (frame.op === "service_response" && frame.id !== undefined) {
-      const waiting = this.waiting.get(frame.id);
-      if (!waiting) return;
-      this.waiting.delete(frame.id);
-      clearTimeout(waiting.timer);
-      if (frame.result) waiting.done(frame.values);
-      else waiting.failed(new CallFailed(String(frame.values)));
+    } else if (frame.op === "service_response") {
+      this.settle(frame, frame.values);
+    } else if (frame.op === "action_result") {
+      this.settle(frame, { status: frame.status, result: frame.values });
     } else if (frame.op === "status" && typeof frame.msg === "string") {
       this.complaints.value = [...this.complaints.value.slice(-49), frame.msg];
     }
+  }
+
+  /** Give what came of a call or a goal to who waits for it. */
+  private settle({ id = "", result, values }: Frame, found: unknown): void {
+    const waiting = this.waiting.get(id);
+    if (!waiting) return;
+    this.waiting.delete(id);
+    clearTimeout(waiting.timer);
+    if (result) waiting.done(found);
+    else waiting.failed(new CallFailed(String(values)));
   }
 
   private failAll(): void {

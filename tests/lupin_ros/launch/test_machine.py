@@ -73,7 +73,7 @@ def test_participants_are_counted_by_their_ports(tmp_path: Path) -> None:
 def test_running_nodes_are_known_by_their_command(tmp_path: Path) -> None:
     """However they were started; `lupin` with another verb is none, nor one of another domain."""
     commands = {
-        "12": "/v/bin/python\0-m\0lupin_engine.cli.main\0node\0lupin_sim\0--ros-args\0",
+        "12": "/v/bin/python\0-m\0lupin_cli.main\0node\0lupin_sim\0--ros-args\0",
         "13": "/v/bin/python\0/v/bin/lupin\0node\0greenhouse_bridge\0",
         "14": "/v/bin/python\0/v/bin/lupin\0run\0inspection\0",
         "15": "node\0server.js\0now\0",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -162,7 +163,7 @@ def test_a_large_chart_is_drawn_to_a_readable_depth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """And the person is told so; text has it all."""
-    monkeypatch.setattr("lupin_engine.diagram.outline.READABLE", 16)
+    monkeypatch.setattr(sys.modules["lupin_engine.diagram.outline"], "READABLE", 16)
     file = tmp_path / "x.svg"
     assert said(capfd, "inspection", "-o", file) == (
         0,

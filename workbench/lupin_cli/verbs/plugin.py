@@ -243,11 +243,11 @@ def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
     from lupin_ros.launch import prepare_ros
 
     prepare_ros()
-    from lupin_harness import ContractBroken, Lab, Setting, Untried, apply, cases
+    from lupin_harness import ContractBroken, Lab, Setting, Untried, apply, live_cases
 
     setting = Setting(plugin, nodes=plugin.serving)
     with Lab(setting).open() as lab:
-        for rule, operation in cases(plugin):
+        for rule, operation in live_cases(plugin):
             try:
                 apply(rule, operation, lab)
                 problems: tuple[str, ...] = ()

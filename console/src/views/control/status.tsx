@@ -1,7 +1,7 @@
 // Where the mission stands: state, progress, holds, battery, e-stop, and what to do next.
 import { loopNow } from "../../model/time/countdown";
 import { isFault, missions, possible, state, steps, view, type Offer, type Outcome, type Possible, type StepRecord, type View } from "../../model/mission/mission";
-import { stopNames } from "../../model/alerts";
+import { stoppers } from "../../model/alerts";
 import { moment } from "../../model/time/past";
 import { lostSince } from "../../model/time/clock";
 import { mode, texts } from "../../model/page";
@@ -111,7 +111,7 @@ function Holds({ view: now }: { view: View }) {
     <ul class="control-holds" aria-label={t.holds}>
       {now.held.map((name) => {
         const { at, exact, by: asker } = heldSince(name);
-        const by = asker || (name === ESTOP && !isReleased ? stopNames(moment.value).join(", ") : "");
+        const by = asker || (name === ESTOP && !isReleased ? stoppersNow() : "");
         const text = at === undefined ? "" : span((missionNow.value - at) / 1000);
         const ends = verbsOf(({ releases }) => releases.includes(name));
         return (
@@ -123,6 +123,12 @@ function Holds({ view: now }: { view: View }) {
       })}
     </ul>
   );
+}
+
+/** Who stops the robot, as far as that is known: not who began it, but all who have not let go. */
+function stoppersNow(): string {
+  const { pages, others } = stoppers(moment.value);
+  return [...pages, ...others].join(", ");
 }
 
 /** The verbs of what is possible now and is like this. */

@@ -8,10 +8,10 @@ import { hindrance, silent } from "../../model/mission/permission";
 import { ownPage } from "../../model/people";
 import { base } from "../../model/story/log";
 import type { FloorPlace } from "../../model/robot/twin";
-import { MSG_TYPES, type PoseStamped } from "../../ros";
-import { link } from "../../wire/link";
+import { ACTION_TYPES, GoalStatus, type NavigateToPoseGoal, type NavigateToPoseResult } from "../../ros";
+import { link, type GoalEnd, type SentGoal } from "../../wire/link";
 
-const GOAL = "/goal_pose";
+const DRIVE = "/navigate_to_pose";
 const TAKE_BASE = "/lupin/hmi/take_base";
 
 /** Whether the next press on the map chooses a place to drive to. */
@@ -20,6 +20,16 @@ export const choosing = signal(false);
 export const aim = signal<FloorPlace | undefined>(undefined);
 /** What came of the last order. */
 export const driven = signal("");
+/** Whether this page ends what it drives, and gives the base back then. */
+const giving = signal(false);
+/** How long that end is waited for, in milliseconds. */
+const ENDS_WITHIN_MS = 10_000;
+
+type Drive = SentGoal<NavigateToPoseResult>;
+/** What this page drives: a new drive takes the place of the one before, which ends soon after. */
+const underWay = new Set<Drive>();
+/** The drive that was sent last. */
+let latest: Drive | undefined;
 
 /** Who has the base of a mission that is held: this page, another one, or none; undefined: no mission is held. */
 const taken = computed<string | undefined>(() => {
@@ -38,6 +48,7 @@ export const driveRefusal = computed<string>(() => {
   if (!robot.shown.value) return t.lost;
   if (silent.value) return t.unknown;
   if (state.shown.value?.value.estop_engaged) return t.stopped;
+  if (giving.value) return t.giving;
   if (isTaken.value) return "";
   if (taken.value !== undefined) return taken.value ? t.others(taken.value) : t.held;
   const starts = possible.shown.value?.value.requests.filter(({ request }) => request === "mission.start") ?? [];
@@ -60,22 +71,64 @@ export function drive(): void {
   const to = aim.value;
   const refusal = driveRefusal.value;
   if (!to) return;
-  const t = texts.value.map.drive;
-  const at = robotNow();
-  const order: PoseStamped = {
-    header: { stamp: { sec: Math.floor(at / 1000), nanosec: Math.floor(at % 1000) * 1_000_000 }, frame_id: MAP_FRAME },
-    pose: {
-      position: { x: to.x, y: to.y, z: 0 },
-      orientation: { x: 0, y: 0, z: Math.sin(to.yaw / 2), w: Math.cos(to.yaw / 2) },
-    },
-  };
-  driven.value = refusal || (link.publish(GOAL, MSG_TYPES.PoseStamped, order) ? t.sent(to.x, to.y) : t.failed);
-  if (!refusal) endChoosing();
+  if (refusal) {
+    driven.value = refusal;
+    return;
+  }
+  void follow(to, link.sendGoal<NavigateToPoseResult>(DRIVE, ACTION_TYPES.NavigateToPose, goalOf(to)));
+  endChoosing();
 }
 
-/** Take the base of the mission that is held, or give it back, which ends what this page drives. */
+function goalOf({ x, y, yaw }: FloorPlace): NavigateToPoseGoal {
+  const at = robotNow();
+  return {
+    pose: {
+      header: { stamp: { sec: Math.floor(at / 1000), nanosec: Math.floor(at % 1000) * 1_000_000 }, frame_id: MAP_FRAME },
+      pose: { position: { x, y, z: 0 }, orientation: { x: 0, y: 0, z: Math.sin(yaw / 2), w: Math.cos(yaw / 2) } },
+    },
+  };
+}
+
+/** Tell what comes of a drive, for as long as none is sent after it. */
+async function follow(to: FloorPlace, drive: Drive | undefined): Promise<void> {
+  const t = texts.value.map.drive;
+  driven.value = drive ? t.sent(to.x, to.y) : t.failed;
+  if (!drive) return;
+  latest = drive;
+  underWay.add(drive);
+  const told = await drive.end.then((end) => endOf(to, end), ({ message }: Error) => message);
+  underWay.delete(drive);
+  if (latest === drive) driven.value = told;
+}
+
+/** How a drive ended, in words. */
+function endOf(to: FloorPlace, { status, result }: GoalEnd<NavigateToPoseResult>): string {
+  const t = texts.value.map.drive;
+  if (status === GoalStatus.STATUS_SUCCEEDED) return t.arrived(to.x, to.y);
+  return status === GoalStatus.STATUS_CANCELED ? t.ended : t.gaveUp(result.error_msg);
+}
+
+/** End what this page drives; returns whether it has ended in time. */
+async function endDrives(): Promise<boolean> {
+  for (const drive of underWay) drive.cancel();
+  const ends = Promise.allSettled([...underWay].map(({ end }) => end)).then(() => true);
+  const late = new Promise<boolean>((done) => setTimeout(() => done(false), ENDS_WITHIN_MS));
+  return Promise.race([ends, late]);
+}
+
+/** Give the base of the mission back, once what this page drives has ended. */
+export async function giveBack(): Promise<void> {
+  if (giving.value) return;
+  endChoosing();
+  giving.value = true;
+  const hasEnded = await endDrives();
+  giving.value = false;
+  if (hasEnded) await takeBase(false);
+  else driven.value = texts.value.map.drive.goesOn;
+}
+
+/** Take the base of the mission that is held, or give it back. */
 export async function takeBase(take: boolean): Promise<void> {
-  if (!take) endChoosing();
   const call = link.call<{ success: boolean; message: string }>(TAKE_BASE, { take });
   const { success, message } = await call.catch(({ message }: Error) => ({ success: false, message }));
   driven.value = success ? "" : message;

@@ -9,7 +9,7 @@ import { measured, sensorName } from "../../model/robot/sensors";
 import { twin } from "../../model/robot/twin";
 import { clockTime } from "../../parts/format";
 import { Panel } from "../../parts/panel";
-import { aim, choosing, driven, drive, driveRefusal, endChoosing, isTaken, mayTake, takeBase } from "./driving";
+import { aim, choosing, driven, drive, driveRefusal, endChoosing, giveBack, isTaken, mayTake, takeBase } from "./driving";
 import { field, fieldAt, followField, sensor } from "./field";
 import { cellAt } from "./grid";
 import { FieldChoice, Layers, Legend } from "./legend";
@@ -125,7 +125,7 @@ function Drive() {
           {choosing.value ? t.end : t.begin}
         </button>
         {(mayTake.value || isTaken.value) && (
-          <button aria-pressed={isTaken.value} onClick={() => void takeBase(!isTaken.value)}>
+          <button aria-pressed={isTaken.value} onClick={() => void (isTaken.value ? giveBack() : takeBase(true))}>
             {isTaken.value ? t.giveBack : t.take}
           </button>
         )}

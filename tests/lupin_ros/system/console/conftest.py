@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,6 +108,25 @@ def stall(served: Served, goals: int) -> None:
             operator.hit(goals, "stall")
         finally:
             operator.ros.close()
+
+
+@contextmanager
+def telling(*tell: Callable[[], None]) -> Iterator[None]:
+    """Tell something ten times a second."""
+    ended = threading.Event()
+
+    def work() -> None:
+        while not ended.wait(0.1):
+            for each in tell:
+                each()
+
+    worker = threading.Thread(target=work)
+    worker.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        worker.join()
 
 
 @pytest.fixture(autouse=True)

@@ -17,12 +17,15 @@ import pytest
 pytest.importorskip("playwright", reason="playwright is not installed here")
 
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
+from std_msgs.msg import Bool
 
 from lupin_engine.missions.folders import default_missions_folder
+from lupin_greenhouse.stops import HMI_TOPIC
+from lupin_ros.adapter.node import Qos
 from lupin_ros.launch.operator import Attendant
 from tests.browsing import HOLD_MS
 from tests.lupin_ros.launch.processes import until
-from tests.lupin_ros.system.console.conftest import DESK, PATIENCE_MS, PHONE, Served
+from tests.lupin_ros.system.console.conftest import DESK, PATIENCE_MS, PHONE, Served, telling
 from tests.lupin_ros.world import Operator
 
 COOKBOOK = Path(__file__).parents[4] / "docs" / "cookbook"
@@ -431,3 +434,39 @@ def test_nothing_is_commanded_in_the_past(console: Page, attendant: Attendant) -
     )
     console.get_by_role("button", name="Live").click()
     agree(console, attendant)
+
+
+def test_a_hold_names_who_stops_the_robot_now(
+    console: Page, enter: Callable[..., BrowserContext], robot: Served, attendant: Attendant
+) -> None:
+    """Several stop, and who began it lets go: the hold, the bar and the title name the others."""
+    start(console, "inspection", tag_sequence="21, 12")
+    in_state(attendant, "INSPECTING")
+    first, second = stopping(enter(), robot), stopping(enter(), robot)
+    bar, held = console.locator("#stop-state"), console.locator(".control-holds")
+    expect(bar).to_have_text(re.compile(r"^Stopped by anna-\d+, anna-\d+$"))
+    both = bar.inner_text().removeprefix("Stopped by ")
+    expect(held).to_contain_text(f"by {both} ")
+    first.locator("#release").click(delay=HOLD_MS)
+    left = both.split(", ")[1]
+    expect(held).to_contain_text(f"by {left} ")
+    expect(bar).to_have_text(f"Stopped by {left}")
+    expect(console).to_have_title(re.compile(f"^STOPPED by {left} · "))
+    hands = Operator("panel")
+    other = hands.ros.publisher(Bool, HMI_TOPIC, Qos.EVENT)
+    with contextlib.closing(hands.ros), telling(lambda: other.publish(Bool(data=True))):
+        second.locator("#release").click(delay=HOLD_MS)
+        # The robot repeats it as its own.
+        expect(held).to_contain_text("by the robot's own e-stop, another operator panel ")
+    expect(held).to_contain_text("stopped before: the stop is released")
+    expect(held).not_to_contain_text("operator panel")
+
+
+def stopping(context: BrowserContext, robot: Served) -> Page:
+    """Open a page that presses STOP."""
+    page = context.new_page()
+    page.goto(robot.url)
+    page.locator(".bar .pill.good").wait_for()
+    page.locator("#stop").click()
+    expect(page.locator("#stop")).to_have_attribute("aria-pressed", "true")
+    return page

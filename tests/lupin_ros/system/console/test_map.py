@@ -6,7 +6,6 @@ import csv
 import json
 import math
 import re
-import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,19 +16,22 @@ import pytest
 
 pytest.importorskip("playwright", reason="playwright is not installed here")
 
+from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Point32, Quaternion, TransformStamped
+from nav2_msgs.action import NavigateToPose
 from nav_msgs.msg import OccupancyGrid
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 from tf2_msgs.msg import TFMessage
 from websockets.sync.client import ClientConnection, connect
 
+from lupin_gateway.people import COMMANDS, PEOPLE_TOPIC
 from lupin_greenhouse.readings import SENSOR_UNITS
-from lupin_msgs.msg import FlowerPoint, Observation, SensorReading, TwinState, TwinTagState
-from lupin_ros.adapter.node import Qos, RosNode
+from lupin_msgs.msg import FlowerPoint, MissionState, Observation, SensorReading, TwinState, TwinTagState
+from lupin_ros.adapter.node import Qos, RosNode, ServedGoal
 from lupin_ros.service.names import COMMAND_SERVICE
 from tests.lupin_ros.plugins.gateway.conftest import gateway
-from tests.lupin_ros.system.console.conftest import PATIENCE_MS, Served
+from tests.lupin_ros.system.console.conftest import PATIENCE_MS, Served, stall, telling
 from tests.lupin_ros.world import World
 
 __all__ = ["gateway"]
@@ -252,6 +254,46 @@ def test_an_operator_takes_the_base_of_a_mission_that_is_held(greenhouse: MapCan
     expect(page.get_by_role("button", name="Give the base back")).to_have_count(0)
 
 
+def commanded(line: dict[str, Any]) -> str:
+    """Return what a line of the audit log says of a goal, or the name of the service that was called."""
+    if line["what"] == "send_action_goal":
+        return str(line.get("answer", "sent"))
+    return "cancelled" if line["what"] == "cancel_action_goal" else str(line["name"])
+
+
+def drive_to(greenhouse: MapCanvas, x: float, y: float) -> None:
+    """Send the robot to a place by the map."""
+    page = greenhouse.page
+    page.get_by_role("button", name="Drive to a place…").click()
+    greenhouse.press(x, y)
+    page.get_by_role("button", name="Drive", exact=True).click()
+
+
+def test_giving_the_base_back_ends_the_drive_first(greenhouse: MapCanvas, wire: Wire, robot: Served) -> None:
+    page, why = greenhouse.page, greenhouse.page.locator("#map-drive-why")
+    assert wire.call(COMMAND_SERVICE, verb="pause")["accepted"]
+    page.get_by_role("button", name="Take the base").click()
+    drive_to(greenhouse, 0.8, 0.9)
+    expect(page.locator(".map-drive [role=status]")).to_contain_text("Arrived at x 0.")
+    before = wire.call(COMMANDS)["commands"][-1]["number"]
+    stall(robot, 2)
+    drive_to(greenhouse, 0.8, 7.5)
+    expect(page.locator(".map-drive [role=status]")).to_contain_text("Sent to x")
+    drive_to(greenhouse, 0.5, 0.5)  # takes the place of the drive before
+    ended = before + len(("sent", "sent", "ended"))
+    wire.until(PEOPLE_TOPIC, "std_msgs/String", lambda told: json.loads(told["data"])["commands"] == ended)
+    expect(page.locator(".map-drive [role=status]")).to_contain_text("Sent to x 0.5")
+    page.get_by_role("button", name="Give the base back").click()
+    expect(why).to_contain_text("take the base first")
+    expect(page.locator(".map-drive [role=status]")).to_have_text("")
+    done = [commanded(line) for line in wire.call(COMMANDS, since=before)["commands"]]
+    assert done == [
+        *("sent", "sent", f"ended with status {GoalStatus.STATUS_ABORTED}", "cancelled"),
+        *(f"ended with status {GoalStatus.STATUS_CANCELED}", "/lupin/hmi/take_base"),
+    ]
+    assert wire.call(COMMAND_SERVICE, verb="resume")["accepted"]
+
+
 # --- what the simulated greenhouse never does; its mission goes on meanwhile --------------------------------
 
 
@@ -277,25 +319,6 @@ def transform(parent: str, child: str, x: float, y: float, yaw: float) -> Transf
     found.transform.translation.x, found.transform.translation.y = x, y
     found.transform.rotation = Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
     return found
-
-
-@contextmanager
-def telling(*tell: Callable[[], None]) -> Iterator[None]:
-    """Tell something ten times a second."""
-    ended = threading.Event()
-
-    def work() -> None:
-        while not ended.wait(0.1):
-            for each in tell:
-                each()
-
-    worker = threading.Thread(target=work)
-    worker.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        worker.join()
 
 
 @pytest.fixture
@@ -437,6 +460,46 @@ def test_a_twin_that_falls_silent_has_grey_tags(bare: tuple[MapCanvas, RosNode])
     expect(seen.page.locator(".map-notes")).to_contain_text(re.compile(r"The twin is silent since \d"))
     seen.until_colour(1.0, 1.0, SILENT)
     expect(seen.page.locator(".map-tags")).to_have_class(re.compile("stale"))
+
+
+def test_a_base_whose_drive_does_not_end_is_not_given_back(bare: tuple[MapCanvas, RosNode]) -> None:
+    """Navigation refuses: the page says so after a while, and the base is still its own."""
+    seen, node = bare
+    page, said = seen.page, seen.page.locator(".map-drive [role=status]")
+    goals: list[ServedGoal] = []
+    navigation = node.serve_action(
+        NavigateToPose, "navigate_to_pose", admit=lambda _: True, started=goals.append, cancelled=end_goal
+    )
+    navigation.refuses = lambda: True
+    node.publisher(OccupancyGrid, "/map", Qos.LATCHED).publish(grid_of((0.0, 0.0), (4, 3)))
+    moving = node.publisher(TFMessage, "/tf", Qos.TRANSFORMS)
+    states = node.publisher(MissionState, "/mission/state", Qos.LATCHED)
+    here = TFMessage(transforms=[transform("map", "base_link", 1.0, 1.0, 0.0)])
+    held = MissionState(lifecycle_state="INSPECTING", paused=True)
+    with telling(lambda: moving.publish(here), lambda: states.publish(held), lambda: work(node)):
+        seen.until_colour(0.45, 0.35, OCCUPIED)
+        page.get_by_role("button", name="Take the base").click()
+        drive_to(seen, 2.0, 1.0)
+        expect(said).to_contain_text("Sent to x ")
+        page.get_by_role("button", name="Give the base back").click()
+        expect(page.locator("#map-drive-why")).to_contain_text("The drive is being ended")
+        expect(said).to_have_text("The drive does not end: the base was not given back.")
+        navigation.refuses = lambda: False
+        expect(said).to_have_text("The drive was ended before the robot was there.")
+        page.get_by_role("button", name="Give the base back").click()
+        expect(page.get_by_role("button", name="Take the base")).to_be_visible()
+    assert len(goals) == 1
+
+
+def work(node: RosNode) -> None:
+    """Handle what has come for a node."""
+    for _ in range(20):
+        node.spin_once(0.0)
+
+
+def end_goal(goal: ServedGoal) -> None:
+    """End a goal as its client asks."""
+    goal.cancel(NavigateToPose.Result())
 
 
 # --- after the mission -------------------------------------------------------------------------------------

@@ -31,7 +31,7 @@ from lupin_engine.plugin.contract import (
 from lupin_engine.plugin.types import BOOL, COUNT, DURATION
 from lupin_harness import bench as benches
 from lupin_harness.bench import Lab, Setting
-from lupin_harness.live import apply, cases
+from lupin_harness.live import apply, live_cases
 from lupin_harness.referee import ContractBroken, Untried
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
@@ -238,7 +238,7 @@ def verdict(lab: Lab, rule: str, operation: str) -> str:
     return ""
 
 
-@pytest.mark.parametrize(("rule", "operation"), list(cases(LAMP)))
+@pytest.mark.parametrize(("rule", "operation"), list(live_cases(LAMP)))
 def test_a_good_driver_keeps_every_rule(
     rule: str, operation: str, monkeypatch: pytest.MonkeyPatch, ros_domain: int
 ) -> None:
@@ -307,7 +307,7 @@ def test_a_bad_driver_breaks_a_rule(
     ros_domain: int,
 ) -> None:
     """And is told in what; `#` stands for what was measured, which differs from machine to machine."""
-    operation = next(operation for name, operation in cases(LAMP) if name == rule)
+    operation = next(operation for name, operation in live_cases(LAMP) if name == rule)
     try:
         told = verdict(lab_of(driver, monkeypatch), rule, operation)
         assert problem in re.sub(r"\d+\.\d s", "# s", told)

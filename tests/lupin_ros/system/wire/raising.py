@@ -22,7 +22,7 @@ from lupin_ros.orchestrator import keeping, telling
 from lupin_ros.orchestrator import node as orchestrator
 
 #: Where the rest of it comes from: what is built of other people's modules is left out.
-OURS = ("lupin_engine.ros.", "lupin_engine.runtime.journal.", "lupin_engine.runtime.client_clocks")
+OURS = ("lupin_ros.", "lupin_engine.runtime.journal.", "lupin_engine.runtime.client_clocks")
 #: Not called by a step but what a step is taken by: without a clock or a thread of the node there is none.
 NO_CALLBACKS = {
     "ClientClocks", "Executor", "NodeClock", "NodeLog", "Orchestrator", "RosNode", "RosOutlet", "RosTimer",

@@ -61,8 +61,8 @@ def no_network(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         raise UsageError(REACHED)
 
     # Those that have it by name come first: imported afterwards they would keep the stand-in for ever.
-    for module in ("cli.bring_up", "cli.verbs.node", "ros.launch.requirements"):
-        monkeypatch.setattr(f"lupin_engine.{module}.prepare_ros", reached)
+    for module in ("lupin_cli.bring_up", "lupin_cli.verbs.node", "lupin_ros.launch"):
+        monkeypatch.setattr(f"{module}.prepare_ros", reached)
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO()))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
 
