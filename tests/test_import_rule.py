@@ -33,6 +33,7 @@ RULE = {
     "lupin_engine.sim": ("lupin_engine.runtime", "lupin_engine.missions", "lupin_engine.properties"),
     "lupin_engine.replay": ("lupin_engine.sim",),
     "lupin_engine.diagram": ("lupin_engine.chart",),
+    "lupin_engine.api": ("lupin_engine.sim",),
     "lupin_engine.pytest_plugin": ("lupin_engine.replay",),
     "lupin_ros.adapter": ("lupin_engine.plugin",),
     "lupin_ros.interfaces": ("lupin_engine.plugin",),
@@ -71,7 +72,7 @@ OWNED = {
     "structlog": {"lupin_ros.adapter", "lupin_ros.launch", "lupin_cli"},
 }
 #: Pages of names for people outside.
-FOR_OTHERS = ("contract.md", "plugins.md")
+FOR_OTHERS = ("contract.md", "plugins.md", "python.md")
 #: Rooms that depend on nothing but their inputs.
 PURE = ("lupin_engine.chart", "lupin_engine.machine")
 #: What would make a chart or a machine depend on more than its inputs.

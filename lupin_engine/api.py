@@ -1,0 +1,87 @@
+"""The engine from Python, for notebooks and runners of users: what `lupin_engine` itself exports."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lupin_engine.errors import UsageError, nearest
+from lupin_engine.machine.machine import Machine
+from lupin_engine.missions.load import LoadedMissions
+from lupin_engine.missions.selection import load_missions
+from lupin_engine.plugin.registry import load_catalog
+from lupin_engine.runtime.setup import make_machine
+from lupin_engine.sim.scenario import scenario_files
+from lupin_engine.sim.simulation import LIMIT, Run, Script
+from lupin_engine.sim.simulation import simulate as run_script
+from lupin_engine.sim.suite import ScenarioResult, Suite
+
+
+def load(*missions: str | Path) -> LoadedMissions:
+    """Load and check missions with their lifecycle, as `lupin check` does.
+
+    Args:
+        missions: names or files; without any, all missions of the folder `missions`, else the shipped ones.
+
+    Raises:
+        UsageError: there is no such mission, or they do not share a lifecycle.
+        ChartError: with every error of every file.
+    """
+    return load_missions([str(name) for name in missions], load_catalog())
+
+
+def machine_of(missions: LoadedMissions, parameters: Mapping[str, Any] | None = None) -> Machine:
+    """Return a machine that is not started: events in, commands out; it has no clock and does nothing itself.
+
+    Args:
+        parameters: settings by name, in base units (seconds, metres, radians).
+
+    Raises:
+        UsageError: a parameter does not exist or has a wrong value.
+    """
+    return make_machine(missions.chart, parameters or {})
+
+
+def simulate(
+    missions: LoadedMissions,
+    mission: str = "",
+    request: Mapping[str, Any] | None = None,
+    *,
+    parameters: Mapping[str, Any] | None = None,
+    limit: float = LIMIT,
+) -> Run:
+    """Run a mission in virtual time against the plugins' mocks, as `lupin simulate` does.
+
+    Args:
+        mission: which of them; may be left out where there is one only.
+        request: what the start carries.
+        parameters: settings by name, in base units.
+        limit: the longest time that is simulated, in seconds.
+
+    Raises:
+        UsageError: there is no such mission or parameter, or a value is out of range.
+    """
+    names = missions.names
+    name = mission or (names[0] if len(names) == 1 else "")
+    if name not in names:
+        raise UsageError(f"which mission? {nearest(name, names)}")
+    return run_script(missions.chart, Script(name, dict(request or {}), limit=limit), parameters)
+
+
+def test(*paths: str | Path, seeds: Sequence[int] = (0,)) -> list[ScenarioResult]:  # noqa: PT028
+    """Run scenarios, as `lupin test` does.
+
+    Args:
+        paths: files and folders.
+        seeds: each scenario with something random in it runs with each of them.
+
+    Raises:
+        UsageError: a path does not exist.
+    """
+    suite = Suite(load_catalog())
+    return [suite.run(file, seeds) for file in scenario_files([Path(path) for path in paths])]
+
+
+#: Of pytest: not a test, where it is imported into a module of tests.
+test.__test__ = False  # type: ignore[attr-defined]
