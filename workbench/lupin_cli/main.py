@@ -29,14 +29,6 @@ from lupin_engine.errors import ChartError, LupinError, nearest
 if TYPE_CHECKING:
     from lupin_engine.plugin import EntryPoint
 
-#: Verbs whose modules stand in a folder below that of the others.
-FOLDERS: Mapping[str, str] = MappingProxyType(
-    {
-        **dict.fromkeys(("lsp", "schema", "types"), "verbs.programs"),
-        **dict.fromkeys(("bundle", "security"), "verbs.doors"),
-        **dict.fromkeys(("prove", "campaign"), "verbs.proofs"),
-    }
-)
 #: verb -> what it does. Each lives in the module `lupin_cli.verbs.VERB` under its own name.
 VERBS: Mapping[str, str] = MappingProxyType(
     {
@@ -91,9 +83,7 @@ class Verbs(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import a verb."""
         if cmd_name in VERBS:
-            return _load(
-                FOLDERS.get(cmd_name, "verbs"), f"{cmd_name}_" if keyword.iskeyword(cmd_name) else cmd_name
-            )
+            return _load("verbs", f"{cmd_name}_" if keyword.iskeyword(cmd_name) else cmd_name)
         if cmd_name in OPERATOR_VERBS:
             return _load("operator", cmd_name)
         asked = _request_verbs()

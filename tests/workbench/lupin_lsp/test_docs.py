@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from lupin_cli.verbs.programs.lsp import lsp
-from lupin_cli.verbs.programs.schema import schema
+from lupin_cli.verbs.lsp import lsp
+from lupin_cli.verbs.schema import schema
 
 ROOT = Path(__file__).parents[3]
 TEXT = (ROOT / "docs" / "editor.md").read_text(encoding="utf-8")

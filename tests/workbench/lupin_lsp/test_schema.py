@@ -11,8 +11,8 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from lupin_cli.verbs.programs.schema import schema as verb
-from lupin_cli.verbs.programs.schema import schemas
+from lupin_cli.verbs.schema import schema as verb
+from lupin_cli.verbs.schema import schemas
 from lupin_engine.chart import source
 from lupin_engine.chart.documents import StateNode, TransitionNode
 from lupin_engine.chart.expressions.values import plain

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from lupin_cli.verbs.programs.lsp import lsp
+from lupin_cli.verbs.lsp import lsp
 from lupin_engine.errors import UsageError
 from tests.workbench.lupin_lsp.client import Client, ServerError, at
 
@@ -281,7 +281,7 @@ def test_without_pygls_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
 def test_its_messages_are_the_protocols_alone(tmp_path: Path) -> None:
     """A plugin that prints while it is imported must not break the stream."""
     program = """\
-import lupin_cli.verbs.programs.lsp as verb
+import lupin_cli.verbs.lsp as verb
 load = verb.load_catalog
 verb.load_catalog = lambda: (print("from a plugin"), load())[1]
 verb.lsp.main([], standalone_mode=False)

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from lupin_cli.verbs.programs.schema import schemas
+from lupin_cli.verbs.schema import schemas
 from lupin_lsp.schema import ANY_KIND, text_of
 from tests.npm import installed
 from tests.workbench.lupin_lsp.client import Client, at

@@ -431,7 +431,7 @@ def test_wrong_use_is_told(
     told = "lupin: --cluster: 'host:8786' is no address of a Dask scheduler; write tcp://HOST:PORT\n"
     assert capsys.readouterr().err == told
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
-    monkeypatch.setattr("lupin_cli.verbs.proofs.campaign.SCHEDULER_S", 0.5)
+    monkeypatch.setattr("lupin_cli.verbs.campaign.SCHEDULER_S", 0.5)
     assert main(["campaign", "inspection", "--cluster", "tcp://127.0.0.1:9"]) == 2
     assert "no Dask scheduler answers at 'tcp://127.0.0.1:9': " in capsys.readouterr().err
     assert default_rates(shipped.mission("inspection")).targets is None

@@ -14,8 +14,8 @@ import pytest
 
 import lupin_engine
 from lupin_cli.main import main
-from lupin_cli.verbs.proofs import evidence
-from lupin_cli.verbs.proofs.evidence import (
+from lupin_cli.proofs import evidence
+from lupin_cli.proofs.evidence import (
     ASSUMPTIONS,
     MEANINGS,
     NOT_SHOWN,

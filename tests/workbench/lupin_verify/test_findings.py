@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lupin_cli.main import main
-from lupin_cli.verbs.proofs.proof_words import result
+from lupin_cli.proofs.proof_words import result
 from lupin_engine.missions.load import load_chart
 from lupin_engine.runtime.setup import make_world
 from lupin_verify import growth

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from lupin_cli.main import main
-from lupin_cli.verbs.proofs.prove import so_far
+from lupin_cli.verbs.prove import so_far
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.reload import successor
 from lupin_engine.missions.folders import lifecycle_of

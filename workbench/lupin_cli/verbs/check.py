@@ -87,7 +87,7 @@ def check(
 
 def _proven(paths: Sequence[str | Path], seconds: float, told: bool) -> tuple[Diagnostic, ...]:
     """Return what is broken in the missions that `paths` name; `told` as for `prove_within`."""
-    from lupin_cli.verbs.proofs.prove import prove_within
+    from lupin_cli.verbs.prove import prove_within
     from lupin_engine.missions import mission_folders
 
     files = [file for name in paths or mission_folders()[:1] for file in _meant_by(str(name))[1]]
@@ -111,7 +111,7 @@ def check_paths(
 
     seconds = None
     if budget is not None:
-        from lupin_cli.verbs.proofs.prove import read_budget
+        from lupin_cli.verbs.prove import read_budget
 
         seconds = read_budget("--prove", budget)
     checked = run_check(paths, load_catalog())

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 
-from lupin_cli.verbs.proofs.evidence import ASSUMPTIONS, MEANINGS, NOT_SHOWN, Origin, catalogs_hash
-from lupin_cli.verbs.proofs.proof_words import counted, name_of, shown_place, summary
+from lupin_cli.proofs.evidence import ASSUMPTIONS, MEANINGS, NOT_SHOWN, Origin, catalogs_hash
+from lupin_cli.proofs.proof_words import counted, name_of, shown_place, summary
 from lupin_engine.diagram import Counts, coloured, outline
 from lupin_engine.diagram import svg as draw
 from lupin_engine.errors import near

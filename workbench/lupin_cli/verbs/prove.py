@@ -25,7 +25,7 @@ from lupin_engine.plugin import load_catalog
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from lupin_cli.verbs.proofs.evidence import Origin
+    from lupin_cli.proofs.evidence import Origin
     from lupin_engine.chart import Chart
     from lupin_engine.missions import LoadedMissions
     from lupin_verify import ExplorationProgress, FailingScenario, Proof, ProofTask, Proven
@@ -104,8 +104,8 @@ def prove(
     Exit code: 0 everything holds; 1 something is broken; 2 wrong usage, or a mission has errors; 3 not
     proven: the budget ran out, or it was interrupted.
     """
+    from lupin_cli.proofs.evidence import origin
     from lupin_cli.settings import settings_in
-    from lupin_cli.verbs.proofs.evidence import origin
     from lupin_engine.errors import Problems
     from lupin_engine.missions import load_missions
     from lupin_verify import Bounds, proof_tasks, prove_tasks
@@ -141,7 +141,7 @@ def prove(
         made_by = origin(click.get_current_context())
     if report is not None:
         from lupin_cli.files import write_text
-        from lupin_cli.verbs.proofs.proof_page import proof_page
+        from lupin_cli.proofs.proof_page import proof_page
 
         write_text(report, proof_page(proofs, made_by))
     if as_json:
@@ -166,7 +166,7 @@ def read_budget(option: str, budget: str | None) -> float | None:
 
 def so_far(name: str, progress: ExplorationProgress, took: float) -> str:
     """Return how far a proof is, after some seconds."""
-    from lupin_cli.verbs.proofs.proof_words import counted
+    from lupin_cli.proofs.proof_words import counted
 
     rate, about = progress.transitions / took, progress.estimate
     done = "" if about is None else f"about {progress.expanded / about:.0%} of {about:,}; "
@@ -184,7 +184,7 @@ def _progress_of(
     from rich.console import Console
     from rich.progress import Progress, TextColumn
 
-    from lupin_cli.verbs.proofs.proof_words import name_of
+    from lupin_cli.proofs.proof_words import name_of
 
     lines: dict[int, Any] = {}
     bar = Progress(TextColumn("{task.description}"), console=Console(stderr=True), disable=not shown)
@@ -210,7 +210,7 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
     Raises:
         KeyboardInterrupt: somebody has interrupted; nothing more is proven.
     """
-    from lupin_cli.verbs.proofs.proof_words import last_line
+    from lupin_cli.proofs.proof_words import last_line
     from lupin_engine.missions import load_missions
     from lupin_verify import INTERRUPTED, Bounds, ProofTask, findings, prove_tasks
 
@@ -268,8 +268,8 @@ def _show(
     quiet: bool,
     wanted: bool = True,
 ) -> None:
+    from lupin_cli.proofs.proof_words import last_line, name_of, shown_place
     from lupin_cli.terminal.outcome import make_console
-    from lupin_cli.verbs.proofs.proof_words import last_line, name_of, shown_place
 
     console, name = make_console(), name_of(loaded, proof.varied)
     if not quiet:
@@ -325,7 +325,7 @@ def _record(
 ) -> dict[str, Any]:
     from dataclasses import asdict
 
-    from lupin_cli.verbs.proofs.evidence import ASSUMPTIONS, NOT_SHOWN, catalogs_hash
+    from lupin_cli.proofs.evidence import ASSUMPTIONS, NOT_SHOWN, catalogs_hash
     from lupin_engine.runtime import step_record
 
     return {

@@ -1,1 +1,0 @@
-"""Verbs about who may do what: signed missions, permissions of ROS 2."""
