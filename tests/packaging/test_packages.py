@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import xml.etree.ElementTree as ElementTree
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -19,6 +21,8 @@ INTERFACES = {
     "control_msgs": ROOT / "interfaces" / "control_msgs",
     "mirte_msgs": ROOT / "interfaces" / "mirte_msgs",
 }
+#: Brought by others that are declared, or present where a plugin of pytest is loaded.
+BROUGHT = {"lupin-engine", "pydantic-core", "pytest"}
 #: Those that belong to others, of which a part is here.
 SUBSETS = [name for name in INTERFACES if not name.startswith("lupin_")]
 
@@ -88,3 +92,22 @@ def test_the_bootstrap_reads_the_same_requirements() -> None:
     for folder in INTERFACES.values():
         read = bootstrap.build_requirements(folder / "pyproject.toml")
         assert [f'"{one}",' for one in read] == build_requirements(folder)
+
+
+def test_what_is_imported_is_declared() -> None:
+    """In pyproject.toml, outside the extra `dev`: on a developer's machine everything is there anyway."""
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    shipped = text[text.index("\ndependencies = [") : text.index("\ndev = [")]
+    shipped = re.sub("#.*", "", shipped)
+    declared = {name.lower() for name in re.findall(r'"([A-Za-z][\w-]*)(?:\[[\w,]+\])?[<>=]', shipped, re.M)}
+    declared = {name.replace("_", "-") for name in declared} | BROUGHT
+    owners, missing = packages_distributions(), set()
+    for shelf in ("lupin_engine", "workbench"):  # the others use what ROS brings
+        for file in (ROOT / shelf).rglob("*.py"):
+            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+                names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+                names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+                for owner in (owner for name in names for owner in owners.get(name.partition(".")[0], ())):
+                    if owner.lower().replace("_", "-") not in declared:
+                        missing.add(f"{file.relative_to(ROOT)}: {owner}")
+    assert sorted({one.rpartition(" ")[2] for one in missing}) == [], sorted(missing)
