@@ -4,7 +4,7 @@
 #   ARGS="..."                   further arguments, for run, check, test and mutants
 
 .DEFAULT_GOAL := help
-.PHONY: help run check test audit mutants soak faults matrix docs environment environment-dev clean
+.PHONY: help run check test test-all audit mutants soak faults matrix docs environment environment-dev clean
 
 # Paths stay relative, so that a checkout may lie in a folder with blanks in its name.
 VENV_PYTHON := .venv/bin/python
@@ -14,7 +14,8 @@ help:
 	@echo "make run     run the inspection mission in the simulated greenhouse, the robot ten times as fast"
 	@echo "             (ARGS=\"--speed 1 --tags 1,5,12\" to run it another way)"
 	@echo "make check   the linter, the type checker, and the tests that need no ROS (ARGS=\"...\" for pytest)"
-	@echo "make test    the same, and all other tests"
+	@echo "make test    the same, and all other tests but the long ones"
+	@echo "make test-all  the same, and the long ones: before an issue about what they show is closed"
 	@echo "make audit   whether something is known against the installed packages, or one was changed"
 	@echo "make mutants how many small changes to the code the tests notice (ARGS=\"machine sim\" for some rooms only)"
 	@echo "make soak    real nodes for HOURS=2, mission after mission: what they hold, into the folder soak"
@@ -35,10 +36,10 @@ run: environment
 	@.venv/bin/lupin run inspection $(or $(ARGS),--speed 10)
 
 # Tests start hundreds of processes: modules compiled anew in each of them would double their time.
-check test: export PYTHONDONTWRITEBYTECODE =
+check test test-all: export PYTHONDONTWRITEBYTECODE =
 
 # Through the environment module, which completes the library path where ROS 2 came from apt.
-check test: environment-dev
+check test test-all: environment-dev
 	@$(VENV_PYTHON) -m lupin_ros.adapter.environment $(VENV_PYTHON) tools/suite.py $@ $(ARGS)
 
 audit: environment-dev

@@ -2,6 +2,7 @@
 
 python tools/suite.py check [pytest arguments]   lint, types, and the tests that need nothing but Python
 python tools/suite.py test [pytest arguments]    these, those over ROS 2 and in a browser; in CI the audit
+python tools/suite.py test-all                   these, and what is marked `long`: what they show changes seldom
 """
 
 from __future__ import annotations
@@ -27,18 +28,23 @@ LINT = ["ruff", "check"]
 TYPES = ["mypy"]
 #: Only where the continuous integration says so: it asks on the network.
 AUDIT = ["tools.audit"]
-QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE})", "--ignore=tests/lupin_ros"]
+QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE} or long)", "--ignore=tests/lupin_ros"]
+LONG = [*PYTEST, f"-n{CORES}", "-m", "long"]
 # Real processes on a busy machine meet its worst moments: one second try, and who needed it is listed.
 AGAIN = ["--reruns=1", "-raR"]
 # Each worker has some seven nodes, and a browser works beside them: more workers would only wait longer.
-ROS = [*PYTEST, *AGAIN, f"-n{CORES}", "-m", f"({MORE}) and not browser"]
+ROS = [*PYTEST, *AGAIN, f"-n{CORES}", "-m", f"({MORE}) and not (browser or long)"]
 # One browser at a time: several starve everything else.
-BROWSER = ["pytest", "--durations=10", *AGAIN, "-m", "browser"]
+BROWSER = ["pytest", "--durations=10", *AGAIN, "-m", "browser and not long"]
 #: Where its tests are, unless others are named: to look for them among all takes half a minute.
 BROWSER_TESTS = ["tests/console", "tests/lupin_ros/system/console"]
 _MARKED = re.compile(rf"\bmark\.({MORE.replace(' or ', '|')})\b")
 
 NO_TESTS = 5
+#: The commit at which all tests passed, long ones included; `make test-all` writes it.
+RECORD = ROOT / "tests" / "all-passed.txt"
+#: So many commits later, `make test` says that it is time for them.
+SOON = 50
 _CLOSING = re.compile(r"^(\x1b\[\d+m)*=+ .* in [\d.]+s.* =+(\x1b\[\d+m)*$")
 
 
@@ -83,14 +89,31 @@ def marked_files() -> list[str]:
     return sorted(str(file.relative_to(ROOT)) for file in files if _MARKED.search(file.read_text("utf-8")))
 
 
+def git(*words: str) -> str:
+    """Return what git prints; '' where this is no checkout."""
+    done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True)
+    return "" if done.returncode else done.stdout.strip()
+
+
+def long_ago() -> str:
+    """Say that the long tests ran many commits ago; '' where they did not."""
+    commit = RECORD.read_text("utf-8").split()[0] if RECORD.is_file() else ""
+    count = git("rev-list", "--count", f"{commit}..HEAD") if commit else ""
+    if count and int(count) <= SOON:
+        return ""
+    since = f"{count} commits ago" if count else "at a commit that is not known here"
+    return f"The long tests passed last {since}: make test-all"
+
+
 def main() -> int:
     """Run the parts, lint and types beside the quick tests; fail if any of them does."""
-    if sys.argv[1:2] not in (["check"], ["test"]):
+    if sys.argv[1:2] not in (["check"], ["test"], ["test-all"]):
         print(__doc__, file=sys.stderr)
         return 2
+    is_all, is_check = sys.argv[1] == "test-all", sys.argv[1] == "check"
     given = [*(["--color=yes"] if sys.stdout.isatty() else []), *sys.argv[2:]]
     beside = [start("lint", LINT), start("types", TYPES)]
-    if sys.argv[1] == "test" and os.environ.get("CI"):
+    if not is_check and os.environ.get("CI"):
         beside.append(start("audit", AUDIT))
     readers = [threading.Thread(target=part.read, args=(None,)) for part in beside]
     for reader in readers:
@@ -102,7 +125,7 @@ def main() -> int:
     for part in beside:
         if part.process.returncode:
             print(*part.lines, sep="\n")
-    if sys.argv[1] == "test":
+    if not is_check:
         named = any((ROOT / argument.partition("::")[0]).exists() for argument in sys.argv[2:])
         browser = [*BROWSER, *given, *([] if named else BROWSER_TESTS)]
         ros = [*ROS, *given, *([] if named else ["tests/lupin_ros", *marked_files()])]
@@ -112,13 +135,21 @@ def main() -> int:
         tests[1].read(sys.stdout)
         pages.join()
         print(*tests[2].lines, sep="\n")
+    if is_all:
+        tests.append(start("long tests", [*LONG, *given]))
+        tests[-1].read(sys.stdout)
     print("\nTime by part")
     for part in [*beside, *tests]:
         print(f"{part.name:12} {part.seconds:6.1f} s   {part.closing.strip(' =')}")
     print(*(part.closing for part in tests), sep="\n", flush=True)
     codes = [part.process.returncode for part in tests]
     ran = [code for code in codes if code != NO_TESTS] or codes
-    return max(map(abs, [*ran, *(part.process.returncode for part in beside)]))
+    failed = max(map(abs, [*ran, *(part.process.returncode for part in beside)]))
+    if is_all and not failed and not sys.argv[2:]:
+        RECORD.write_text(f"{git('rev-parse', 'HEAD')} {git('log', '-1', '--format=%cs')}\n", "utf-8")
+    elif not is_all and (advice := long_ago()):
+        print(advice, flush=True)
+    return failed
 
 
 if __name__ == "__main__":

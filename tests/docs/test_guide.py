@@ -34,6 +34,7 @@ def written(book: str) -> dict[Path, str]:
     return dict(pages.pages(book))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("book", "file"), PAGES, ids=[file.stem for _, file in PAGES])
 def test_a_page_shows_what_is(book: str, file: Path) -> None:
     """Files, highlighted lines, and what check, simulate and test print, word for word."""

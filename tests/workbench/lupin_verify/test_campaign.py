@@ -134,6 +134,7 @@ class KilledOnce:
             os.kill(processes[0].pid or 0, signal.SIGKILL)
 
 
+@pytest.mark.long
 def test_a_worker_that_is_killed_loses_no_seed(tmp_path: Path) -> None:
     """What was under way is dealt out again, and the sum is what one process finds."""
     campaign = made(tmp_path, RATES.replace("10 min", "1 min"))
@@ -446,6 +447,7 @@ def test_a_mission_with_errors_is_not_run(tmp_path: Path, capsys: pytest.Capture
     assert f"{wrong}:2:10: error: MISSION.Wrong.initial: " in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.timeout(400)
 def test_a_cluster_that_loses_a_worker_loses_no_seed(tmp_path: Path) -> None:
     """Four worker processes of a real Dask cluster, one of them killed in the middle."""

@@ -24,6 +24,7 @@ from tests.workbench.lupin_verify.toys import KeepingExplorer, explored, random_
 SHORT = {"monitoring_sweeps": 1, "seed_climate_on_discovery": False}
 
 
+@pytest.mark.long
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize(
     ("of", "given", "bounds"),
@@ -46,6 +47,7 @@ def test_what_is_not_told_apart_changes_nothing(
     check_reduction(of, given, bounds)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1, 2, 8, 16, 22, 26, 36, 39])
 def test_what_is_not_told_apart_changes_nothing_by_chance(seed: int, tmp_path: Path) -> None:
     """Nor in missions that nobody has thought of."""
