@@ -2,7 +2,7 @@
 
 python tools/suite.py check [pytest arguments]   lint, types, and the tests that need nothing but Python
 python tools/suite.py test [pytest arguments]    these, those over ROS 2 and in a browser; in CI the audit
-python tools/suite.py test-all                   these, and what is marked `long`: what they show changes seldom
+python tools/suite.py test-all                   these, and those marked `long`: what they show changes seldom
 """
 
 from __future__ import annotations
