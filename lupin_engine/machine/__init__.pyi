@@ -42,6 +42,7 @@ from .requests import read_request as read_request
 from .scope import EvaluationScope as EvaluationScope
 from .scope import World as World
 from .scope import reads_of as reads_of
+from .step import Considered as Considered
 from .step import Macrostep as Macrostep
 from .step import Moment as Moment
 from .step import Refusal as Refusal

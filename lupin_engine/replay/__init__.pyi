@@ -4,7 +4,6 @@ from .coverage import Coverage as Coverage
 from .coverage import CoverageObserver as CoverageObserver
 from .coverage import add_up as add_up
 from .coverage import coverage_lines as coverage_lines
-from .debugger import Debugger as Debugger
 from .journaled import JournaledRun as JournaledRun
 from .journaled import as_run as as_run
 from .journaled import chart_of as chart_of
@@ -27,6 +26,7 @@ from .story import TonedText as TonedText
 from .story import columns_for as columns_for
 from .story import exact_columns as exact_columns
 from .story import laid_out as laid_out
+from .story import usual_columns as usual_columns
 from .summary import Attempted as Attempted
 from .summary import RunSummary as RunSummary
 from .summary import summarise as summarise

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from lupin_cli.terminal.panels import variables
 from lupin_engine.chart.model import Chart
 from lupin_engine.diagram.descriptions import ElementTexts
 from lupin_engine.machine.machine import Machine
@@ -18,7 +19,6 @@ from lupin_engine.machine.snapshot import restore
 from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 from lupin_engine.missions.load import load_chart
 from lupin_engine.replay import coverage
-from lupin_engine.replay.panels import variables
 from lupin_engine.replay.reconstruction import read_recording, scenario_text
 from lupin_engine.runtime.record import step_record
 from lupin_engine.runtime.setup import make_world

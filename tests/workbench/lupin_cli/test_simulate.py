@@ -13,10 +13,10 @@ from click.testing import CliRunner, Result
 
 from lupin_cli.main import main
 from lupin_cli.terminal import outcome as verb
+from lupin_cli.terminal.debugger import Debugger
 from lupin_cli.verbs.run import run
 from lupin_cli.verbs.simulate import simulate
 from lupin_engine.errors import UsageError
-from lupin_engine.replay.debugger import Debugger
 from lupin_engine.replay.story import columns_for, laid_out
 from lupin_engine.sim.narration import StepLine, tell
 from lupin_engine.sim.simulation import Run, Script

@@ -10,7 +10,8 @@ from rich.console import Console
 from rich.text import Text
 
 from lupin_cli.terminal.colours import styled
-from lupin_engine.replay import Debugger, TonedLine
+from lupin_cli.terminal.debugger import Debugger
+from lupin_engine.replay import TonedLine
 
 
 def interact(debugger: Debugger, console: Console) -> int:

@@ -168,9 +168,10 @@ class _Again:
     def go_on(self, time: float) -> int:
         """Go on by hand from a time."""
         from lupin_cli.settings import read_value
+        from lupin_cli.terminal.debugger import Debugger
         from lupin_cli.terminal.interactive import interact
         from lupin_cli.terminal.outcome import make_console
-        from lupin_engine.replay import Debugger, as_scenario
+        from lupin_engine.replay import as_scenario
         from lupin_engine.sim import Missions
 
         missions, console = Missions(self.loaded.chart.catalog), make_console()

@@ -257,9 +257,9 @@ def _check_picture(name: str | None) -> None:
 
 def _interact(subject: SimulationTask) -> int:
     from lupin_cli.settings import read_value
+    from lupin_cli.terminal.debugger import Debugger
     from lupin_cli.terminal.interactive import interact
     from lupin_cli.terminal.outcome import make_console
-    from lupin_engine.replay import Debugger
 
     # The user starts a mission; a scenario starts by itself.
     script = subject.script if subject.script.happenings else replace(subject.script, starts=False)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from lupin_engine.sim.simulation import Effect, Simulation
+from lupin_engine.sim import Effect, Simulation
 
 
 @dataclass(frozen=True)

@@ -11,23 +11,14 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from lupin_engine.chart.model import Chart
+from lupin_cli.terminal import panels
+from lupin_cli.terminal.rewind import Move, Rewindable, effect, go_on, wait_until
+from lupin_engine.chart import Chart
 from lupin_engine.errors import LupinError, nearest
-from lupin_engine.machine.requests import Possibility
-from lupin_engine.machine.scope import World
-from lupin_engine.plugin.profile import START
-from lupin_engine.replay import panels
-from lupin_engine.replay.rewind import Move, Rewindable, effect, go_on, wait_until
-from lupin_engine.replay.story import TonedLine, laid_out, usual_columns
-from lupin_engine.sim.by_hand import Hand, Read, Wrong
-from lupin_engine.sim.narration import tell
-from lupin_engine.sim.simulation import (
-    Effect,
-    Script,
-    Simulation,
-    is_named,
-    label_of,
-)
+from lupin_engine.machine import Possibility, World
+from lupin_engine.plugin import START
+from lupin_engine.replay import TonedLine, laid_out, usual_columns
+from lupin_engine.sim import Effect, Hand, Read, Script, Simulation, Wrong, is_named, label_of, tell
 
 #: A mission that never ends is stopped after so many steps of one `run`.
 MOST_STEPS = 10_000

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from lupin_cli.settings import read_value
+from lupin_cli.terminal.debugger import COMMANDS, Debugger
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.load import load_chart
-from lupin_engine.replay.debugger import COMMANDS, Debugger
 from lupin_engine.replay.story import TonedLine
 from lupin_engine.replay.timeline import Tick, timeline
 from lupin_engine.runtime.setup import make_world
@@ -24,7 +24,7 @@ from lupin_engine.sim.scripted import Between, MockOutcome, Rule
 from lupin_engine.sim.simulation import Ask, Happening, Script
 from tests import shipped
 
-TRANSCRIPTS = sorted((Path(__file__).parent / "data").glob("*.transcript.txt"))
+TRANSCRIPTS = sorted((Path(__file__).parent / "data" / "debugger").glob("*.transcript.txt"))
 _PROMPT = re.compile(r"^\d+\.\d s [A-Z_ ]*(?:\[[a-z, ]*\])?> (.*)$")
 
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from lupin_engine.chart.model import Chart, Transition
-from lupin_engine.machine.requests import Possibility
-from lupin_engine.machine.step import Considered, View
-from lupin_engine.replay.story import TonedLine
-from lupin_engine.sim.narration import short_name, shorten
-from lupin_engine.sim.simulation import Simulation
+from lupin_engine.chart import Chart, Transition
+from lupin_engine.machine import Considered, Possibility, View
+from lupin_engine.replay import TonedLine
+from lupin_engine.sim import Simulation, short_name, shorten
 
 _LABEL = 14
 _EVENT = 22
