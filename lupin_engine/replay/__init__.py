@@ -1,4 +1,4 @@
-"""What reads a run: its story, timeline, coverage and figures, a scenario made of it, a debugger."""
+"""What reads a run: its story, timeline, coverage and figures, a scenario made of it."""
 
 import lazy_loader
 
