@@ -98,10 +98,9 @@ def main() -> None:
                 pid = world[name].pid
                 pairs = [measure(name, pid, arguments.seconds, home) for _ in range(arguments.rounds)]
                 ours, bare = (statistics.median(figures) for figures in zip(*pairs, strict=True))
+                ratio = f"{ours / bare:.2f}" if bare else "-"  # less than a tick of the kernel's clock
                 load = os.getloadavg()[0]
-                print(
-                    f"| `{name}` | {ours:.2f} % | {bare:.2f} % | {ours / bare:.2f} | {load:.1f} |", flush=True
-                )
+                print(f"| `{name}` | {ours:.2f} % | {bare:.2f} % | {ratio} | {load:.1f} |", flush=True)
         finally:
             for process in world.values():
                 stop(process)
