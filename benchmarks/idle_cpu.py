@@ -39,10 +39,9 @@ def cpu_seconds(pid: int) -> float:
 def start(command: list[str], home: str) -> subprocess.Popen[str]:
     """Start a process on the private domain; what nodes keep goes into `home`."""
     private = {"ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    private |= {"XDG_STATE_HOME": home, "XDG_CONFIG_HOME": home}
     return subprocess.Popen(
         command,
-        env={**os.environ, **private},
+        env={**private, **os.environ, "XDG_STATE_HOME": home, "XDG_CONFIG_HOME": home},
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,

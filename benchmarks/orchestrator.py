@@ -60,7 +60,7 @@ def running(**parameters: Any) -> Iterator[tuple[World, Desk, Path]]:
             world.stop()
 
 
-def measure_abort(targets: int) -> None:
+def measure_abort(targets: int, seconds: float) -> None:
     """Print how long it is silent while a mission of many targets is begun and ended."""
     with running(max_targets=targets) as (_, desk, _):
         tags = [str(number % 7 + 1) for number in range(targets)]
@@ -77,7 +77,7 @@ def measure_abort(targets: int) -> None:
         desk.in_state("DONE")
         desk.until(lambda: desk.state.targets_skipped >= targets - 3, "all are told")
         took = time.monotonic() - begun
-        desk.spin(20.0)
+        desk.spin(seconds)
         silent = desk.silence()
         print(f"aborted: answered in {answered:.2f} s, done after {took:.1f} s, silent for {silent:.2f} s")
 
@@ -122,7 +122,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0)
     given = parser.parse_args()
     if given.what == "abort":
-        measure_abort(given.targets)
+        measure_abort(given.targets, given.seconds)
     else:
         measure_flood(given.seconds)
 
