@@ -8,7 +8,7 @@ import pytest
 
 from tests.benchmarking import started
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.long, pytest.mark.timeout(300)]
 pytest.importorskip("trustme")
 
 #: Descriptors of the gateway: fewer than the crowd wants.
