@@ -22,7 +22,8 @@ import tempfile
 import time
 from pathlib import Path
 
-os.environ |= {"ROS_DOMAIN_ID": "95", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+os.environ.setdefault("ROS_DOMAIN_ID", "95")
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 from geometry_msgs.msg import TransformStamped
 from idle_cpu import cpu_seconds

@@ -16,7 +16,6 @@ All on one machine, so that its clock is the page's, too. The browser has no gra
 from __future__ import annotations
 
 import argparse
-import os
 import shutil
 import socket
 import statistics
@@ -26,7 +25,10 @@ import time
 from pathlib import Path
 from typing import Any
 
+from idle_cpu import cpu_seconds
 from playwright.sync_api import Page, sync_playwright
+
+from console import browser_pids, share
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -109,26 +111,8 @@ def call(page: Page, service: str, **fields: Any) -> tuple[float, Any]:
 
 
 def browser_seconds() -> float:
-    """Return the processor time of all processes below this one that belong to the browser."""
-    parents: dict[int, int] = {}
-    times: dict[int, float] = {}
-    for found in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            name, _, rest = found.read_text().partition(") ")
-        except OSError:
-            continue
-        parts = rest.split()
-        pid = int(name.split(" ")[0])
-        parents[pid] = int(parts[1])
-        if "chrom" in name:
-            times[pid] = (int(parts[11]) + int(parts[12])) / os.sysconf("SC_CLK_TCK")
-
-    def is_ours(pid: int) -> bool:
-        while pid and pid != os.getpid():
-            pid = parents.get(pid, 0)
-        return pid == os.getpid()
-
-    return sum(seconds for pid, seconds in times.items() if is_ours(pid))
+    """Return the processor time of the browser so far."""
+    return sum(map(cpu_seconds, browser_pids()))
 
 
 def draw_and_explain(page: Page, groups: int) -> None:
@@ -198,10 +182,7 @@ def follow(page: Page, seconds: float) -> None:
 def idle(page: Page, seconds: float) -> None:
     """Let nothing happen."""
     page.wait_for_timeout(10_000)
-    before, began = browser_seconds(), time.monotonic()
-    page.wait_for_timeout(seconds * 1000)
-    used = (browser_seconds() - before) / (time.monotonic() - began)
-    print(f"| idle: of one core | | {100 * used:.1f} % | | |")
+    print(f"| idle: of one core | | {share(browser_pids, seconds):.1f} % | | |")
 
 
 def main() -> None:

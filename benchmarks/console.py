@@ -61,15 +61,16 @@ requestAnimationFrame(look);
 PATIENCE_MS = 60_000
 #: Seconds for which a release is held.
 HOLD_S = 1.0
-#: Presses of stop and release for one figure, and seconds between two.
-PRESSES, BETWEEN_S = 200, 0.1
+#: Seconds between two presses.
+BETWEEN_S = 0.1
 
 
 @contextmanager
 def running(speed: str) -> Iterator[int]:
     """Start all nodes; yields the gateway's process."""
     with tempfile.TemporaryDirectory() as home:
-        os.environ |= {"ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        os.environ.setdefault("ROS_DOMAIN_ID", DOMAIN)
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         os.environ |= {"XDG_STATE_HOME": home, "XDG_CONFIG_HOME": home}
         options = [
             "--hmi",
@@ -173,7 +174,8 @@ def yield_to_others(pids: list[int]) -> None:
 class Listener:
     """A reader of the stop, and how soon it hears what somebody presses."""
 
-    def __init__(self) -> None:
+    def __init__(self, presses: int) -> None:
+        self._presses = presses
         self._node = RosNode("listener")
         self._heard = [(False, 0.0)]
         self._node.subscribe(Bool, "/lupin/gateway/stop", Qos.LATCHED, self._hear)
@@ -189,7 +191,7 @@ class Listener:
         `press` returns when that was, in seconds since 1970.
         """
         found = []
-        for number in range(PRESSES):
+        for number in range(self._presses):
             before = len(self._heard)
             pressed = press(number % 2 == 0)
             while len(self._heard) == before:
@@ -214,9 +216,9 @@ def press(page: Page, stopped: bool) -> float:
     return float(page.evaluate(now)) / 1000 + (0 if stopped else HOLD_S)
 
 
-def five(browser: Browser, gateway: int, seconds: float) -> dict[str, Any]:
+def five(browser: Browser, gateway: int, seconds: float, presses: int) -> dict[str, Any]:
     """Measure the gateway with five consoles open, and a stop: of a client without a page, and of a page."""
-    listener = Listener()
+    listener = Listener(presses)
     with connect(f"{URL.replace('http', 'ws')}_ros", compression=None) as client:
 
         def send(stopped: bool) -> float:
@@ -294,6 +296,8 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--profiles", type=int, default=10, help="fresh ones, for the first paint")
+    parser.add_argument("--presses", type=int, default=200, help="of stop and release, for one figure")
     parser.add_argument("--speed", default="1", help="of the simulated robot")
     parser.add_argument("--minutes", type=float, default=0.0, help="of the measurement of memory")
     parser.add_argument("--csv", type=Path, help="where the measured heaps go")
@@ -305,14 +309,14 @@ def main() -> None:
     with running(given.speed) as gateway, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
         if given.only in (None, "paint"):
-            found["paint, ms"] = paint(browser, 10)
+            found["paint, ms"] = paint(browser, given.profiles)
         if given.only in (None, "idle"):
             found["idle, % of a core"] = idle(browser, given.seconds)
             start("inspection")
             found["in a mission, % of a core"] = idle(browser, given.seconds)
         if given.only in (None, "five"):
             start("inspection")
-            found["five consoles, % of a core, ms"] = five(browser, gateway, given.seconds)
+            found["five consoles, % of a core, ms"] = five(browser, gateway, given.seconds, given.presses)
         if given.minutes:
             found["heap, MB"] = memory(browser, given.minutes, given.csv, given.compare)
         browser.close()

@@ -17,7 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from lupin_engine.diagram.formats import FORMATS
+from lupin_cli.verbs.diagram import FORMATS
 
 PROGRAM = (sys.executable, "-m", "lupin_cli.main", "diagram", "inspection", "-o")
 

@@ -58,7 +58,7 @@ from lupin_msgs.srv import GetField
 DOMAIN = "94"
 PAGES = 20
 FAST_HZ, SLOW_HZ = 20.0, 1.0
-STOPS, FIELDS = 100, 50
+FIELDS = 50
 ESTOP = "/lupin/hmi/estop"
 #: The call that hangs is one that no plugin offers to pages.
 OFFERED = """-p "engineer_names:=['/hang']\""""
@@ -261,14 +261,14 @@ def _part(times: Sequence[float], part: float) -> float:
 
 
 def _measure_pages(
-    world: World, url: str, pid: int, seconds: float, flood: bool, stop: bool = False
+    world: World, url: str, pid: int, seconds: float, flood: bool, stops: int = 0
 ) -> dict[str, Any]:
-    """Return what the pages got within some seconds; with `stop`, what a stop took meanwhile."""
+    """Return what the pages got within some seconds; with `stops`, what these took meanwhile."""
     pages = _role("pages", url)
     world.publish(flood)
     world.work(4.0)
     begun, before = time.monotonic_ns(), cpu_seconds(pid)
-    found = {"stop": _measure_stop(world, url)} if stop else {}
+    found = {"stop": _measure_stop(world, url, stops)} if stops else {}
     world.work(max(0.0, seconds - (time.monotonic_ns() - begun) / 1e9))
     ended, after = time.monotonic_ns(), cpu_seconds(pid)
     world.work(2.0)
@@ -287,11 +287,11 @@ def _measure_pages(
     }
 
 
-def _measure_stop(world: World, url: str) -> dict[str, Any]:
+def _measure_stop(world: World, url: str, stops: int) -> dict[str, Any]:
     """Return the milliseconds from a page's stop to the topic, while a call of the same page hangs."""
     world.heard.clear()
     world.hung.send_signal(signal.SIGSTOP)
-    operator = _role("stop", url, str(STOPS))
+    operator = _role("stop", url, str(stops))
     world.until(lambda: operator.poll() is not None, 60.0)
     world.hung.send_signal(signal.SIGCONT)
     if operator.poll() is None:
@@ -305,10 +305,10 @@ def _measure_stop(world: World, url: str) -> dict[str, Any]:
             # One that came after the page had said go again is another stop's, or none.
             if first is not None and first - at < 5.0:
                 times.append(1e3 * (first - at))
-    return {"said": STOPS, "heard": len(times), "p50": _part(times, 0.5), "p99": _part(times, 0.99)}
+    return {"said": stops, "heard": len(times), "p50": _part(times, 0.5), "p99": _part(times, 0.99)}
 
 
-def measure(world: World, command: str, seconds: float) -> dict[str, Any]:
+def measure(world: World, command: str, seconds: float, stops: int) -> dict[str, Any]:
     """Return the figures of one server."""
     with _server(command) as (url, pid):
         world.work(5.0)
@@ -316,12 +316,12 @@ def measure(world: World, command: str, seconds: float) -> dict[str, Any]:
         world.work(seconds)
         figures: dict[str, Any] = {"nobody": {"core": 100 * (cpu_seconds(pid) - before) / seconds}}
         figures["pages"] = _measure_pages(world, url, pid, seconds, flood=False)
-        figures["stop"] = _measure_stop(world, url)
+        figures["stop"] = _measure_stop(world, url, stops)
         before, asked = cpu_seconds(pid), _role("field", url, str(FIELDS))
         world.until(lambda: asked.poll() is not None, 2 * PATIENCE)
         cost = 1e3 * (cpu_seconds(pid) - before) / FIELDS
         figures["field"] = {"answered": asked.poll() == 0, "ms": cost}
-        figures["flood"] = _measure_pages(world, url, pid, seconds, flood=True, stop=True)
+        figures["flood"] = _measure_pages(world, url, pid, seconds, flood=True, stops=stops)
         return figures
 
 
@@ -329,6 +329,7 @@ def main() -> None:
     """Measure, and print the figures as JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--seconds", type=float, default=20.0, help="seconds of each part")
+    parser.add_argument("--stops", type=int, default=100)
     parser.add_argument("--beside", metavar="COMMAND", help="another server, measured in turn")
     parser.add_argument("--only", metavar="COMMAND", help="another server, and not the gateway")
     parser.add_argument("--role", nargs="+", help=argparse.SUPPRESS)
@@ -341,13 +342,13 @@ def main() -> None:
         else:
             asyncio.run(_pages(url) if role == "pages" else _operator(url, role, int(count)))
         return
-    os.environ["ROS_DOMAIN_ID"] = DOMAIN
+    os.environ.setdefault("ROS_DOMAIN_ID", DOMAIN)
     world = World()
     commands = {"other": given.only} if given.only else {"gateway": OURS}
     if given.beside:
         commands["other"] = given.beside
     for name, command in commands.items():
-        print(json.dumps({name: measure(world, command, given.seconds)}, indent=1), flush=True)
+        print(json.dumps({name: measure(world, command, given.seconds, given.stops)}, indent=1), flush=True)
     world.hung.kill()
 
 

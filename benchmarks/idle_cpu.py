@@ -39,10 +39,9 @@ def cpu_seconds(pid: int) -> float:
 def start(command: list[str], home: str) -> subprocess.Popen[str]:
     """Start a process on the private domain; what nodes keep goes into `home`."""
     private = {"ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    private |= {"XDG_STATE_HOME": home, "XDG_CONFIG_HOME": home}
     return subprocess.Popen(
         command,
-        env={**os.environ, **private},
+        env={**private, **os.environ, "XDG_STATE_HOME": home, "XDG_CONFIG_HOME": home},
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
@@ -98,10 +97,9 @@ def main() -> None:
                 pid = world[name].pid
                 pairs = [measure(name, pid, arguments.seconds, home) for _ in range(arguments.rounds)]
                 ours, bare = (statistics.median(figures) for figures in zip(*pairs, strict=True))
+                ratio = f"{ours / bare:.2f}" if bare else "-"  # less than a tick of the kernel's clock
                 load = os.getloadavg()[0]
-                print(
-                    f"| `{name}` | {ours:.2f} % | {bare:.2f} % | {ours / bare:.2f} | {load:.1f} |", flush=True
-                )
+                print(f"| `{name}` | {ours:.2f} % | {bare:.2f} % | {ratio} | {load:.1f} |", flush=True)
         finally:
             for process in world.values():
                 stop(process)

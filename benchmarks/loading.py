@@ -21,7 +21,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from lupin_engine.bindings.catalog import BoundCatalog
 from lupin_engine.chart.compose.compose import Composed, compose
 from lupin_engine.chart.documents import LifecycleNode, MissionNode
 from lupin_engine.chart.findings import Findings
@@ -166,7 +165,7 @@ class Loading:
     def compose(self, documents: tuple[LifecycleNode, MissionNode]) -> Composed:
         """Compose the chart."""
         findings = Findings()
-        composed = compose(documents[0], [documents[1]], {}, BoundCatalog(self._catalog, {}), findings)
+        composed = _there(compose(documents[0], [documents[1]], {}, self._catalog, findings))
         assert not findings.all, findings.all[0]
         return composed
 

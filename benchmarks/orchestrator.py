@@ -1,8 +1,7 @@
-"""How long the orchestrator is silent, what it writes, and what its journal costs, with real nodes.
+"""How long the orchestrator is silent, and what it writes, with real nodes.
 
     .venv/bin/python benchmarks/orchestrator.py abort [--targets 20000]  # many targets are closed at once
     .venv/bin/python benchmarks/orchestrator.py flood [--seconds 20]     # requests as fast as they go
-    .venv/bin/python benchmarks/orchestrator.py journal [--seconds 60]   # a mission with and without it
 
 Nodes run on the domain of ROS_DOMAIN_ID, what they keep goes to a folder of the benchmark.
 """
@@ -27,17 +26,6 @@ from std_srvs.srv import Trigger
 from lupin_engine_msgs.srv import Command
 from lupin_ros.service.names import COMMAND_SERVICE
 from tests.lupin_ros.world import Operator, World
-
-NODE = "mission_orchestrator"
-#: An orchestrator whose journal writes nothing.
-WITHOUT = """
-from lupin_engine.runtime.journal.journal import Journal
-Journal._input = Journal._put = lambda *_, **__: None
-Journal.begin = Journal.compact = lambda *_, **__: None
-Journal.when_kept = lambda _, then: then()
-from lupin_cli.main import main
-main(["node", "mission_orchestrator", "--ros-args", "-p", "estop_timeout_s:=10.0"])
-"""
 
 
 class Desk(Operator):
@@ -72,7 +60,7 @@ def running(**parameters: Any) -> Iterator[tuple[World, Desk, Path]]:
             world.stop()
 
 
-def measure_abort(targets: int) -> None:
+def measure_abort(targets: int, seconds: float) -> None:
     """Print how long it is silent while a mission of many targets is begun and ended."""
     with running(max_targets=targets) as (_, desk, _):
         tags = [str(number % 7 + 1) for number in range(targets)]
@@ -89,7 +77,7 @@ def measure_abort(targets: int) -> None:
         desk.in_state("DONE")
         desk.until(lambda: desk.state.targets_skipped >= targets - 3, "all are told")
         took = time.monotonic() - begun
-        desk.spin(20.0)
+        desk.spin(seconds)
         silent = desk.silence()
         print(f"aborted: answered in {answered:.2f} s, done after {took:.1f} s, silent for {silent:.2f} s")
 
@@ -126,47 +114,17 @@ def sizes(folder: Path) -> dict[str, int]:
     return {kind: sum(f.stat().st_size for f in folder.glob(glob)) for kind, glob in kinds.items()}
 
 
-def measure_journal(seconds: float) -> None:
-    """Print what the orchestrator takes of a core in a mission, with and without its journal."""
-    for kind in ("with", "without", "with", "without"):
-        with running(speed=1.0) as (world, desk, folder):
-            if kind == "without":
-                world.processes[NODE].terminate()
-                world.processes[NODE].wait(10.0)
-                desk.states.clear()
-                world.run(NODE, [sys.executable, "-c", WITHOUT])
-                desk.in_state("READY")
-            assert desk.start(*[str(number) for number in range(1, 8)]).accepted
-            desk.in_state("INSPECTING", "NAVIGATING")
-            before, size, begun = cpu(world), sizes(folder)["journal"], time.monotonic()
-            desk.spin(seconds)
-            took = time.monotonic() - begun
-            share = 100.0 * (cpu(world) - before) / took
-            grown = (sizes(folder)["journal"] - size) / took * 3600 / 1e6
-            print(f"{kind} journal: {share:.2f} % of a core, {grown:.2f} MB an hour", flush=True)
-
-
-def cpu(world: World) -> float:
-    """Return the processor time of the orchestrator, in seconds."""
-    told = Path(f"/proc/{world.processes[NODE].pid}/stat").read_text(encoding="utf-8")
-    fields = told.rpartition(")")[2].split()
-
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 def main() -> None:
     """Measure what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("what", choices=["abort", "flood", "journal"])
+    parser.add_argument("what", choices=["abort", "flood"])
     parser.add_argument("--targets", type=int, default=20_000)
-    parser.add_argument("--seconds", type=float, default=0.0)
+    parser.add_argument("--seconds", type=float, default=20.0)
     given = parser.parse_args()
     if given.what == "abort":
-        measure_abort(given.targets)
-    elif given.what == "flood":
-        measure_flood(given.seconds or 20.0)
+        measure_abort(given.targets, given.seconds)
     else:
-        measure_journal(given.seconds or 60.0)
+        measure_flood(given.seconds)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,8 @@ def main() -> int:
     parser.add_argument("--topics", action="store_true")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        os.environ |= {"ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        os.environ.setdefault("ROS_DOMAIN_ID", DOMAIN)
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         os.environ |= {"XDG_STATE_HOME": folder, "XDG_CONFIG_HOME": folder}
         file = Path(folder, "run.mcap")
         recorder = subprocess.Popen([LUPIN, "record", "--output", str(file)], stdout=subprocess.DEVNULL)

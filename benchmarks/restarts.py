@@ -1,7 +1,6 @@
 """What the journal costs, and what it saves: steps, replay, an orchestrator that is killed again and again.
 
     .venv/bin/python benchmarks/restarts.py journal    # a step, its size, replay; without ROS
-    .venv/bin/python benchmarks/restarts.py crashes    # cut every record at every byte; without ROS
     .venv/bin/python benchmarks/restarts.py kills [--kills 100] [--seed 1]
 
 `kills` runs real nodes on the domain of ROS_DOMAIN_ID, with journals in XDG_STATE_HOME. The orchestrator is
@@ -12,7 +11,6 @@ must have exactly one outcome.
 from __future__ import annotations
 
 import argparse
-import itertools
 import random
 import statistics
 import sys
@@ -27,7 +25,6 @@ from lupin_engine.missions.folders import LIFECYCLE, default_missions_folder
 from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.runtime.clock import VirtualClock
-from lupin_engine.runtime.journal.frames import MAGIC, read_frames
 from lupin_engine.runtime.journal.journal import Journal, Keep
 from lupin_engine.runtime.journal.records import JournalHead, journal_of
 from lupin_engine.runtime.journal.replay import replay
@@ -124,27 +121,6 @@ def measure_journal() -> None:
     print(
         f"replay: {count / taken:.0f} events a second of processor time ({read:.2f} of {taken:.2f} s to read)"
     )
-
-
-def crash() -> None:
-    """Cut every record at every byte; what is left are the records before it, and nothing else."""
-    journal, writer = in_memory()
-    run = inspected(journal, journal)
-    whole = journal_of(Path("x"), writer.data)
-    ends = [len(MAGIC), *(record.end for record in whole.records)]
-    cuts = 0
-    for begin, end in itertools.pairwise(ends[1:]):
-        before = writer.data[len(MAGIC) : ends[1]]
-        for size in range(end - begin):
-            found = read_frames(MAGIC + before + writer.data[begin : begin + size])
-            assert (len(found.contents), found.torn, found.damaged) == (1, size, False)
-            cuts += 1
-    machine = None
-    for each in replay(whole, run.world):
-        machine = each.machine
-    assert machine is not None
-    assert machine.snapshot() == run.machine.snapshot()
-    print(f"{cuts} cuts of {len(ends) - 1} records: nothing broken was read, the memory is the one before")
 
 
 def kill(kills: int, seed: int) -> None:
@@ -246,14 +222,12 @@ def check(operator: Any, mission_id: str) -> None:
 def main() -> None:
     """Measure what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("what", choices=["journal", "crashes", "kills"])
+    parser.add_argument("what", choices=["journal", "kills"])
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     if given.what == "journal":
         measure_journal()
-    elif given.what == "crashes":
-        crash()
     else:
         kill(given.kills, given.seed)
 

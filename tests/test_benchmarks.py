@@ -5,8 +5,8 @@ from __future__ import annotations
 import importlib
 import json
 import pickle
-import subprocess
-import sys
+import re
+import shutil
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,9 +15,35 @@ import pytest
 
 from lupin_verify.campaign import CampaignSum
 from lupin_verify.dealing import BATCH, CampaignTask
+from tests.benchmarking import BENCHMARKS, started
 
-BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 CHARTS = ["cycle", "guarded", "parallel", "timed", "load-10", "bytes"]
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("campaign.py --seeds 1 --batches 1 --workers 1", " missions a second of processor"),
+        ("diagram.py --rounds 1 --formats mermaid", "| mermaid | "),
+        ("editor.py --rounds 1", "completion "),
+        ("loading.py --rounds 1 --states 10", "without collection "),
+        ("mission.py --rounds 1", "simulate all 29 tags "),
+        ("possible.py --rounds 1", "the chart, "),
+        ("proofs.py --only calibration", "| calibration, "),
+        ("restarts.py journal", "events a second of processor time"),
+        ("wheels.py --states 3", "27 situations"),
+    ],
+)
+def test_a_benchmark_runs(line: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # where restarts.py puts a journal
+    assert said in started(*line.split()).stdout
+
+
+def test_every_benchmark_is_started_by_a_test() -> None:
+    texts = [file.read_text(encoding="utf-8") for file in Path(__file__).parent.rglob("test_*.py")]
+    starting = "".join(text for text in texts if "from tests.benchmarking import" in text)
+    named = set(re.findall(r'"(\w+)\.py[ "]', starting))
+    assert {file.stem for file in BENCHMARKS.glob("*.py")} - named == {"mirror"}  # idle_cpu.py starts it
 
 
 @pytest.fixture
@@ -42,11 +68,9 @@ def idle(bench: ModuleType) -> Any:
 
 def test_measures_ours_and_gets_where_it_should(tmp_path: Path) -> None:
     figures, engines = tmp_path / "figures.json", ["lupin", "lupin-fresh", "floor"]
-    command = [sys.executable, str(BENCHMARKS / "dispatch.py"), "--rounds", "2", "--block", "0.002"]
     # No peer is asked for, so nothing is installed.
-    command += ["--engines", *engines, "--charts", *CHARTS, "--json", str(figures)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100)
-    assert done.returncode == 0, done.stdout + done.stderr
+    asked = ["--engines", *engines, "--charts", *CHARTS, "--json", str(figures)]
+    done = started("dispatch.py", "--rounds", "2", "--block", "0.002", *asked)
     assert "lupin, a new Event each time" in done.stdout
     found = json.loads(figures.read_text(encoding="utf-8"))["figures"]
     assert list(found) == CHARTS
@@ -54,6 +78,17 @@ def test_measures_ours_and_gets_where_it_should(tmp_path: Path) -> None:
         assert row["lupin"]["missing"] == "", chart
         assert row["lupin"]["median"] > 0, chart
     assert all(found[chart][engine]["median"] > 0 for chart in CHARTS[:3] for engine in engines)
+
+
+@pytest.mark.long
+@pytest.mark.node
+@pytest.mark.timeout(600)
+@pytest.mark.skipif(shutil.which("npm") is None, reason="Node.js is not installed")
+def test_measures_the_peers_too(tmp_path: Path) -> None:
+    """Each of them gets where it should; they are installed anew, from their registries."""
+    asked = ["--charts", "cycle", "parallel", "load-10", "bytes", "--env", str(tmp_path / "peers")]
+    done = started("dispatch.py", "--rounds", "1", "--block", "0.002", *asked, timeout=580)
+    assert "not installed" not in done.stdout + done.stderr
 
 
 def test_an_engine_that_dispatches_into_nothing_is_told(bench: ModuleType, idle: Any) -> None:

@@ -5,9 +5,6 @@ from __future__ import annotations
 import math
 import random
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,6 +22,7 @@ from lupin_twin.field import (
     SensorField,
     interpolate,
 )
+from tests.benchmarking import started
 
 DEFAULT = InterpolationSettings()
 
@@ -302,10 +300,7 @@ def test_the_map_may_be_turned_and_have_other_cells() -> None:
 
 
 def test_the_benchmark_measures_ours() -> None:
-    script = Path(__file__).parents[3] / "benchmarks" / "field.py"
-    command = [sys.executable, str(script), "--samples", "3", "5", "--rounds", "2"]
-    shown = subprocess.run(command, capture_output=True, text=True, timeout=100)
-    assert shown.returncode == 0, shown.stderr
+    shown = started("field.py", "--samples", "3", "5", "--rounds", "2")
     times = dict(re.findall(r"^(\d samples(?:, remembered)?) +([0-9.]+) ms", shown.stdout, re.MULTILINE))
     assert list(times) == ["3 samples", "3 samples, remembered", "5 samples", "5 samples, remembered"]
     assert all(float(taken) > 0.0 for taken in times.values())

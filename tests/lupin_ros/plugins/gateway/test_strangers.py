@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.timeout(300)
+from tests.benchmarking import started
+
+pytestmark = [pytest.mark.long, pytest.mark.timeout(300)]
 pytest.importorskip("trustme")
 
-BENCHMARK = Path(__file__).parents[4] / "benchmarks" / "strangers.py"
 #: Descriptors of the gateway: fewer than the crowd wants.
 DESCRIPTORS = 350
 FEW = ["--silent", "300", "--slow", "60", "--seconds", "2", "--descriptors", str(DESCRIPTORS)]
@@ -20,8 +18,7 @@ FEW = ["--silent", "300", "--slow", "60", "--seconds", "2", "--descriptors", str
 
 def test_a_crowd_shuts_nobody_out(ros_domain: int) -> None:
     """The benchmark with a small crowd and few descriptors: of one address, the operator's own, and 500."""
-    done = subprocess.run([sys.executable, str(BENCHMARK), *FEW], capture_output=True, text=True, timeout=280)
-    assert done.returncode == 0, done.stdout + done.stderr
+    done = started("strangers.py", *FEW)
     rows = re.findall(r"^(stop|in), (.+?) +(\d+) +([\d.]+) +([\d.]+) +([\d.]+)", done.stdout, re.MULTILINE)
     assert [crowd for kind, crowd, *_ in rows if kind == "in"] == [
         *("nobody", "one address", "the operator's address", "500 addresses"),

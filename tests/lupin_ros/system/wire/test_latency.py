@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 
-pytestmark = pytest.mark.timeout(300)
+from tests.benchmarking import started
 
-BENCHMARK = Path(__file__).parents[4] / "benchmarks" / "estop_latency.py"
+pytestmark = pytest.mark.timeout(300)
 
 
 def test_an_e_stop_is_a_cancel_on_the_wire_in_every_trial(ros_domain: int) -> None:
     """The figures of three trials say nothing of speed, but each of them has stopped a drive."""
-    done = subprocess.run(
-        [sys.executable, str(BENCHMARK), "--trials", "3"], capture_output=True, text=True, timeout=280
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    title, columns, *rows, ratio = done.stdout.splitlines()
+    title, columns, *rows, ratio = started("estop_latency.py", "--trials", "3").stdout.splitlines()
     assert title.startswith("e-stop to cancel, ms; 3 trials each; load ")
     assert columns.split() == ["p50", "p99", "slowest"]
     assert [row[:24].strip() for row in rows] == ["mission_orchestrator", "bare rclpy node"]
