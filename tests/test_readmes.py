@@ -77,4 +77,4 @@ def test_a_readme_says_what_the_source_says(package: str) -> None:
         assert {f"{face}.{name}" for name in re.findall(r"`(\w+)`", names)} <= exported
         assert said == listed({user for user, full in crossed() if full.startswith(f"{face}.")}, package)
     assert re.search(r"^\.venv/bin/python .*-m pytest .*\btests/", text, re.MULTILINE)
-    assert [path for path in re.findall(r"(?<!\S)tests/[\w/.]+", text) if not (ROOT / path).exists()] == []
+    assert [path for path in re.findall(r"(?<![\w/])tests/[\w/.]+", text) if not (ROOT / path).exists()] == []
