@@ -2,6 +2,7 @@ from .descriptions import ElementTexts as ElementTexts
 from .folding import folded_svg as folded_svg
 from .index import Page as Page
 from .index import index as index
+from .mermaid import mermaid as mermaid
 from .outline import find_state as find_state
 from .outline import outline as outline
 from .outline import readable_depth as readable_depth

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from lupin_engine.diagram import Counts, Picture
     from lupin_engine.missions import LoadedMissions
 
-#: Format -> ending of its files. The function of that name writes it.
+#: Format -> ending of its files.
 FORMATS: Mapping[str, str] = MappingProxyType(
     {"mermaid": ".mmd", "scxml": ".scxml", "svg": ".svg", "png": ".png"}
 )
@@ -162,9 +161,17 @@ def _draw(picture: Picture, wanted: str) -> bytes:
 
 
 def _text(picture: Picture, wanted: str) -> str:
-    module = "lupin_scxml.exporter" if wanted == "scxml" else f"lupin_engine.diagram.{wanted}"
-    write = getattr(import_module(module), wanted)
-    return str(write(picture))
+    if wanted == "scxml":
+        from lupin_scxml import scxml
+
+        return scxml(picture)
+    if wanted == "mermaid":
+        from lupin_engine.diagram import mermaid
+
+        return mermaid(picture)
+    from lupin_engine.diagram import svg
+
+    return svg(picture)
 
 
 def _write(content: bytes, output: Path | None) -> None:
