@@ -2,8 +2,8 @@
 
 * The states left are the active ones below the transition's domain, children before parents, last first.
 * Of transitions that would leave the same state one is taken: whose source lies deeper, else the first.
-* What SCXML lacks: a history that remembers some levels goes back into a mission that is used as a part, to
-  the state of it that was left, however deep that mission stands.
+* What SCXML lacks: where a history of limited depth would restore a state with an embedded mission in it, it
+  restores the active direct child of the innermost such mission, even below the history's depth.
 
 Checker and machine choose by the same rules. Which guards hold and what history remembers is asked of the
 caller. What is entered is up to who executes the transitions (`machine.structure`).

@@ -11,8 +11,8 @@
   operations begin when the chart has come to rest, in the states that are active then;
 * two more are the engine's own, in every chart: `restarted`, when another process goes on with the mission,
   and `unrecorded`, when what happens cannot be written down though it must be. While one of them is engaged
-  no operation begins, moving or not. The profile's request to resume releases them, and so does every request
-  whose transition releases any hold; what comes by itself does not. Who runs the machine may release one of
+  no operation of a plugin begins, moving or not; built-in ones do. The profile's request to resume releases
+  them, and so does every request whose transition releases any hold; what comes by itself does not. Who runs the machine may release one of
   these two by an event of its own (`event.RELEASED`), and never a hold of the chart.
 """
 
@@ -123,7 +123,7 @@ class Holds:
         scope.watches.append(self.watch)
 
     def engage_levels(self, step: Macrostep) -> bool:
-        """Engage the holds whose level is true; say whether there were any."""
+        """Engage the holds whose level is true; return whether any was newly engaged."""
         if not self.watch.is_due(self._reads, step.now):
             return False
         inputs, held = self._scope.inputs, self._scope.memory.held

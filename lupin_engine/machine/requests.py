@@ -1,8 +1,14 @@
 """Requests: resolved as a whole before anything changes; what could be asked for now, and why not the rest.
 
-In this order: the chart's refusals, then the holds that the request engages or releases, then its
-transitions. Refused means that nothing changed, not even a hold. What lets the robot go on is refused while
-it moves although its server was asked to end that; what leads home is not.
+A request is refused for the first of these that applies:
+
+1. an answer to a question that is not open, or that has no such choice;
+2. a refusal of the chart, or a hold that blocks the transition that listens to it; else a hold's own guard;
+3. it would let the robot go on while a motion operation refuses to end; what leads home passes;
+4. it starts a mission: an invariant is broken, or the mission's request or parameters are wrong;
+5. it would change nothing.
+
+Refused means that nothing changed, not even a hold.
 """
 
 from __future__ import annotations

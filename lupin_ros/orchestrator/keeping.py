@@ -1,4 +1,8 @@
-"""The orchestrator's journal: which file is written, what leaves only when it is kept, what is told of it."""
+"""The orchestrator's write-ahead journal.
+
+It chooses the file, one for each mission, publishes outcomes only after they are flushed, and reports disk
+faults.
+"""
 
 from __future__ import annotations
 
@@ -111,7 +115,7 @@ class Keeping:
         self.journal.close()
 
     def when_kept(self, then: Callable[[], None]) -> None:
-        """Call `then` when what was noted until now is on the disk."""
+        """Call `then` when what was recorded is flushed; at once while no file is open or the disk fails."""
         self.journal.when_kept(self._ros.guarded(then))
 
     # -- which file -------------------------------------------------------------------------------------

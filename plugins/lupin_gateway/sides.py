@@ -1,4 +1,4 @@
-"""What the two sides promise each other: pages on a loop of asyncio, ROS on a thread."""
+"""What the side of pages (an asyncio loop) calls of the side of ROS (a thread of its own)."""
 
 from __future__ import annotations
 

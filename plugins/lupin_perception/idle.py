@@ -1,7 +1,7 @@
 """Which tags are to be read while no mission is under way. Pure; time is an argument, in seconds.
 
-A tag is read once, or again whenever so much time has passed. One that could not be read is tried again
-after a while; one that the greenhouse does not know is not.
+A tag is read once, or again after each period. One that could not be read is tried again after `AGAIN_S`.
+One that the greenhouse does not know is asked for again only after a period: never, where there is none.
 """
 
 from __future__ import annotations

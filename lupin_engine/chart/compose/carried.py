@@ -1,7 +1,7 @@
-"""What raised events carry, and the results of states that end: types that nobody declares.
+"""Types of event payloads and of done data, which nobody declares.
 
-They follow from where the fields are written, which may stand behind where they are read. So a chart in which
-something carries fields is composed once more, with what was learnt the first time.
+They are inferred from the writers. A reader may come before its writer, so composition is repeated to a fixed
+point (at most `compose.MAX_LEARNED` times), and then once more with what was inferred.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Rules about how an itinerary ends: not by its own states that only want to go on, and not in silence."""
+"""Two warnings: an itinerary restarted by accident, or left with targets of which no outcome is published."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from lupin_engine.errors import Diagnostic
 
 
 def begins_anew(index: Index) -> Iterator[Diagnostic]:
-    """Find a way from within a walk back into it that leaves its state, so that it begins anew."""
+    """Find transitions that leave an itinerary's state and enter it again, so that the itinerary restarts.
+
+    These are transitions of the state itself into a state inside, and of states inside that advance to it.
+    """
     for walker in _walkers(index):
         for transition in walker.transitions:
             if transition.event != "done" and _leaves_to_return(index, walker, transition):

@@ -77,7 +77,10 @@ class Rewindable:
         return taken
 
     def again(self, count: int | None = None) -> None:
-        """Do the first `count` moves again, or all of them: what was broken off half-way is whole then."""
+        """Discard the moves after the first `count`, and replay the rest on a new simulation.
+
+        It also repairs a simulation that Ctrl-C interrupted within a move.
+        """
         del self.moves[len(self.moves) if count is None else count :]
         self.simulation = self._make()
         for move in self.moves:

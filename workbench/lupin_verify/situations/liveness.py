@@ -2,15 +2,14 @@
 
 A place is a configuration with the values of its keys: the variables that are texts, and what history
 remembers. Which slots are live there is not read off the chart, but learnt from what the machine's steps
-read: at first nothing is. A slot that is not live has, where there is anything in it, its first value; and of
-some it does not matter either whether there is anything, unless that is read: they are empty (see `FADING`).
+read: at first nothing is. The value of a dead slot is replaced by
+one fixed value. For the fields in `FADING` even its presence is dropped, unless a step tests for presence.
 Once a step turns out to need something that is not live at its place, that is made live there, and at all
 places from which it comes unwritten; then the walk begins anew. Whether a key is live follows from the
 configuration.
-A live value is open in a configuration, under a hold or without one, if whatever is told there changes that
-value and nothing else. As it may be told at any moment, one situation stands for all of its values there: it
-is not live, and a move that reads it is made for each (see `LevelWalk`). That, too, is at first assumed, and
-given up where it is not so.
+An input is unconstrained in a configuration, under a hold or without one, if reporting it there changes only
+its value. Its value is then not stored: a transition that reads it is expanded once for each value (see
+`LevelWalk`). That is assumed at first, and given up where it is not so.
 So in the walk that gets to its end every step needs live slots alone, and what is live after it was live
 before, or is set by it: situations that agree in all live slots are bisimilar.
 """
@@ -46,7 +45,7 @@ class Dead(NamedTuple):
 
 
 class Liveness:
-    """What is live at the places of one chart; it only grows."""
+    """The live slots at the control locations of one chart. Keys and constrained inputs are only added."""
 
     def __init__(
         self, chart: Chart, table: SlotTable, told: Mapping[int, Mapping[int, int]], on: bool = True

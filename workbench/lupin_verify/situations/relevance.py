@@ -66,7 +66,7 @@ def kind_of(name: str) -> str:
 
 
 def orphan_kind(attempt: Attempt) -> str:
-    """Return the kind of an orphan: its operation, unless that is a plugin's that keeps all waiting."""
+    """Return the class of an abandoned attempt: its operation; `ANY_ORPHAN` if it blocks all others."""
     any_one = EVERYTHING in attempt.uses and not is_builtin(attempt.operation)
     return ANY_ORPHAN if any_one else f"~{attempt.operation}"
 
