@@ -12,8 +12,9 @@
 * two more are the engine's own, in every chart: `restarted`, when another process goes on with the mission,
   and `unrecorded`, when what happens cannot be written down though it must be. While one of them is engaged
   no operation of a plugin begins, moving or not; built-in ones do. The profile's request to resume releases
-  them, and so does every request whose transition releases any hold; what comes by itself does not. Who runs the machine may release one of
-  these two by an event of its own (`event.RELEASED`), and never a hold of the chart.
+  them, and so does every request whose transition releases any hold; what comes by itself does not. Who runs
+  the machine may release one of these two by an event of its own (`event.RELEASED`), and never a hold of the
+  chart.
 """
 
 from __future__ import annotations

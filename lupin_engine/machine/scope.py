@@ -172,7 +172,7 @@ class Watch:
         return reads is self._reads and not self.unseen & reads.parts
 
     def trust(self, reads: Reads) -> None:
-        """Mark these conditions as known to be false without evaluating them, as a restored state says."""
+        """Mark these conditions as known to be false, without evaluating them: a restored state says so."""
         self._reads, self.unseen, self.calm_until = reads, 0, math.inf
 
     def settle(self, reads: Reads, scope: EvaluationScope, now: float) -> None:
