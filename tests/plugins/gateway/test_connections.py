@@ -213,6 +213,7 @@ def test_a_pause_for_a_lost_link_is_asked_for_until_somebody_answers(tmp_path: P
     """The orchestrator may be dead when the link is lost, and go on by itself when it is started again."""
     with ServedGateway(tmp_path, stops=StopArbiter(OnLinkLost.PAUSE)) as gateway:
         page = OpenPage(gateway.port)
+        until(lambda: gateway.states[-1]["operators"], "the page is there")
         page.cut()
         until(lambda: not gateway.states[-1]["operators"], "the page is gone")
 
