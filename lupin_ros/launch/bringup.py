@@ -253,14 +253,14 @@ class Bringup:
 
     # -- the mission ------------------------------------------------------------------------------------
 
-    def start(self, mission: str, request: Mapping[str, Any]) -> RunMonitor:
-        """Start a mission with the fields of a request.
+    def start(self, mission: str, request: Mapping[str, Any], *, any_field: bool = False) -> RunMonitor:
+        """Start a mission with the fields of a request; for `any_field` see `Operator.start`.
 
         Raises:
             RunFailed: it was refused, or nobody answered.
         """
         began = time.monotonic()
-        answer = self._operator.start(mission, request, ANSWER_S)
+        answer = self._operator.start(mission, request, ANSWER_S, any_field=any_field)
         if not answer.reached:
             raise RunFailed(f"the mission could not be started: {answer.text}")
         if not answer.accepted:

@@ -23,7 +23,7 @@ from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.machine import NOTHING
-from lupin_engine.plugin import Profile, StartRequest
+from lupin_engine.plugin import START_VERB, Profile, StartRequest
 from lupin_engine.runtime import APART_S, STALE
 from lupin_ros.adapter.network import Kind, interfaces
 from lupin_ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
@@ -301,8 +301,16 @@ class Operator(Commander):
         """Say whether the orchestrator's services can be reached."""
         return all(caller.ready() for caller in self._callers.values())
 
-    def start(self, mission: str, given: Mapping[str, Any], timeout: float) -> Answer:
-        """Ask for a mission; fields of the request that are not given mean the mission's own defaults."""
+    def start(
+        self, mission: str, given: Mapping[str, Any], timeout: float, *, any_field: bool = False
+    ) -> Answer:
+        """Ask for a mission; fields of the request that are not given mean the mission's own defaults.
+
+        The profile's message has its own fields only, none of them with a unit, and an empty one is not
+        given: for `any_field` it is commanded.
+        """
+        if any_field:
+            return self.command(START_VERB, mission, given, timeout)
         fields = self._wire.start.request_fields(StartRequest(mission, given))
         request = write(self._start_type.Request(), fields)
         return self._call(self._callers[_START], request, timeout, self._started)

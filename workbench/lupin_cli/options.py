@@ -17,6 +17,8 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 PATIENCE_S = 60.0
 #: Stands for the terminal where a file could be named.
 TERMINAL = "-"
+#: The option that gives any field of a request.
+REQUEST = "--request"
 #: What the file of a timeline ends in.
 SVG, PNG = ".svg", ".png"
 
@@ -29,7 +31,7 @@ def _request_fields() -> dict[str, RequestField]:
 
 def request_options() -> list[str]:
     """Return the options that fill requests."""
-    return [field.option for field in _request_fields().values()]
+    return [*(field.option for field in _request_fields().values()), REQUEST]
 
 
 class RequestCommand(click.Command):
@@ -73,6 +75,13 @@ def _split(_: click.Context, __: click.Parameter, text: str | None) -> list[str]
     return [part.strip() for part in (text or "").split(",") if part.strip()]
 
 
+fields = click.option(
+    REQUEST,
+    "fields",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="Any field of the mission's request, such as patience='90 s' or amounts=1,5.",
+)
 settings = click.option(
     "--set",
     "settings",

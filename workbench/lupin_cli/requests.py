@@ -1,14 +1,63 @@
-"""Checks of the request that the options describe, made before anything is started."""
+"""The request that the options describe: read, and checked before anything is started."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Collection, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
-from lupin_engine.chart import Chart
-from lupin_engine.errors import Problems, UsageError
-from lupin_engine.missions import LoadedMissions
-from lupin_engine.plugin import given_fields
+from lupin_cli.options import REQUEST
+from lupin_cli.settings import read_value, split
+from lupin_engine.errors import Problems, UsageError, nearest
+from lupin_engine.plugin import TEXT, Fault, Notation, Type, given_fields, list_of, problems
+
+if TYPE_CHECKING:
+    from lupin_engine.chart import Chart
+    from lupin_engine.missions import LoadedMissions
+
+
+def fields_in(
+    given: Iterable[str], types: Mapping[str, Type], faults: Collection[Fault] = frozenset(Fault)
+) -> tuple[dict[str, Any], list[str]]:
+    """Return what was given as `name=value`, as data of these types, and what is wrong with it.
+
+    Wrong are: no `=`, and those of the `faults` that a value has, written as in a file. A field without a
+    type is text. What has a fault is returned as well: it was given.
+    """
+    texts, wrong = split(REQUEST, given)
+    values = {name: read_value(text, types.get(name, TEXT)) for name, text in texts.items()}
+    for name, value in values.items():
+        found = problems(value, types.get(name, TEXT), Notation.FILE)
+        wrong += [f"{REQUEST}: {one.at(name)}" for one in found if one.fault in faults]
+    return values, wrong
+
+
+def given_twice(options: Iterable[str], fields: Collection[str]) -> list[str]:
+    """Say which fields were given in two ways."""
+    twice = ", ".join(name for name in options if name in fields)
+    return [f"{twice}: given by an option of its own and by {REQUEST}; leave one out"] if twice else []
+
+
+def request_in(
+    loaded: LoadedMissions, options: Mapping[str, Any], given: Iterable[str]
+) -> tuple[dict[str, Any], list[str]]:
+    """Return the request of the first mission, of the profile's options and of `--request`.
+
+    And what is wrong with the latter: an unknown field, one that has an option and is given by it as well, a
+    value of another type or without its unit. Of the former see `check_fields`.
+    """
+    declared, of_options = loaded.chart.missions[loaded.names[0]].request, carried(loaded.chart, options)
+    types = {name: _written(field.type, loaded.chart.catalog.readers) for name, field in declared.items()}
+    fields, wrong = fields_in(given, types)
+    hints = {name: nearest(name, declared) if declared else "it has none" for name in fields}
+    unknown = [f"{REQUEST}: unknown field {name!r}; {hints[name]}" for name in fields if name not in declared]
+    return {**of_options, **fields}, [*wrong, *unknown, *given_twice(of_options, fields)]
+
+
+def _written(kind: Type, readers: Collection[str]) -> Type:
+    """Return the type that a value is written in: the names of things, where a plugin reads them."""
+    if (kind.item or kind).name not in readers:
+        return kind
+    return list_of(TEXT) if kind.item else TEXT
 
 
 def check_fields(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
@@ -17,17 +66,17 @@ def check_fields(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
     Raises:
         UsageError: it lacks one, and would ignore the value.
     """
-    problems = Problems(UsageError)
+    wrong = Problems(UsageError)
     fields = loaded.chart.missions[loaded.names[0]].request
     installed = loaded.chart.catalog.profiles.values()
     options = {name: field.option for each in installed for name, field in each.request.items()}
     for name, value in request.items():
         if value and name not in fields:
-            problems.add(
+            wrong.add(
                 f"{loaded.names[0]} has no use for {options[name]}: its request has no {name}; "
                 f"it has {', '.join(fields) or 'no fields'}"
             )
-    problems.tell()
+    wrong.tell()
 
 
 def check_complete(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
@@ -39,14 +88,14 @@ def check_complete(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
     # Imported here: other verbs need no machine, and its import takes longer than their work.
     from lupin_engine.machine import described, lacking
 
-    mission, problems = loaded.chart.missions[loaded.names[0]], Problems(UsageError)
-    for field in lacking(mission, carried(loaded.chart, request)):
+    mission, wrong = loaded.chart.missions[loaded.names[0]], Problems(UsageError)
+    for field in lacking(mission, request):
         known = loaded.chart.profile.request.get(field.name)
-        hint = f"a scenario that says 'request: {{{field.name}: ...}}' gives it"
+        hint = f"write {REQUEST} {field.name}=..."
         if known is not None and known.option:
             hint = f"write {known.option} {known.metavar or str(field.type).upper()}"
-        problems.add(f"{mission.name} needs {described(field)}; {hint}")
-    problems.tell()
+        wrong.add(f"{mission.name} needs {described(field)}; {hint}")
+    wrong.tell()
 
 
 def carried(chart: Chart, request: Mapping[str, Any]) -> dict[str, Any]:
@@ -54,25 +103,33 @@ def carried(chart: Chart, request: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in given_fields(request).items() if name in chart.profile.request}
 
 
-def check_request(loaded: LoadedMissions, given: Mapping[str, Any], request: Mapping[str, Any]) -> None:
-    """Check that the first mission accepts a request, as far as that needs no robot.
+def check_request(
+    loaded: LoadedMissions,
+    parameters: Mapping[str, Any],
+    options: Mapping[str, Any],
+    given: Iterable[str] = (),
+) -> dict[str, Any]:
+    """Return the request that is given; the first mission accepts it, as far as that needs no robot.
 
     Raises:
-        UsageError: it would not, and the text is the one that the service would answer; it has no field
-            for what is given (see `check_fields`), or lacks one (see `check_complete`); or a parameter leads
-            nowhere (for example: a file that is absent). The text has everything that is wrong.
+        UsageError: it does not, and the text is the one that the service would answer; it has no field
+            for what is given (see `check_fields` and `request_in`), or lacks one (see `check_complete`); or a
+            parameter leads nowhere (such as an absent file). The text has everything that is wrong.
     """
     from lupin_engine.machine import EvaluationScope, Memory, read_request
     from lupin_engine.runtime import make_world
 
-    problems = Problems(UsageError)
-    with problems.collecting():
-        check_fields(loaded, request)
-    with problems.collecting():
+    wrong = Problems(UsageError)
+    with wrong.collecting():
+        check_fields(loaded, options)
+    request, wrongly_given = request_in(loaded, options, given)
+    wrong.add(*wrongly_given)
+    with wrong.collecting():
         check_complete(loaded, request)
-        world = make_world(loaded.chart, given)
-        data = {"mission_type": loaded.names[0], **carried(loaded.chart, request)}
+        world = make_world(loaded.chart, parameters)
+        data = {"mission_type": loaded.names[0], **request}
         _, refusal = read_request(world, data, EvaluationScope(world, Memory()).at("", 0.0))
-        if refusal is not None:
-            problems.add(refusal.text)
-    problems.tell()
+        if refusal is not None and not wrongly_given:
+            wrong.add(refusal.text)
+    wrong.tell()
+    return request

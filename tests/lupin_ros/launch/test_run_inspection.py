@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +17,7 @@ pytestmark = pytest.mark.timeout(240)
 
 Start = Callable[..., Lupin]
 
+MISSIONS = Path(__file__).parents[3] / "missions"
 #: The sensors that the greenhouse has at these tags.
 SENSORS = {
     "1": {"temperature", "co2"},
@@ -54,6 +57,32 @@ def test_the_output_for_people_ends_with_the_readings(lupin: Start) -> None:
     assert last.startswith("DONE: 2 visited of 2 targets in ")
     row = next(line for line in run.lines if line.strip().startswith("20"))
     assert row.split()[:4] == ["20", "OK", "·", "·"]  # tag 20 has no co2 and no light
+
+
+RESTING = """\
+mission: Resting
+states:
+  RESTING:
+    after: {"${ request.rest }": done}
+  done: {type: final}
+request:
+  rest: {type: duration, default: 1 h}
+  tag_sequence: {type: list of tag, default: []}
+initial: RESTING
+"""
+
+
+def test_a_field_that_the_start_message_lacks_is_commanded(lupin: Start, tmp_path: Path) -> None:
+    """As `lupin start` does it, with the fields that have an option; else it would rest for an hour."""
+    shutil.copytree(MISSIONS, tmp_path / "missions")
+    file = tmp_path / "missions" / "resting.yaml"
+    file.write_text(RESTING, encoding="utf-8")
+    run = lupin("run", str(file), "--tags", "1,5", "--request", "rest=1500 ms", "--speed", "20", "--json")
+    assert run.end() == 0, run.output
+    (start,) = [one["step"] for one in run.records("step") if one["step"]["event"] == "mission.start"]
+    given = {name: start["data"].get(name) for name in ("mission_type", "rest", "tag_sequence")}
+    assert given == {"mission_type": "Resting", "rest": "1500 ms", "tag_sequence": ["1", "5"]}
+    assert run.records("result")[0]["lifecycle"] == "DONE"
 
 
 def test_an_interrupt_brings_the_robot_home_and_ends_everything_else(lupin: Start) -> None:

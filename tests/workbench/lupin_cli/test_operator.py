@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from lupin_cli.operator.look import lines, look, to_do
-from lupin_cli.operator.start import _offer, _read, _together
+from lupin_cli.operator.start import _asked, _offer
 from lupin_cli.verbs.up import served
 from lupin_engine.errors import UsageError
 from lupin_engine.missions.selection import load_missions
@@ -48,7 +48,7 @@ def test_a_field_is_read_as_its_type() -> None:
         "to={x: 1 m, y: 2 m, yaw: 0 rad}",
         "why=1,2",
     )
-    assert _read(given, MISSIONS[0]["request"]) == {
+    assert _asked({}, given, MISSIONS[0]["request"]) == {
         "plants": ["1", "5"],
         "amount": "300 ml",
         "rounds": 3,
@@ -56,20 +56,23 @@ def test_a_field_is_read_as_its_type() -> None:
         "to": {"x": "1 m", "y": "2 m", "yaw": "0 rad"},
         "why": "1,2",
     }
-    assert _read(["rounds=many", "palnts=1"], MISSIONS[0]["request"]) == {"rounds": "many", "palnts": "1"}
+    assert _asked({}, ["rounds=many", "palnts=1"], MISSIONS[0]["request"]) == {
+        "rounds": "many",
+        "palnts": "1",
+    }
     with pytest.raises(UsageError, match=r"^'plants' has no '='; write --request NAME=VALUE$"):
-        _read(["plants"], ())
+        _asked({}, ["plants"], ())
 
 
 def test_a_field_is_given_with_its_unit() -> None:
     """As in a file: 90 may be meant as minutes. Where several lack it, all are told."""
     declared = [{"name": "patience", "type": "duration"}, {"name": "pauses", "type": "list of duration"}]
-    assert _read(["patience=90 s", "pauses=1 s,2 s"], declared) == {
+    assert _asked({}, ["patience=90 s", "pauses=1 s,2 s"], declared) == {
         "patience": "90 s",
         "pauses": ["1 s", "2 s"],
     }
     with pytest.raises(UsageError) as refused:
-        _read(["patience=90", "pauses=1 s,2", "to"], declared)
+        _asked({}, ["patience=90", "pauses=1 s,2", "to"], declared)
     assert str(refused.value).splitlines() == [
         "'to' has no '='; write --request NAME=VALUE",
         "--request: patience: 90 has no unit; write '90 s'",
@@ -79,8 +82,12 @@ def test_a_field_is_given_with_its_unit() -> None:
 
 def test_a_field_is_given_once() -> None:
     """By its option or by --request."""
-    with pytest.raises(UsageError, match=r"^tags: given by an option of its own and by --request"):
-        _together({"tags": ["1"]}, {"tags": ["2"]})
+    with pytest.raises(UsageError) as refused:
+        _asked({"tags": ["1"]}, ["tags=2", "to"], ())
+    assert str(refused.value).splitlines() == [
+        "'to' has no '='; write --request NAME=VALUE",
+        "tags: given by an option of its own and by --request; leave one out",
+    ]
 
 
 def test_up_tells_the_verbs() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,13 @@ import pytest
 from click.testing import CliRunner, Result
 
 from lupin_cli.main import main
+from lupin_cli.requests import check_complete
 from lupin_cli.terminal import outcome as verb
 from lupin_cli.terminal.debugger import Debugger
 from lupin_cli.verbs.run import run
 from lupin_cli.verbs.simulate import simulate
 from lupin_engine.errors import UsageError
+from lupin_engine.missions.selection import load_missions
 from lupin_engine.replay.story import columns_for, laid_out
 from lupin_engine.sim.narration import StepLine, tell
 from lupin_engine.sim.simulation import Run, Script
@@ -353,7 +356,7 @@ def test_a_timeline_goes_to_the_terminal() -> None:
         (["--until", "5 parsecs"], "write a duration such as '90 s' or '20 min'"),
         (
             ["--interactive", "--json"],
-            "--interactive goes with --tags, --goal, --set, --clock and --seed only",
+            "--interactive goes with --tags, --goal, --request, --set, --clock and --seed only",
         ),
         (["--clock", "22:00"], "--clock: expected a date with a time of day, got '22:00'"),
         (["--seed", "x"], "'x' is not a valid integer"),
@@ -398,9 +401,10 @@ def test_all_wrong_options_are_told_at_once(
     ]
     assert main(["simulate", str(SCENARIOS / "three_tags.scenario.yaml"), "-i", *wrong]) == 2
     assert capsys.readouterr().err.splitlines() == [
-        "lupin: --interactive goes with --tags, --goal, --set, --clock and --seed only",
+        "lupin: --interactive goes with --tags, --goal, --request, --set, --clock and --seed only",
         both[0].removeprefix("lupin: "),
-        "a scenario names its own request and parameters; --tags, --goal and --set are for missions",
+        "a scenario names its own request and parameters; "
+        "--tags, --goal, --request and --set are for missions",
         both[1],
     ]
 
@@ -545,4 +549,86 @@ def test_a_request_that_must_be_given_is_asked_for(tmp_path: Path, monkeypatch: 
     assert (
         "REFUSED: Survey needs tag_sequence (list of tag: where to go), discovery_goal (count) 0.0 s"
         in by_hand
+    )
+
+
+RESTING = """\
+mission: Resting
+states:
+  RESTING:
+    after: {"${ request.rest }": done}
+  done: {type: final}
+request:
+  rest: {type: duration, default: 1 min}
+  rounds: {type: count, default: 1, min: 1}
+  tag_sequence: {type: list of tag, default: []}
+initial: RESTING
+"""
+
+
+@pytest.fixture
+def resting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A mission whose request has fields that the profile has no option for."""
+    shutil.copytree(MISSIONS, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "resting.yaml").write_text(RESTING, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return "resting.yaml"
+
+
+def test_any_field_of_the_request_is_given(resting: str) -> None:
+    """With its unit, as in a file; a plugin's type is read by its plugin; by hand it is the mission's too."""
+    given = ("--request", "rest=2 min", "--request", "tag_sequence=1,5")
+    assert "RESTING 120.0 s" in typed(resting, *given, "-q").output
+    by_hand = typed(resting, "-i", *given, typing="start\nrun\nquit\n").output
+    assert "   120.0 s  RETURNING.DRIVING_HOME " in by_hand
+
+
+def test_all_that_is_wrong_with_a_request_is_told_at_once(resting: str) -> None:
+    """In the same words by both verbs: what has no type, no unit, no field, and what is given twice."""
+    fields = ("rest=90", "rounds=many", "ronds=1", "height", "tag_sequence=1")
+    given = [word for field in fields for word in ("--request", field)]
+    for command in (simulate, run):
+        with pytest.raises(UsageError) as found:
+            command.main([resting, "--tags", "5", "--goal", "1", *given], standalone_mode=False)
+        assert str(found.value).splitlines() == [
+            "Resting has no use for --goal: its request has no discovery_goal; "
+            "it has rest, rounds, tag_sequence",
+            "'height' has no '='; write --request NAME=VALUE",
+            "--request: rest: 90 has no unit; write '90 s'",
+            "--request: rounds: expected count, got 'many'",
+            "--request: unknown field 'ronds'; did you mean 'rounds'?",
+            "tag_sequence: given by an option of its own and by --request; leave one out",
+        ]
+
+
+def test_what_is_given_counts_also_where_it_is_nothing(resting: str) -> None:
+    """An option's 0 leaves the field to the mission; a run is refused before anything starts."""
+    with pytest.raises(UsageError, match=r"^rounds must be at least 1, got 0$"):
+        run.main([resting, "--request", "rounds=0"], standalone_mode=False)
+    assert "rounds must be at least 1, got 0" in typed(resting, "--request", "rounds=0").output
+
+
+def test_a_scenario_has_a_request_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+    """As for the other options."""
+    file = str(SCENARIOS / "three_tags.scenario.yaml")
+    assert main(["simulate", file, "--request", "tag_sequence=1"]) == 2
+    assert capsys.readouterr().err.splitlines() == [
+        "lupin: a scenario names its own request and parameters; "
+        "--tags, --goal, --request and --set are for missions"
+    ]
+
+
+def test_a_field_without_an_option_is_asked_for_by_request(tmp_path: Path) -> None:
+    """A profile may have fields without an option."""
+    shutil.copytree(MISSIONS, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "survey.yaml").write_text(SURVEY, encoding="utf-8")
+    catalog = shipped.catalog()
+    profile = catalog.profiles["greenhouse"]
+    bare = {name: replace(field, option="") for name, field in profile.request.items()}
+    profiles = {**catalog.profiles, "greenhouse": replace(profile, request=bare)}
+    loaded = load_missions([str(tmp_path / "survey.yaml")], replace(catalog, profiles=profiles))
+    with pytest.raises(UsageError) as found:
+        check_complete(loaded, {"discovery_goal": 1})
+    assert str(found.value) == (
+        "Survey needs tag_sequence (list of tag: where to go); write --request tag_sequence=..."
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 @click.command(cls=options.RequestCommand, short_help="Run a mission over ROS 2 and watch it.")
 @click.argument("mission")
+@options.fields
 @options.bring_up
 @click.option(
     "--patience",
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
 def run(
     mission: str,
     request: dict[str, Any],
+    fields: tuple[str, ...],
     patience: float | None,
     as_json: bool,
     save_svg: Path | None,
@@ -65,7 +68,7 @@ def run(
     """
     from lupin_cli.bring_up import CheckedOptions, GivenOptions
     from lupin_cli.recording import check_recording, recorded
-    from lupin_cli.requests import carried, check_request
+    from lupin_cli.requests import check_request
     from lupin_cli.run_folders import writable
     from lupin_cli.terminal.tty import quiet_terminal
     from lupin_engine.missions import load_missions
@@ -74,7 +77,7 @@ def run(
     loaded = load_missions([mission], load_catalog(), reaching=True)
     given = CheckedOptions(GivenOptions(**wanted), loaded, loaded.chart.catalog)
     with given.problems.collecting():
-        check_request(loaded, given.values, request)
+        request = check_request(loaded, given.values, request, fields)
     with given.problems.collecting():
         if save_svg is not None:
             writable(save_svg.parent, "picture")
@@ -90,7 +93,8 @@ def run(
     with quiet_terminal(keys), Interrupts() as interrupts:
         told = _observer(as_json, save_svg, loaded, interrupts)
         with recorded(record, told) as observer, Bringup(settings, observer, interrupts) as bringup:
-            code = _carry_out(bringup, observer, given, loaded, carried(loaded.chart, request), keys)
+            start = partial(bringup.start, loaded.names[0], request, any_field=bool(fields))
+            code = _carry_out(bringup, observer, given, loaded, start, keys)
         told.close(bringup.monitor, code)
     return code
 
@@ -100,17 +104,17 @@ def _carry_out(
     observer: Any,
     given: CheckedOptions,
     loaded: LoadedMissions,
-    request: dict[str, Any],
+    start: Callable[[], RunMonitor],
     keys: bool,
 ) -> int:
-    """Run the mission; an error is reported to the observer and aborts the mission."""
+    """Run the mission that is started so; an error is reported to the observer and aborts the mission."""
     from lupin_ros.launch import NOT_DONE, Interrupted
 
     try:
         bringup.bring_up(given.plugins, loaded.chart.catalog, loaded.heard)
         for line in given.addresses(bringup.description.launches):
             observer.note(line)
-        monitor = bringup.start(loaded.names[0], request)
+        monitor = start()
         bringup.follow(monitor, _hands(bringup, monitor, observer) if keys else lambda: None)
         return monitor.verdict
     except Interrupted:

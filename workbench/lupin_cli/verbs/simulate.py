@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 @click.command(cls=options.RequestCommand, short_help="Run a mission in virtual time, without ROS.")
 @click.argument("mission")
+@options.fields
 @options.mission_settings
 @click.option(
     "--clock",
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
 def simulate(
     mission: str,
     request: dict[str, Any],
+    fields: tuple[str, ...],
     settings: tuple[str, ...],
     clock: str | None,
     until: str | None,
@@ -93,7 +95,8 @@ def simulate(
     with problems.collecting():
         _check_picture(picture)
     with problems.collecting():
-        subject = _subject(problems, mission, request, settings, until, started=not (interactive or hmi))
+        started = not (interactive or hmi)
+        subject = _subject(problems, mission, request, fields, settings, until, started=started)
     with problems.collecting():
         _check_clock(clock)
     problems.tell()
@@ -165,6 +168,7 @@ def _subject(
     problems: Problems,
     mission: str,
     request: dict[str, Any],
+    fields: tuple[str, ...],
     settings: tuple[str, ...],
     until: str | None,
     *,
@@ -177,15 +181,15 @@ def _subject(
     Raises:
         LupinError: there is no such mission or scenario, or it cannot be used.
     """
-    from lupin_cli.requests import carried, check_complete, check_fields
+    from lupin_cli.requests import check_complete, check_fields, request_in
     from lupin_cli.settings import settings_in
     from lupin_engine.missions import load_missions
     from lupin_engine.runtime import make_world
     from lupin_engine.sim import LIMIT, Script, is_scenario, load_scenario
 
-    catalog = load_catalog()
+    catalog, is_asked = load_catalog(), any(request.values()) or bool(fields)
     if is_scenario(mission):
-        if any(request.values()) or settings:
+        if is_asked or settings:
             names = ", ".join(options.request_options())
             problems.add(
                 f"a scenario names its own request and parameters; {names} and --set are for missions"
@@ -196,15 +200,17 @@ def _subject(
     else:
         loaded = load_missions([mission], catalog)
         chart = loaded.chart
-        script = Script(loaded.names[0], carried(chart, request), limit=LIMIT)
         with problems.collecting():
             check_fields(loaded, request)
+        asked, wrong = request_in(loaded, request, fields)
+        problems.add(*wrong)
         with problems.collecting():
             if started:
-                check_complete(loaded, request)
+                check_complete(loaded, asked)
+        script = Script(loaded.names[0], asked, limit=LIMIT)
         parameters, wrong = settings_in("--set", settings, chart.parameters)
         problems.add(*wrong)
-    is_complete = is_scenario(mission) or any(request.values())
+    is_complete = is_scenario(mission) or is_asked
     end: float | str | None = None
     with problems.collecting():
         end = read_until(chart, until)
