@@ -1,7 +1,7 @@
 """What only the whole graph of situations can tell: what can be reached from everywhere, and what goes round.
 
-Each property is one question: is a goal reached from every situation if certain sides want that, whatever
-order deadlines come in?
+Each property but one is a question: is a goal reached from every situation if certain sides want that,
+whatever order deadlines come in? `no_zeno` looks for circles of deadlines without time.
 """
 
 from __future__ import annotations

@@ -282,7 +282,7 @@ class WorldMoves:
             return self._fire(machine, memory, move.timer)
         name = move.event.name
         if name in machine.chart.catalog.events and any(e.name == name for e in memory.deferred):
-            return None  # of equal events one waits for the release
+            return None  # of events with one name, whatever their data, one waits for the release
         if name == "attempt.done" and not self._is_told(memory, move.event.data["attempt"]):
             return None
         if name == RESUMED:
