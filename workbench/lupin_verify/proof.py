@@ -273,7 +273,8 @@ def _elements(most: int) -> str:
 def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
     """Return what was explored, and what it was bounded by, as sentences."""
     bounds, classes = explorer.bounds, explorer.classes
-    late = "Late answers, to orders that timed out or were cancelled, are not explored; --late 1 adds them."
+    late = "Late answers, to orders that were given up and hold back no other, are not explored;"
+    late += " --late 1 adds them."
     if bounds.owed:
         late = f"Of the orders already given up, up to {bounds.owed} may still be answered at any time."
     found = [

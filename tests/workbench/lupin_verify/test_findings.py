@@ -176,7 +176,7 @@ def test_broken_and_unfinished_is_said(capsys: pytest.CaptureFixture[str]) -> No
 BOUNDS = """\
   What was explored, and its bounds:
     Itineraries and lists have no elements.
-    Late answers, to orders that timed out or were cancelled, are not explored; --late 1 adds them.
+    Late answers, to orders that were given up and hold back no other, are not explored; --late 1 adds them.
     Servers that refuse a cancel are not explored; meanwhile, nothing else begins with what they use.
     A deadline fires at any time, but not before one that was certainly due earlier.
     7 requests, 7 values of inputs and 0 events of plugins come at any time.

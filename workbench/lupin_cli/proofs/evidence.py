@@ -38,7 +38,7 @@ ASSUMPTIONS = (
     " each of them.",
     "A deadline of 0 s comes before all others. Otherwise two are due at the same moment only if they were"
     " set together.",
-    "An order that was given up gets no late answer, unless the bounds say so.",
+    "An order that was given up and holds back no other gets no late answer, unless the bounds say so.",
     "The parameters have the values that are listed.",
     "Conditions that read the robot's clock always see 06:00. A wait for a time of day may end at any time.",
 )
