@@ -11,4 +11,5 @@ __version__ = "0.1.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 # First: below a moved package the finder of paths would load a second copy of each module.
-sys.meta_path.insert(0, MovedFinder())
+if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
+    sys.meta_path.insert(0, MovedFinder())

@@ -10,6 +10,7 @@ from lupin_engine.errors import UsageError, nearest
 from lupin_engine.machine.machine import Machine
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.missions.selection import load_missions
+from lupin_engine.plugin.profile import START
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.runtime.setup import make_machine
 from lupin_engine.sim.scenario import scenario_files
@@ -54,19 +55,38 @@ def simulate(
     """Run a mission in virtual time against the plugins' mocks, as `lupin simulate` does.
 
     Args:
-        mission: which of them; may be left out where there is one only.
-        request: what the start carries.
+        mission: which of them, by its name or that of its file; may be left out where there is one only.
+        request: what the start carries: texts, numbers, lists and mappings of these.
         parameters: settings by name, in base units.
         limit: the longest time that is simulated, in seconds.
 
     Raises:
-        UsageError: there is no such mission or parameter, or a value is out of range.
+        UsageError: there is no such mission, field or parameter, a value is out of range, or the request is
+            refused.
     """
+    name = _name_of(mission, missions)
+    fields, given = missions.chart.missions[name].request, dict(request or {})
+    wrong = [f"unknown field {field!r}; {nearest(field, fields)}" for field in given if field not in fields]
+    if not limit > 0.0:
+        wrong.append(f"limit is {limit!r}; it must be more than 0 s")
+    if wrong:
+        raise UsageError("\n".join(wrong))
+    run = run_script(missions.chart, Script(name, given, limit=limit), parameters)
+    refusals = [step.refusal for step in run.steps if step.event.name == START and step.refusal]
+    if refusals:
+        raise UsageError(refusals[0].text)
+    return run
+
+
+def _name_of(mission: str, missions: LoadedMissions) -> str:
+    """Return the name of a mission that is meant by its name, its file, or as the only one."""
     names = missions.names
-    name = mission or (names[0] if len(names) == 1 else "")
-    if name not in names:
-        raise UsageError(f"which mission? {nearest(name, names)}")
-    return run_script(missions.chart, Script(name, dict(request or {}), limit=limit), parameters)
+    if not mission and len(names) == 1:
+        return names[0]
+    files = {Path(missions.chart.missions[name].place.file).stem: name for name in names}
+    if mission not in {*names, *files}:
+        raise UsageError(f"which mission? {nearest(mission, [*names, *files])}")
+    return files.get(mission, mission)
 
 
 def test(*paths: str | Path, seeds: Sequence[int] = (0,)) -> list[ScenarioResult]:  # noqa: PT028

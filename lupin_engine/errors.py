@@ -109,6 +109,10 @@ class ChartError(LupinError):
         self.diagnostics = tuple(sorted(diagnostics, key=lambda d: (d.place, d.rule, d.problem)))
         super().__init__("\n".join(str(d) for d in self.diagnostics))
 
+    def __reduce__(self) -> tuple[type[ChartError], tuple[tuple[Diagnostic, ...]]]:
+        """Pickle as made: an error that does not unpickle hangs a pool of processes."""
+        return type(self), (self.diagnostics,)
+
 
 class Problems:
     """What is wrong in several places, to be told at once: each problem once, in the order of finding.

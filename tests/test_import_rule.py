@@ -153,6 +153,20 @@ def crossings(name: str) -> Iterator[tuple[str, int]]:
     for node in nodes(name):
         if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] in packages - {own}:
             yield from ((f"{node.module}.{alias.name}", node.lineno) for alias in node.names)
+        elif isinstance(node, ast.Import):
+            names = (alias.name for alias in node.names if "." in alias.name)
+            yield from ((full, node.lineno) for full in names if full.partition(".")[0] in packages - {own})
+
+
+def advice(full: str) -> str:
+    """Say what to write in place of an import past a face."""
+    name = full.rpartition(".")[2]
+    there = [
+        face for face, where in faces().items() if face.endswith(f".{name}") and full == f"{where}.{name}"
+    ]
+    if there:
+        return f"import it from {there[0].rpartition('.')[0]}"
+    return f"add it to the __init__.pyi of {room_of(full) or full.partition('.')[0]}, or do without"
 
 
 def room_of(module: str) -> str:
@@ -206,7 +220,7 @@ def test_between_packages_only_faces_are_imported() -> None:
     """A face is the `__init__` of a room of the engine, or of a package; `errors` is one as it is."""
     free = {"lupin_engine.__version__"}
     strangers = [
-        f"{name}:{line} imports {full}, which no face exports"
+        f"{name}:{line} imports {full} past a face: {advice(full)}"
         for name in modules()
         for full, line in crossings(name)
         if full not in faces() and full not in free and not full.startswith("lupin_engine.errors.")
@@ -221,7 +235,8 @@ def test_a_face_exports_what_others_use() -> None:
     assert hidden == {}, "a module of that name would hide what the face exports"
     pages = "".join((ROOT / "docs" / page).read_text(encoding="utf-8") for page in FOR_OTHERS)
     unused = sorted(set(faces()) - used)
-    assert [full for full in unused if full.rpartition(".")[2] not in pages] == []
+    alone = [full for full in unused if full.rpartition(".")[2] not in pages]
+    assert alone == [], "nobody outside imports these: take them out of the __init__.pyi"
 
 
 def plugin_breaches(name: str) -> Iterator[str]:

@@ -60,7 +60,7 @@ class _Document(Generic[_D_co]):
     left_out: tuple[Way, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LoadedMissions:
     """Checked missions with their lifecycle, and those of their plugins that are made of a file.
 
@@ -74,6 +74,9 @@ class LoadedMissions:
     lifecycle: Path
     sources: Mapping[str, bytes] = field(repr=False)
     bundle: Path | None = None
+
+    def __repr__(self) -> str:
+        return f"<LoadedMissions {', '.join(self.names)}>"
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -194,7 +194,7 @@ class MomentView:
     context: Mapping[str, Any]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run:
     """What came of a simulation: its history, and where it ended.
 
@@ -220,6 +220,9 @@ class Run:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     unspent: Mapping[int, int] = field(default_factory=dict)
     violated: tuple[tuple[Step | None, str, str], ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<Run to {self.view.lifecycle} in {self.seconds:g} s: {len(self.steps)} steps>"
 
     @property
     def steps(self) -> Sequence[Step]:
