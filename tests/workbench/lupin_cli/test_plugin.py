@@ -6,6 +6,7 @@ import ast
 import json
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -110,6 +111,25 @@ def test_two_packages_with_a_plugin_of_one_name(
     assert (code, json.loads(out)[0]) == (1, {"plugin": "lamp", "rule": "registered", "problems": [problem]})
     assert main(["simulate", "inspection"]) == 2
     assert capsys.readouterr().err == f"lupin: {problem}\n"
+
+
+def test_an_old_import_path_is_told_to_its_author(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Python shows such a warning to tests only; the check shows it too."""
+    (tmp_path / "old_lamp.py").write_text(
+        "import lupin_engine.harness.rules\n"
+        "from lupin_engine.plugin.contract import Plugin\nPLUGIN = Plugin('lamp', 'A lamp.')\n"
+    )
+    (tmp_path / "old-1.dist-info").mkdir()
+    entry = tmp_path / "old-1.dist-info" / "entry_points.txt"
+    entry.write_text("[lupin.plugins]\nlamp = old_lamp:PLUGIN\n")
+    entry.with_name("METADATA").write_text("Name: old\nVersion: 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with warnings.catch_warnings(record=True) as warned:
+        run(capsys, "check", "lamp")
+    told = [str(each.message) for each in warned if each.filename.endswith("old_lamp.py")]
+    assert told[-1] == "lupin_engine.harness.rules is now lupin_harness.rules: import that"
 
 
 # -- show --------------------------------------------------------------------------------------------------

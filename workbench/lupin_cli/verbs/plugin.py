@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -172,6 +173,8 @@ def check(name: str | None, live: bool, as_json: bool) -> int:
 
     NAME may be a folder with a pyproject.toml: the plugins that it declares are checked, installed or not.
     """
+    # Python shows these to tests only; here the author looks. See `lupin_engine.moved`.
+    warnings.filterwarnings("default", ".* is now lupin_", DeprecationWarning)
     verdicts: list[RuleVerdict] = []
     told: set[str] = set()
     for subject in _subjects(name):
