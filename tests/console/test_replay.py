@@ -168,7 +168,7 @@ def test_what_is_no_recording_is_told(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_options_that_do_not_go_with_pages_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "inspection", "--hmi", "--json"]) == 2
     assert capsys.readouterr().err == (
-        "lupin: --hmi goes with --tags, --goal, --set, --clock, --seed, --speed and --port only\n"
+        "lupin: --hmi goes with --tags, --goal, --request, --set, --clock, --seed, --speed and --port only\n"
     )
 
 

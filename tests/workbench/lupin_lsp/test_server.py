@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+import lupin_lsp
 from lupin_cli.verbs.lsp import lsp
 from lupin_engine.errors import UsageError
 from tests.workbench.lupin_lsp.client import Client, ServerError, at
@@ -269,6 +270,7 @@ def test_a_file_that_is_closed_is_as_it_was_saved(server: Client, missions: Path
 def test_without_pygls_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is an extra; the rest of the command line works without."""
     monkeypatch.delitem(sys.modules, "lupin_lsp.server", raising=False)
+    monkeypatch.delitem(vars(lupin_lsp), "serve", raising=False)  # of an earlier test
     monkeypatch.setitem(sys.modules, "lsprotocol", None)
     found = CliRunner().invoke(lsp, [])
     assert isinstance(found.exception, UsageError)
