@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.errors import UsageError, nearest
+from lupin_engine.errors import UsageError, nearest, unknown_field
 from lupin_engine.machine.machine import Machine
 from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.missions.selection import load_missions
@@ -66,20 +66,20 @@ def simulate(
     """
     name = _name_of(mission, missions)
     fields, given = missions.chart.missions[name].request, dict(request or {})
-    wrong = [f"unknown field {field!r}; {nearest(field, fields)}" for field in given if field not in fields]
+    wrong = [unknown_field(field, fields) for field in given if field not in fields]
     if not limit > 0.0:
         wrong.append(f"limit is {limit!r}; it must be more than 0 s")
     if wrong:
         raise UsageError("\n".join(wrong))
     run = run_script(missions.chart, Script(name, given, limit=limit), parameters)
-    refusals = [step.refusal for step in run.steps if step.event.name == START and step.refusal]
-    if refusals:
-        raise UsageError(refusals[0].text)
+    refusal = next((step.refusal for step in run.steps if step.event.name == START), None)
+    if refusal is not None:
+        raise UsageError(refusal.text)
     return run
 
 
 def _name_of(mission: str, missions: LoadedMissions) -> str:
-    """Return the name of a mission that is meant by its name, its file, or as the only one."""
+    """Return the name of a mission that is given by its name or its file, or is the only one."""
     names = missions.names
     if not mission and len(names) == 1:
         return names[0]

@@ -76,14 +76,14 @@ class Diagnostic:
         return ("note", "warning", "error")[self.severity]
 
     @property
-    def told(self) -> str:
-        """What is wrong and what to do, without the place."""
+    def message(self) -> str:
+        """The path, the problem and the hint, without the place and the rule."""
         where = f"{self.path}: " if self.path else ""
         hint = f"; {self.hint}" if self.hint else ""
         return f"{where}{self.problem}{hint}"
 
     def __str__(self) -> str:
-        return f"{self.place}: {self.kind}: {self.told} [{self.rule}]"
+        return f"{self.place}: {self.kind}: {self.message} [{self.rule}]"
 
 
 class LupinError(Exception):
@@ -181,6 +181,12 @@ def guessed(name: str, allowed: Iterable[str]) -> str:
 def or_else(hint: str, otherwise: str) -> str:
     """Join what was probably meant with what there is to do where it was not."""
     return f"{hint} Or {otherwise}" if hint.endswith("?") else "; or ".join(filter(None, (hint, otherwise)))
+
+
+def unknown_field(name: str, allowed: Iterable[str]) -> str:
+    """Say that a request has no such field, with the nearest that it has."""
+    names = list(allowed)
+    return f"unknown field {shortened(name)!r}; {nearest(name, names) if names else 'it has none'}"
 
 
 def declared_as(family: str, name: str) -> str:

@@ -21,7 +21,7 @@ CHARTS = ["cycle", "guarded", "parallel", "timed", "load-10", "bytes"]
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "printed"),
     [
         ("campaign.py --seeds 1 --batches 1 --workers 1", " missions a second of processor"),
         ("diagram.py --rounds 1 --formats mermaid", "| mermaid | "),
@@ -34,9 +34,9 @@ CHARTS = ["cycle", "guarded", "parallel", "timed", "load-10", "bytes"]
         ("wheels.py --states 3", "27 situations"),
     ],
 )
-def test_a_benchmark_runs(line: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_benchmark_runs(line: str, printed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # where restarts.py puts a journal
-    assert said in started(*line.split()).stdout
+    assert printed in started(*line.split()).stdout
 
 
 def test_every_benchmark_is_started_by_a_test() -> None:

@@ -105,6 +105,12 @@ def modules() -> dict[str, Path]:
 
 
 @cache
+def packages() -> frozenset[str]:
+    """Return the packages of the shelves and the plugins."""
+    return frozenset(name for name in modules() if "." not in name)
+
+
+@cache
 def nodes(name: str) -> list[ast.AST]:
     """Return all nodes of a module's source."""
     return list(ast.walk(ast.parse(modules()[name].read_text(encoding="utf-8"))))
@@ -149,13 +155,13 @@ def faces() -> dict[str, str]:
 
 def crossings(name: str) -> Iterator[tuple[str, int]]:
     """Yield what a module imports from other packages of the shelves, name by name, with the line."""
-    own, packages = name.partition(".")[0], {module.partition(".")[0] for module in modules()}
+    others = packages() - {name.partition(".")[0]}
     for node in nodes(name):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] in packages - {own}:
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] in others:
             yield from ((f"{node.module}.{alias.name}", node.lineno) for alias in node.names)
         elif isinstance(node, ast.Import):
             names = (alias.name for alias in node.names if "." in alias.name)
-            yield from ((full, node.lineno) for full in names if full.partition(".")[0] in packages - {own})
+            yield from ((full, node.lineno) for full in names if full.partition(".")[0] in others)
 
 
 def advice(full: str) -> str:

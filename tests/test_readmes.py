@@ -8,9 +8,9 @@ from functools import cache
 
 import pytest
 
-from tests.test_import_rule import ROOT, crossings, faces, imports, modules, plugin_modules
+from tests.test_import_rule import ROOT, crossings, faces, imports, modules, packages, plugin_modules
 
-PACKAGES = {name: file.parent for name, file in modules().items() if "." not in name}
+PACKAGES = {name: modules()[name].parent for name in sorted(packages())}
 PICTURE = re.compile(r"(?<=^```mermaid\n).*?(?=^```$)", re.MULTILINE | re.DOTALL)
 
 
@@ -49,12 +49,12 @@ def picture(graph: dict[str, set[str]]) -> str:
     return text + (f"  {' & '.join(sorted(set(graph) - drawn))}\n" if set(graph) - drawn else "")
 
 
-def listed(packages: set[str], own: str) -> str:
+def listed(users: set[str], own: str) -> str:
     """Return packages as the READMEs name them: all of them, or all plugins, are not named one by one."""
     plugins = {name.partition(".")[0] for name in plugin_modules()}
     whole = {"every other package": set(PACKAGES), "every plugin": plugins}
-    words = [words for words, names in whole.items() if packages >= names - {own}][:1]
-    rest = packages - set().union(*(whole[said] for said in words))
+    words = [words for words, names in whole.items() if users >= names - {own}][:1]
+    rest = users - set().union(*(whole[word] for word in words))
     return ", ".join([*words, *(f"`{name}`" for name in sorted(rest))]) or "no other package"
 
 

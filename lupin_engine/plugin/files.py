@@ -30,7 +30,7 @@ def ros_domain(environment: Mapping[str, str] = os.environ) -> int:
     """Return the ROS domain of this process, of which some files have one each; 0 where none is set.
 
     Raises:
-        UsageError: what is set is no number.
+        UsageError: the variable is set, and is no number.
     """
     text = environment.get(DOMAIN, "").strip()
     if not text:

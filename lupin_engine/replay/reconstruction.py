@@ -422,8 +422,8 @@ def as_scenario(recording: RunRecord, mission: Path, missions: Missions) -> Scen
     try:
         return load_scenario_text(yaml_text({**parts, "expect": {}}), beside, missions)
     except ChartError as problem:
-        told = (f"{recording.name} does not fit {near(str(mission))}: {d.told}" for d in problem.diagnostics)
-        raise UsageError("\n".join(told)) from None
+        about = f"{recording.name} does not fit {near(str(mission))}: "
+        raise UsageError("\n".join(about + each.message for each in problem.diagnostics)) from None
 
 
 def would_differ(recording: RunRecord, mission: Path, missions: Missions) -> str:

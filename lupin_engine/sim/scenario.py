@@ -82,7 +82,7 @@ class Missions:
 class Scenario:
     """A scenario whose names have all been found; `mission` is the mission's file.
 
-    `warnings` are what is probably a mistake in it.
+    `warnings` are its probable mistakes.
     """
 
     file: Path

@@ -37,7 +37,7 @@ class ScenarioResult:
 
     `problem` says why it could not be run at all. `runs` is how many seeds were tried, `seed` the one that
     the failures are of; None where chance plays no part. `seconds` is the virtual time of the last run,
-    `took` the real time of all. `warnings` tell what is probably a mistake of the scenario. `mission` and
+    `took` the real time of all. `warnings` are the probable mistakes of the scenario. `mission` and
     `counts` are there when an observer counts.
     """
 

@@ -236,7 +236,7 @@ def running_nodes(domain: int, processes: Path = Path("/proc")) -> Iterator[tupl
             variables = dict(word.partition("=")[::2] for word in _words(entry / "environ")) if name else {}
             is_there = bool(name) and ros_domain(variables) == domain
         except (OSError, UsageError):
-            continue  # it has ended, is somebody else's, or is in no domain that there is
+            continue  # it has ended, belongs to another user, or has a domain that does not exist
         if is_there:
             yield int(entry.name), name
 

@@ -1,4 +1,4 @@
-"""What an orchestrator offers and tells, as plain data: real or simulated, for any display. Needs no ROS."""
+"""The data that an orchestrator publishes and answers with, real or simulated. Needs no ROS."""
 
 import lazy_loader
 

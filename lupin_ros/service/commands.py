@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from lupin_engine.chart import Chart
-from lupin_engine.errors import nearest, shortened
+from lupin_engine.errors import nearest, shortened, unknown_field
 from lupin_engine.machine import BAD_REQUEST, MAX_PROBLEMS, Event, Refusal, Step
 from lupin_engine.plugin import ANSWER, ANSWER_VERB, OWN_VERBS, START, START_VERB
 
@@ -236,13 +236,10 @@ def _check_names(fields: Mapping[str, Any], known: Iterable[str]) -> None:
     """Refuse all fields that are not known."""
     names = list(known)
     unknown = [name for name in fields if name not in names]
-    told = [
-        f"unknown field {shortened(name)!r}; {nearest(name, names) if names else 'it has none'}"
-        for name in unknown[:MAX_PROBLEMS]
-    ]
+    problems = [unknown_field(name, names) for name in unknown[:MAX_PROBLEMS]]
     if unknown:
         more = f" and {len(unknown) - MAX_PROBLEMS} more" if len(unknown) > MAX_PROBLEMS else ""
-        raise ValueError("; ".join(told) + more)
+        raise ValueError("; ".join(problems) + more)
 
 
 def _choice(fields: Mapping[str, Any], chart: Chart) -> str:

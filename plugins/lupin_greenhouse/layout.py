@@ -27,7 +27,7 @@ from lupin_greenhouse.numbers import finite
 BUNDLED = Path(__file__).with_name("greenhouse.json")
 #: How a layout says where a plate faces, and the heading that it means.
 FACINGS = {"+x": 0.0, "+y": math.pi / 2, "-x": math.pi, "-y": -math.pi / 2}
-#: How many problems of a layout are told.
+#: How many problems of a layout are reported.
 MAX_PROBLEMS = 20
 
 
@@ -137,7 +137,7 @@ def _read(text: str) -> Layout:
 
 
 def _once(problems: list[str], pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Note names that are there twice: JSON would take the last of them, and lose a tag without a word."""
+    """Record names that occur twice: JSON would take the last of them, and lose a tag silently."""
     found = dict(pairs)
     if len(found) < len(pairs):
         counts = Counter(name for name, _ in pairs)
@@ -168,7 +168,7 @@ def _checked(data: Any, known: Sequence[str]) -> Layout:
 
 
 def _problems(data: Any) -> Iterator[str]:
-    """Yield what is wrong with a layout."""
+    """Yield the problems of a layout."""
     if not isinstance(data, Mapping):
         yield f"expected a JSON object, got {type(data).__name__}"
         return
@@ -194,7 +194,7 @@ def _joined(problems: Sequence[str]) -> str:
 
 
 def _problems_of_tag(tag_id: str, raw: Any) -> Iterator[str]:
-    """Yield what is wrong with a tag."""
+    """Yield the problems of a tag."""
     if None in (_metres(raw, "x"), _metres(raw, "y")):
         yield f"tag {tag_id!r} has no position: expected numbers x and y in metres, got {raw!r}"
     if not isinstance(raw, Mapping):
@@ -202,11 +202,11 @@ def _problems_of_tag(tag_id: str, raw: Any) -> Iterator[str]:
     sensors = raw.get("sensors", [])
     if not isinstance(sensors, list) or not all(isinstance(name, str) for name in sensors):
         yield f"the sensors of tag {tag_id!r} are no list of names, but {sensors!r}"
-    said = raw.get("facing")
-    if "facing" in raw and (not isinstance(said, str) or said not in FACINGS):
+    facing = raw.get("facing")
+    if "facing" in raw and (not isinstance(facing, str) or facing not in FACINGS):
         yield (
-            f"the facing of tag {tag_id!r} is {shortened(repr(said))}; write the axis of the map along which "
-            f"its plate looks, one of {', '.join(FACINGS)}, or leave it out if you do not know it"
+            f"the facing of tag {tag_id!r} is {shortened(repr(facing))}; write the axis of the map along "
+            f"which its plate looks, one of {', '.join(FACINGS)}, or leave it out if you do not know it"
         )
 
 

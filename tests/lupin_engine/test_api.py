@@ -1,4 +1,4 @@
-"""The engine from Python: what is wrong is said as the command says it, and nothing is ignored."""
+"""The engine from Python: errors have the texts of the command, and no input is ignored."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_what_is_wrong_is_an_error(mission: str, given: dict[str, Any], text: st
 
 
 def test_a_mission_is_meant_by_its_file_too() -> None:
-    """As on the command line. What is shown of a run and of missions is a line."""
+    """As on the command line. A run and missions are shown in one line."""
     both = load(*BOTH)
     run = simulate(both, "inspection", {"tag_sequence": ["1"]})
     assert repr(run) == "<Run to DONE in 6.7 s: 16 steps>"

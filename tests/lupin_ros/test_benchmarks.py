@@ -12,20 +12,20 @@ pytestmark = pytest.mark.timeout(300)
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "printed"),
     [
         ("aggregator.py --seconds 1", "latency of an observation: median "),
         ("orchestrator.py abort --targets 20 --seconds 1", "aborted: answered in "),
         ("orchestrator.py flood --seconds 1", "requests a second, silent for "),
     ],
 )
-def test_a_benchmark_runs(line: str, said: str) -> None:
-    assert said in started(*line.split()).stdout
+def test_a_benchmark_runs(line: str, printed: str) -> None:
+    assert printed in started(*line.split()).stdout
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "printed"),
     [
         ("gateway.py --seconds 1 --stops 2", '"lost pages": 0'),
         ("idle_cpu.py --seconds 1 --rounds 1 --nodes mission_orchestrator", "| `mission_orchestrator` | "),
@@ -34,5 +34,5 @@ def test_a_benchmark_runs(line: str, said: str) -> None:
         ("soak.py --hours 0.0001 --every 1 --folder {}", "| mission_orchestrator | "),
     ],
 )
-def test_a_long_benchmark_runs(line: str, said: str, tmp_path: Path) -> None:
-    assert said in started(*line.format(tmp_path / "soak").split()).stdout
+def test_a_long_benchmark_runs(line: str, printed: str, tmp_path: Path) -> None:
+    assert printed in started(*line.format(tmp_path / "soak").split()).stdout

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import xml.etree.ElementTree as ElementTree
-from importlib.metadata import packages_distributions
+from importlib.metadata import packages_distributions, requires
 from pathlib import Path
 
 import pytest
@@ -23,6 +23,7 @@ INTERFACES = {
 }
 #: Brought by others that are declared, or present where a plugin of pytest is loaded.
 BROUGHT = {"lupin-engine", "pydantic-core", "pytest"}
+DEVELOPERS = re.compile("""extra == ["'](dev|docs|mutation)["']""")
 #: Those that belong to others, of which a part is here.
 SUBSETS = [name for name in INTERFACES if not name.startswith("lupin_")]
 
@@ -95,12 +96,9 @@ def test_the_bootstrap_reads_the_same_requirements() -> None:
 
 
 def test_what_is_imported_is_declared() -> None:
-    """In pyproject.toml, outside the extra `dev`: on a developer's machine everything is there anyway."""
-    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    shipped = text[text.index("\ndependencies = [") : text.index("\ndev = [")]
-    shipped = re.sub("#.*", "", shipped)
-    declared = {name.lower() for name in re.findall(r'"([A-Za-z][\w-]*)(?:\[[\w,]+\])?[<>=]', shipped, re.M)}
-    declared = {name.replace("_", "-") for name in declared} | BROUGHT
+    """Outside the extras for developers: on their machines everything is there anyway."""
+    shipped = (each for each in requires("lupin-engine") or () if not DEVELOPERS.search(each))
+    declared = {re.split(r"[^\w-]", each)[0].lower().replace("_", "-") for each in shipped} | BROUGHT
     owners, missing = packages_distributions(), set()
     for shelf in ("lupin_engine", "workbench"):  # the others use what ROS brings
         for file in (ROOT / shelf).rglob("*.py"):

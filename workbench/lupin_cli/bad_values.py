@@ -1,4 +1,4 @@
-"""What a verb's options and arguments refuse, all of it: click tells only the first."""
+"""All values that the options and arguments of a verb refuse: click reports only the first."""
 
 from __future__ import annotations
 

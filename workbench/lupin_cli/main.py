@@ -122,7 +122,7 @@ class Verbs(click.Group):
         return name, command, left
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Carry out the verb; all values that it refuses are told at once."""
+        """Run the verb; report all values that it refuses at once."""
         try:
             return super().invoke(ctx)
         except click.BadParameter as first:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from lupin_cli.options import REQUEST
 from lupin_cli.settings import read_value, split
-from lupin_engine.errors import Problems, UsageError, nearest
+from lupin_engine.errors import Problems, UsageError, unknown_field
 from lupin_engine.plugin import TEXT, Fault, Notation, Type, given_fields, list_of, problems
 
 if TYPE_CHECKING:
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 def fields_in(
     given: Iterable[str], types: Mapping[str, Type], faults: Collection[Fault] = frozenset(Fault)
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return what was given as `name=value`, as data of these types, and what is wrong with it.
+    """Return the fields given as `name=value`, as data of these types, and their problems.
 
-    Wrong are: no `=`, and those of the `faults` that a value has, written as in a file. A field without a
-    type is text. What has a fault is returned as well: it was given.
+    Problems are a missing `=`, and those of the `faults` that a value has as a file would write it. A field
+    without a type is text. A field with a problem is returned as well.
     """
     texts, wrong = split(REQUEST, given)
     values = {name: read_value(text, types.get(name, TEXT)) for name, text in texts.items()}
@@ -32,7 +32,7 @@ def fields_in(
 
 
 def given_twice(options: Iterable[str], fields: Collection[str]) -> list[str]:
-    """Say which fields were given in two ways."""
+    """Return a problem for the fields that both an option of their own and `--request` give."""
     twice = ", ".join(name for name in options if name in fields)
     return [f"{twice}: given by an option of its own and by {REQUEST}; leave one out"] if twice else []
 
@@ -40,16 +40,16 @@ def given_twice(options: Iterable[str], fields: Collection[str]) -> list[str]:
 def request_in(
     loaded: LoadedMissions, options: Mapping[str, Any], given: Iterable[str]
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the request of the first mission, of the profile's options and of `--request`.
+    """Return the request of the first mission, and the problems of `--request`.
 
-    And what is wrong with the latter: an unknown field, one that has an option and is given by it as well, a
-    value of another type or without its unit. Of the former see `check_fields`.
+    The request has the fields of the profile's options and of `--request`. A problem is an unknown field, one
+    that its own option gives as well, a value of another type or without its unit. `check_fields` checks the
+    options.
     """
     declared, of_options = loaded.chart.missions[loaded.names[0]].request, carried(loaded.chart, options)
     types = {name: _written(field.type, loaded.chart.catalog.readers) for name, field in declared.items()}
     fields, wrong = fields_in(given, types)
-    hints = {name: nearest(name, declared) if declared else "it has none" for name in fields}
-    unknown = [f"{REQUEST}: unknown field {name!r}; {hints[name]}" for name in fields if name not in declared]
+    unknown = [f"{REQUEST}: {unknown_field(name, declared)}" for name in fields if name not in declared]
     return {**of_options, **fields}, [*wrong, *unknown, *given_twice(of_options, fields)]
 
 
@@ -109,12 +109,12 @@ def check_request(
     options: Mapping[str, Any],
     given: Iterable[str] = (),
 ) -> dict[str, Any]:
-    """Return the request that is given; the first mission accepts it, as far as that needs no robot.
+    """Return the request of options and `--request`, checked as far as that needs no robot.
 
     Raises:
-        UsageError: it does not, and the text is the one that the service would answer; it has no field
-            for what is given (see `check_fields` and `request_in`), or lacks one (see `check_complete`); or a
-            parameter leads nowhere (such as an absent file). The text has everything that is wrong.
+        UsageError: the first mission refuses it, with the text that the service would answer; a field is
+            unknown (see `check_fields` and `request_in`) or missing (see `check_complete`); or a parameter
+            names something that does not exist, such as a file. The text has every problem.
     """
     from lupin_engine.machine import EvaluationScope, Memory, read_request
     from lupin_engine.runtime import make_world

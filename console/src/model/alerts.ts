@@ -35,9 +35,9 @@ export const alerts = computed<readonly Alert[]>(() => {
 export function stoppers(at: number | null): { readonly pages: readonly string[]; readonly others: readonly string[] } {
   const { sources } = texts.value.alerts;
   const pages = stops.past.at(at)?.value.stops.map(({ name }) => name) ?? [];
-  // A robot repeats the stop of pages as its own, and our gateway tells it to other HMIs: only without it are these news.
-  const told = base.past.at(at)?.value.stops ?? [];
-  const others = told.includes("pages") ? [] : told.flatMap((each) => (each === "robot" || each === "hmi" ? [sources[each]] : []));
+  // A robot repeats the stop of pages as its own, and our gateway publishes it to other HMIs: these count without it only.
+  const engaged = base.past.at(at)?.value.stops ?? [];
+  const others = engaged.includes("pages") ? [] : engaged.flatMap((each) => (each === "robot" || each === "hmi" ? [sources[each]] : []));
   return { pages, others };
 }
 

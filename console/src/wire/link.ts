@@ -8,7 +8,7 @@ export type LinkState = "connecting" | "open" | "lost";
 /** What a call came to that has no answer; the text says of what and why. */
 export class CallFailed extends Error {}
 
-/** How a goal of an action ended: a status of `GoalStatus`, and what its server told. */
+/** How a goal of an action ended: a status of `GoalStatus`, and the result of its server. */
 export interface GoalEnd<Result> {
   readonly status: number;
   readonly result: Result;
@@ -16,7 +16,7 @@ export interface GoalEnd<Result> {
 
 /** A goal that this page has sent. The gateway cancels it when the page goes. */
 export interface SentGoal<Result> {
-  /** Fails with `CallFailed` when it was refused, or when nobody can tell how it ended. */
+  /** Fails with `CallFailed` when the goal was refused, or when its end is unknown. */
   readonly end: Promise<GoalEnd<Result>>;
   /** Ask the server to end it; nothing happens where it has ended. */
   readonly cancel: () => void;

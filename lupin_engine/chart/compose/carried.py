@@ -1,4 +1,4 @@
-"""Types of event payloads and of done data, which nobody declares.
+"""Types of event payloads and of done data, which are not declared.
 
 They are inferred from the writers. A reader may come before its writer, so composition is repeated to a fixed
 point (at most `compose.MAX_LEARNED` times), and then once more with what was inferred.

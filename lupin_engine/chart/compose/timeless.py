@@ -19,7 +19,7 @@ from lupin_engine.plugin.types import DURATION, Type
 
 #: What such a condition does not see, because it is told of every moment.
 _MOMENTARY = ("event", "error", "request", "target", "itinerary")
-#: What is watched of every mission, by `lupin_verify`; a property of an author has another name.
+#: The properties that are watched in every mission; a property of an author has another name.
 WATCHED_ALWAYS = frozenset(
     {"hold_starts_nothing", "hold_stops_all", "no_false_start", "closed_once", "all_closed"}
     | {"former_attempts", "no_execution_error", "invariants", "ends_are_handled", "no_deaf_wait"}

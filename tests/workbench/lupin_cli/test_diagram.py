@@ -271,7 +271,7 @@ def test_a_folder_without_missions_leaves_nothing_behind(
 
 
 def test_every_broken_mission_of_a_folder_is_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """All at once, what is wrong with their lifecycle once, and no picture is written."""
+    """All at once, those of their lifecycle once, and no picture is written."""
     folder = tmp_path / "missions"
     shutil.copytree(default_missions_folder(), folder)
     wrong = {"lifecycle.yaml": "lifecycl:", "inspection.yaml": "on_eror:", "exploration.yaml": "stats:"}

@@ -181,7 +181,7 @@ def test_it_says_whether_permissions_are_asked_for(
 
 
 def test_in_no_domain_nobody_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The other findings are told all the same."""
+    """The other findings are reported as well."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "lab")
     assert [finding.topic for finding in health.look_at_left_overs()] == ["shared memory", "nodes running"]
 

@@ -65,7 +65,7 @@ def test_a_field_is_read_as_its_type() -> None:
 
 
 def test_a_field_is_given_with_its_unit() -> None:
-    """As in a file: 90 may be meant as minutes. Where several lack it, all are told."""
+    """As in a file: 90 may be meant as minutes. Where several lack it, all are reported."""
     declared = [{"name": "patience", "type": "duration"}, {"name": "pauses", "type": "list of duration"}]
     assert _asked({}, ["patience=90 s", "pauses=1 s,2 s"], declared) == {
         "patience": "90 s",

@@ -389,5 +389,5 @@ def test_a_driver_without_a_node_cannot_be_tried_here(capsys: pytest.CaptureFixt
     assert code == 2
     assert err == (
         "lupin: plugin 'nav' brings no node to try its driver with; derive a test from "
-        "lupin_harness.cases.DriverContract, with servers of yours\n"
+        "lupin_harness.DriverContract, with servers of yours\n"
     )

@@ -55,11 +55,10 @@ def _offer(mission: str, missions: Sequence[Mapping[str, Any]]) -> Mapping[str, 
 def _asked(
     options_: Mapping[str, Any], given: Iterable[str], declared: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """Return the request, of the types that are told; the orchestrator checks it.
+    """Return the request as data of the types that the orchestrator publishes; it checks the rest.
 
     Raises:
-        UsageError: a field is given twice, has no `=`, or lacks its unit: to programs, the orchestrator
-            allows that.
+        UsageError: a field is given twice, has no `=`, or lacks its unit, which programs may leave out.
     """
     from lupin_cli.requests import fields_in, given_twice
 
@@ -70,9 +69,9 @@ def _asked(
     return {**options_, **fields}
 
 
-def _type(told: str) -> Type:
-    """Return the type of that name; one of a plugin: names of things."""
+def _type(name: str) -> Type:
+    """Return the type of that name; values of a plugin's type are written as names of things."""
     try:
-        return parse_type(told, BUILTIN_TYPES)
+        return parse_type(name, BUILTIN_TYPES)
     except ValueError:
-        return list_of(TEXT) if " of " in told else TEXT
+        return list_of(TEXT) if " of " in name else TEXT

@@ -241,7 +241,7 @@ def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
     if not plugin.serving:
         raise UsageError(
             f"plugin {plugin.name!r} brings no node to try its driver with; "
-            "derive a test from lupin_harness.cases.DriverContract, with servers of yours"
+            "derive a test from lupin_harness.DriverContract, with servers of yours"
         )
     from lupin_ros.launch import prepare_ros
 

@@ -89,16 +89,16 @@ function goalOf({ x, y, yaw }: FloorPlace): NavigateToPoseGoal {
   };
 }
 
-/** Tell what comes of a drive, for as long as none is sent after it. */
+/** Report how a drive ends, unless another one was sent after it. */
 async function follow(to: FloorPlace, drive: Drive | undefined): Promise<void> {
   const t = texts.value.map.drive;
   driven.value = drive ? t.sent(to.x, to.y) : t.failed;
   if (!drive) return;
   latest = drive;
   underWay.add(drive);
-  const told = await drive.end.then((end) => endOf(to, end), ({ message }: Error) => message);
+  const outcome = await drive.end.then((end) => endOf(to, end), ({ message }: Error) => message);
   underWay.delete(drive);
-  if (latest === drive) driven.value = told;
+  if (latest === drive) driven.value = outcome;
 }
 
 /** How a drive ended, in words. */

@@ -20,8 +20,8 @@ CONSOLE = "console.py --seconds 0.5 --profiles 1 --presses 2 --minutes 1 --compa
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "printed"),
     [(CONSOLE, '"second half, least"'), ("chart_view.py --states 40 --seconds 1", "| idle: of one core | ")],
 )
-def test_a_benchmark_runs(line: str, said: str) -> None:
-    assert said in started(*line.split(), timeout=380).stdout
+def test_a_benchmark_runs(line: str, printed: str) -> None:
+    assert printed in started(*line.split(), timeout=380).stdout
