@@ -2,7 +2,7 @@
 
 python tools/suite.py check [pytest arguments]   lint, types, and the tests that need nothing but Python
 python tools/suite.py test [pytest arguments]    these, those over ROS 2 and in a browser; in CI the audit
-python tools/suite.py test-all                   these, and those marked `long`: what they show changes seldom
+python tools/suite.py test-all                   these, and those marked `long`
 """
 
 from __future__ import annotations
@@ -28,14 +28,13 @@ LINT = ["ruff", "check"]
 TYPES = ["mypy"]
 #: Only where the continuous integration says so: it asks on the network.
 AUDIT = ["tools.audit"]
-QUICK = [*PYTEST, f"-n{CORES}", "-m", f"not ({MORE} or long)", "--ignore=tests/lupin_ros"]
-LONG = [*PYTEST, f"-n{CORES}", "-m", "long"]
+QUICK = [*PYTEST, f"-n{CORES}", "--ignore=tests/lupin_ros"]
 # Real processes on a busy machine meet its worst moments: one second try, and who needed it is listed.
 AGAIN = ["--reruns=1", "-raR"]
 # Each worker has some seven nodes, and a browser works beside them: more workers would only wait longer.
-ROS = [*PYTEST, *AGAIN, f"-n{CORES}", "-m", f"({MORE}) and not (browser or long)"]
+ROS = [*PYTEST, *AGAIN, f"-n{CORES}"]
 # One browser at a time: several starve everything else.
-BROWSER = ["pytest", "--durations=10", *AGAIN, "-m", "browser and not long"]
+BROWSER = ["pytest", "--durations=10", *AGAIN]
 #: Where its tests are, unless others are named: to look for them among all takes half a minute.
 BROWSER_TESTS = ["tests/console", "tests/lupin_ros/system/console"]
 _MARKED = re.compile(rf"\bmark\.({MORE.replace(' or ', '|')})\b")
@@ -118,7 +117,8 @@ def main() -> int:
     readers = [threading.Thread(target=part.read, args=(None,)) for part in beside]
     for reader in readers:
         reader.start()
-    tests = [start("quick tests", [*QUICK, *given])]
+    long = "" if is_all else " and not long"
+    tests = [start("quick tests", [*QUICK, "-m", f"not ({MORE}){long}", *given])]
     tests[0].read(sys.stdout)
     for reader in readers:
         reader.join()
@@ -127,17 +127,15 @@ def main() -> int:
             print(*part.lines, sep="\n")
     if not is_check:
         named = any((ROOT / argument.partition("::")[0]).exists() for argument in sys.argv[2:])
-        browser = [*BROWSER, *given, *([] if named else BROWSER_TESTS)]
-        ros = [*ROS, *given, *([] if named else ["tests/lupin_ros", *marked_files()])]
+        browser = [*BROWSER, "-m", f"browser{long}", *given, *([] if named else BROWSER_TESTS)]
+        kept = f"({MORE}) and not browser{long}"
+        ros = [*ROS, "-m", kept, *given, *([] if named else ["tests/lupin_ros", *marked_files()])]
         tests += [start("ROS tests", ros), start("browser", browser)]
         pages = threading.Thread(target=tests[2].read, args=(None,))
         pages.start()
         tests[1].read(sys.stdout)
         pages.join()
         print(*tests[2].lines, sep="\n")
-    if is_all:
-        tests.append(start("long tests", [*LONG, *given]))
-        tests[-1].read(sys.stdout)
     print("\nTime by part")
     for part in [*beside, *tests]:
         print(f"{part.name:12} {part.seconds:6.1f} s   {part.closing.strip(' =')}")

@@ -102,6 +102,7 @@ def test_a_command_of_the_page_works(elsewhere: Elsewhere, arguments: tuple[str,
     assert (done.returncode, done.stdout.splitlines()[-1]) == (0, last)
 
 
+@pytest.mark.long
 @pytest.mark.ros
 def test_the_lamp_keeps_the_contract_over_ros(elsewhere: Elsewhere) -> None:
     """All rules, with the node that it brings."""
@@ -110,6 +111,7 @@ def test_the_lamp_keeps_the_contract_over_ros(elsewhere: Elsewhere) -> None:
     assert done.stdout.splitlines()[-1] == "1 plugin, 19 rules, all kept"
 
 
+@pytest.mark.long
 @pytest.mark.ros
 def test_the_tests_of_the_package_pass(elsewhere: Elsewhere) -> None:
     """As `lupin plugin new` wrote them, with the harness for third parties."""
@@ -118,6 +120,7 @@ def test_the_tests_of_the_package_pass(elsewhere: Elsewhere) -> None:
     assert "21 passed" in done.stdout
 
 
+@pytest.mark.long
 @pytest.mark.ros
 def test_a_mission_switches_the_lamp_over_ros(elsewhere: Elsewhere, monkeypatch: pytest.MonkeyPatch) -> None:
     """`lupin run` starts the lamp's node along with the robot's, and the mission uses it."""

@@ -79,6 +79,7 @@ def test_every_row_of_the_table_is_tried() -> None:
     assert len(rows()) == len(CHANGES)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("number", "live"),
     [
@@ -102,6 +103,7 @@ def test_what_is_broken_is_told(reader: Path, tmp_path: Path, number: int, live:
     assert done.returncode == 1
 
 
+@pytest.mark.long
 @pytest.mark.ros
 def test_the_scale_keeps_the_contract_over_ros(reader: Path) -> None:
     """All rules, with its node in plain rclpy."""
@@ -110,6 +112,7 @@ def test_the_scale_keeps_the_contract_over_ros(reader: Path) -> None:
     assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "1 plugin, 18 rules, all kept"), done.stdout
 
 
+@pytest.mark.long
 @pytest.mark.ros
 def test_a_mission_weighs_over_ros(reader: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`lupin run` starts the scale's node with what is set for it."""

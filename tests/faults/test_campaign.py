@@ -20,6 +20,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.timeout(300)]
 SEEDS = (204, 2180)
 
 
+@pytest.mark.long
 def test_runs_with_faults_keep_the_guarantees(tmp_path: Path) -> None:
     """Every target has one outcome, the robot stands while nobody watches, and the mission ends."""
     line = [sys.executable, "-m", "tests.faults.campaign", "--folder", str(tmp_path)]

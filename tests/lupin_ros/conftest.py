@@ -14,14 +14,20 @@ from lupin_harness.domains import claimed_domain
 from lupin_ros.adapter.node import RosNode
 from tests.lupin_ros.world import Operator, World
 
+#: Fixtures that start processes for one test: three to thirty seconds of processor each.
+OWN_PROCESSES = {"world", "lupin"}
+
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark all that lies below this folder, so that `-m "not ros"` leaves it out."""
+    """Mark all of this folder as `ros`; what starts processes of its own and is not `core` as `long`."""
     here = Path(__file__).parent
     for item in items:
         if here in item.path.parents:
             item.add_marker("ros")
+            starts = OWN_PROCESSES.intersection(getattr(item, "fixturenames", ()))
+            if starts and not item.get_closest_marker("core"):
+                item.add_marker("long")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -11,6 +11,7 @@ from tests.benchmarking import started
 pytestmark = pytest.mark.timeout(300)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("line", "printed"),
     [

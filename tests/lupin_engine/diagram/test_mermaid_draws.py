@@ -47,6 +47,7 @@ def drawn(version: str) -> Mapping[str, Any]:
     return {name: found[str(file)] for name, file in files.items()}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("version", "name"), CASES)
 def test_mermaid_draws_it(version: str, name: str) -> None:
     """With all arrows, and the names of all states."""

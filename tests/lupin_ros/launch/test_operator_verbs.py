@@ -58,6 +58,7 @@ def lupin(capfd: pytest.CaptureFixture[str]) -> Say:
     return run
 
 
+@pytest.mark.core
 def test_a_mission_in_the_hands_of_an_operator(operator: Operator, lupin: Say) -> None:
     """Each verb once accepted and once refused; the sentence is the engine's."""
     operator.until(lambda: operator.state.lifecycle_state in ("READY", "DONE"), "rest")
@@ -115,6 +116,7 @@ def test_a_mission_in_the_hands_of_an_operator(operator: Operator, lupin: Say) -
     assert ("mission.start", "InspectionMission") in possible
 
 
+@pytest.mark.core
 def test_the_state_is_followed(operator: Operator, lupin: Say) -> None:
     """A line for each change, to a pipe too; Ctrl-C is the way to end it."""
     command = [str(Path(sys.executable).with_name("lupin")), "state", "--watch", "--json"]
@@ -133,6 +135,7 @@ def test_the_state_is_followed(operator: Operator, lupin: Say) -> None:
         assert watching.wait(60.0) == 0
 
 
+@pytest.mark.core
 def test_the_record_says_who(operator: Operator, lupin: Say) -> None:
     """The user and the computer, and an id of its own for each command."""
     steps: list[dict[str, Any]] = []
@@ -151,6 +154,7 @@ def test_the_record_says_who(operator: Operator, lupin: Say) -> None:
     assert first["command_id"] != second["command_id"]
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("words", [("state",), ("pause",), ("start", "inspection"), ("answer", "stay")])
 def test_nobody_is_there(lupin: Say, words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     """Which is another exit code than a refusal."""

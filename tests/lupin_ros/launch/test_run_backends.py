@@ -35,6 +35,7 @@ def test_a_mission_reads_a_recording(lupin: Start, tmp_path: Path) -> None:
     assert reason.startswith("tag '5': nothing measured in the last 900 s (co2 is 11160 s old)")
 
 
+@pytest.mark.core
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

@@ -33,6 +33,7 @@ def counters(state: State) -> tuple[int, ...]:
     )
 
 
+@pytest.mark.core
 def test_tags_are_discovered_watched_for_a_sweep_and_the_robot_comes_home(lupin: Start) -> None:
     """Found by frontier search, read when seen and when visited; the counters tell of the search first."""
     run = lupin(

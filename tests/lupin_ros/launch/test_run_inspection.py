@@ -29,6 +29,7 @@ THREE = ("run", "inspection", "--tags", "1,5,12")
 FAR = ("run", "inspection", "--tags", "1,21,12")
 
 
+@pytest.mark.core
 def test_three_tags_are_visited(lupin: Start) -> None:
     """The whole mission: states in order, a reading for every sensor of every tag, exit code 0."""
     run = lupin(*THREE, "--speed", "20", "--json")
@@ -85,6 +86,7 @@ def test_a_field_that_the_start_message_lacks_is_commanded(lupin: Start, tmp_pat
     assert run.records("result")[0]["lifecycle"] == "DONE"
 
 
+@pytest.mark.core
 def test_an_interrupt_brings_the_robot_home_and_ends_everything_else(lupin: Start) -> None:
     """Ctrl-C: the mission is aborted, the rest counts as skipped, the robot drives home, exit code 130."""
     run = lupin(*FAR, "--speed", "2", "--json")
@@ -127,6 +129,7 @@ def test_a_mission_that_nobody_watches_any_more_is_aborted_in_order(lupin: Start
     assert "request (request='operator.abort' answer='accepted')" in log
 
 
+@pytest.mark.core
 def test_being_killed_leaves_no_process(lupin: Start) -> None:
     """`kill -9`: the nodes notice by themselves."""
     run = lupin(*THREE)

@@ -96,6 +96,7 @@ def terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Termin
         terminal.close()
 
 
+@pytest.mark.long
 def test_a_mission_by_its_keys(terminal: Terminal) -> None:
     """Paused, resumed, refused with the reason, skipped, and ended by two presses; the robot comes home."""
     terminal.until("keys: a abort (twice), d dock, p pause, r resume, s skip, 1-9 answer, ? this line")

@@ -86,6 +86,7 @@ def test_a_question_is_answered_from_a_terminal(world: World, operator: Operator
     )
 
 
+@pytest.mark.core
 def test_a_question_that_nobody_answers(world: World, operator: Operator, tmp_path: Path) -> None:
     """The default counts, and its code is published, although it is mere information."""
     world.start("mission_orchestrator", missions_path=folder(tmp_path), patience=1.0)

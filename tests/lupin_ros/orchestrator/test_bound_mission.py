@@ -162,6 +162,7 @@ def test_a_value_that_nobody_tells_any_more_is_unknown(world: World, desk: Desk,
     assert cart.cancelled == cart.goals
 
 
+@pytest.mark.core
 def test_a_hold_stops_the_cart_and_gives_the_order_again(desk: Desk, spraying: Cart) -> None:
     """`on_hold: cancel`."""
     desk.begin("1")
@@ -176,6 +177,7 @@ def test_a_hold_stops_the_cart_and_gives_the_order_again(desk: Desk, spraying: C
     assert spraying.goals[0].request.pose.pose == spraying.goals[1].request.pose.pose
 
 
+@pytest.mark.core
 def test_an_order_goes_on_when_the_orchestrator_is_started_again(
     world: World, desk: Desk, missions: Path
 ) -> None:

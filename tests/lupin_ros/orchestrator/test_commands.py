@@ -53,6 +53,7 @@ def desk(world: World) -> Iterator[Desk]:
     desk.ros.close()
 
 
+@pytest.mark.core
 def test_a_mission_from_start_to_end_by_commands(desk: Desk) -> None:
     """Each answer names the step; the same id is answered from memory; what is refused changes nothing."""
     wrong = desk.command("start", "InspectionMission", {"tags": ["1"]}, command_id="0", by="ann@desk")

@@ -202,6 +202,7 @@ def test_docking_while_it_searches_and_resuming_searches_on(world: World, operat
     assert len(set(tags(operator, WATCHED))) >= 4
 
 
+@pytest.mark.core
 def test_a_pause_on_the_way_to_a_frontier_stops_the_robot(world: World, operator: Operator) -> None:
     """Nothing new is chosen, driven to or found while it is held."""
     world.start_search(speed=1.0, monitoring_sweeps=1)

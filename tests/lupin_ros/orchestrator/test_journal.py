@@ -139,6 +139,7 @@ def test_a_full_disk_holds_the_mission_and_the_way_home_is_open(
     operator.until(lambda: operator.state.paused == (way == "dock"), "it waits in the dock, or is done")
 
 
+@pytest.mark.core
 def test_a_full_disk_and_a_kill_repeat_no_outcome(world: World, operator: Operator) -> None:
     """What was not flushed was not published: the next orchestrator publishes each target once.
 

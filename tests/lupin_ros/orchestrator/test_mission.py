@@ -31,6 +31,7 @@ def start_and_stall(operator: Operator, *tags: str) -> None:
     operator.struck()
 
 
+@pytest.mark.core
 def test_three_tags_are_visited_read_and_published(world: World, operator: Operator) -> None:
     """The main job: states on the topic, observations for a late subscriber, nothing left running."""
     world.start_all()
@@ -74,6 +75,7 @@ def test_three_tags_are_visited_read_and_published(world: World, operator: Opera
         late.ros.close()
 
 
+@pytest.mark.core
 def test_pause_stops_the_robot_and_resume_goes_on(world: World, operator: Operator) -> None:
     """A pause cancels the drive and refunds it; resume finishes with every tag read."""
     world.start_all()
@@ -89,6 +91,7 @@ def test_pause_stops_the_robot_and_resume_goes_on(world: World, operator: Operat
     assert outcomes(operator) == [("1", OK), ("5", OK)]
 
 
+@pytest.mark.core
 def test_abort_closes_the_rest_and_comes_home(world: World, operator: Operator) -> None:
     """After an abort every tag has exactly one outcome."""
     world.start_all(speed=4.0)
@@ -168,6 +171,7 @@ def test_no_start_while_e_stopped_or_low_on_battery(world: World, operator: Oper
     operator.in_state("DONE")
 
 
+@pytest.mark.core
 def test_an_e_stop_stops_the_mission_until_somebody_resumes(world: World, operator: Operator) -> None:
     """Releasing the button is not enough: only resume goes on."""
     world.start_all()
@@ -253,6 +257,7 @@ def test_a_drive_that_failed_is_told_by_its_code_wherever_it_is_told(
     assert operator.state.last_error == "nav_status_6: ABORTED: fault: abort"
 
 
+@pytest.mark.core
 def test_a_low_battery_docks_waits_and_goes_on(world: World, operator: Operator) -> None:
     """The divert keeps the itinerary; resume is refused until the battery has recovered."""
     world.start_all(speed=4.0)
@@ -271,6 +276,7 @@ def test_a_low_battery_docks_waits_and_goes_on(world: World, operator: Operator)
     assert outcomes(operator) == [("1", OK), (FAR, OK)]
 
 
+@pytest.mark.core
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
@@ -292,6 +298,7 @@ def test_a_wrong_parameter_ends_the_node_with_a_message(
     assert "Traceback" not in output
 
 
+@pytest.mark.core
 def test_a_mission_file_with_errors_ends_the_node_with_all_of_them(world: World, tmp_path: Path) -> None:
     """Each finding has file, line and column."""
     missions = tmp_path / "missions"
@@ -316,6 +323,7 @@ def test_a_mission_file_with_errors_ends_the_node_with_all_of_them(world: World,
     ]
 
 
+@pytest.mark.core
 def test_an_orchestrator_that_crashed_leaves_no_robot_driving(world: World, operator: Operator) -> None:
     """The next one cancels the goals that its predecessor left behind, and is held."""
     statuses: list[int] = []

@@ -170,6 +170,7 @@ def test_what_is_offered_is_told(world: World, desk: Desk, missions: Path) -> No
     assert [value.type for value in gone.values] == []
 
 
+@pytest.mark.core
 def test_a_broken_file_changes_nothing_and_is_told(world: World, desk: Desk, missions: Path) -> None:
     """The missions that were there stay; what is wrong is told with its place, and to who asks for it."""
     start_all(world, missions)
@@ -264,6 +265,7 @@ def test_an_emergency_stop_outlives_new_missions(
     desk.in_state("DONE")
 
 
+@pytest.mark.core
 def test_a_running_mission_is_not_touched(world: World, desk: Desk, missions: Path) -> None:
     """Files that change meanwhile wait until it is over."""
     start_all(world, missions)

@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
+import pytest
+
 from lupin_greenhouse.layout import BUNDLED
 from lupin_msgs.msg import DiscoveredTags, Observation
 from lupin_ros.adapter.node import Qos
@@ -22,6 +24,7 @@ def readings(operator: Operator) -> dict[str, Observation]:
     return {one.tag_reading.tag_id: one for one in found}
 
 
+@pytest.mark.core
 def test_an_inspection_alone_publishes_the_places_of_its_tags(world: World, operator: Operator) -> None:
     """No loaded mission declares the list of tags, as with `lupin run inspection`."""
     lists: list[DiscoveredTags] = []

@@ -49,6 +49,7 @@ def outcomes(operator: Operator) -> Counter[tuple[str, int]]:
     return Counter((tag, status) for _, tag, status, _ in found)
 
 
+@pytest.mark.core
 def test_a_mission_goes_on_when_somebody_says_so(world: World, operator: Operator, own_state: Path) -> None:
     """The same target, the same mission, the drive of the old one is ended, and every outcome came once."""
     world.start_all(speed=2.0)
@@ -95,6 +96,7 @@ def test_an_orchestrator_that_stood_still_begins_anew(world: World, operator: Op
     assert outcomes(operator) == {("1", 0): 1, ("5", 0): 1}
 
 
+@pytest.mark.core
 def test_a_command_is_done_once_also_by_the_next_orchestrator(world: World, operator: Operator) -> None:
     """A start under way, and one whose mission is over, are answered and not carried out; skip likewise."""
     world.start_all(speed=20.0)

@@ -18,6 +18,7 @@ pytestmark = pytest.mark.timeout(180)
 LUPIN = str(Path(sys.executable).with_name("lupin"))
 
 
+@pytest.mark.core
 def test_the_second_one_stands_down(world: World, operator: Operator, tmp_path: Path) -> None:
     """It ends with a sentence that names the first, which goes on; a name of its own does not help it."""
     missions = folder(tmp_path)

@@ -79,6 +79,7 @@ def requests(told: dict[str, Any]) -> Requests:
     return {(one["request"], one["mission"]): one for one in told["requests"]}
 
 
+@pytest.mark.core
 def test_what_is_possible_is_told_and_changes_with_a_mission(world: World, listener: Listener) -> None:
     """An entry for every service; what is told is what the service answers; who comes late is told, too."""
     world.start_all()

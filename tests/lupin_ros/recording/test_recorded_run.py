@@ -78,6 +78,7 @@ def test_ctrl_c_ends_a_recording_and_not_its_file(lupin: Start, tmp_path: Path) 
     assert "RETURNING" not in seen[1]
 
 
+@pytest.mark.core
 def test_all_that_is_wrong_is_told_before_anything_starts(lupin: Start, tmp_path: Path) -> None:
     """A file that is there, a folder that cannot be made, no regular expression; exit code 2."""
     there = tmp_path / "there.mcap"

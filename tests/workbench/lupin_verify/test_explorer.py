@@ -408,6 +408,7 @@ def test_a_pause_that_is_not_left_to_chance_has_its_place() -> None:
     assert "LATE" not in explored(of, restarts=False).entered
 
 
+@pytest.mark.long
 @pytest.mark.proof
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize(

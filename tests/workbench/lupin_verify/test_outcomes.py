@@ -166,6 +166,7 @@ def test_the_shipped_page_holds_in_every_situation() -> None:
     assert "917 of 1027 cells of outcomes.md were met." in proof.bounds
 
 
+@pytest.mark.long
 @pytest.mark.proof
 @pytest.mark.timeout(300)
 def test_the_shipped_page_holds_in_every_situation_of_an_exploration() -> None:

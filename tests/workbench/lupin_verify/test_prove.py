@@ -147,6 +147,7 @@ def test_nothing_is_broken_nearby(name: str) -> None:
     assert proof.broken == []
 
 
+@pytest.mark.long
 @pytest.mark.proof
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", MISSIONS)

@@ -682,6 +682,7 @@ def test_joint_states_without_a_stamp_are_recorded_by_their_arrival(bench: Bench
     assert answer.duration_s > 0.1
 
 
+@pytest.mark.core
 def test_a_process_that_ends_gives_the_arm_its_torque_back(
     make_node: Callable[..., RosNode], world: World, path: Path
 ) -> None:

@@ -56,6 +56,7 @@ def _refused(scene: Bystander) -> str:
     return str(getattr(scene.preset("inspect"), "message", ""))
 
 
+@pytest.mark.core
 def test_a_wrong_parameter_ends_the_node_with_its_name(world: World) -> None:
     process = world.start("lupin_arm", preset_duration=1000.0)
     assert process.wait(PATIENCE) == 1

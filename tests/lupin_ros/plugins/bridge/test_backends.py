@@ -62,6 +62,7 @@ def layout(folder: Path) -> str:
     return str(file)
 
 
+@pytest.mark.core
 def test_strange_requests_are_answered_and_change_nothing(world: World, operator: Operator) -> None:
     world.start("greenhouse_bridge", debug_time_of_day=6.0)
     strange = [
@@ -121,6 +122,7 @@ def test_a_recording_with_mistakes_ends_the_node_with_all_of_them(world: World, 
     assert "Traceback" not in log
 
 
+@pytest.mark.core
 @pytest.mark.parametrize(
     ("settings", "told"),
     [
@@ -219,6 +221,7 @@ def test_a_mission_over_mqtt_goes_on_when_bridge_and_broker_are_killed(
     assert found == [("1", Observation.STATUS_OK, [21.0]), ("2", Observation.STATUS_OK, [23.0])]
 
 
+@pytest.mark.core
 @pytest.mark.broker
 def test_the_node_of_a_greenhouse_opens_no_port_for_its_sensors(
     world: World, operator: Operator, broker: Broker

@@ -34,6 +34,7 @@ class Server:
         )
 
 
+@pytest.mark.core
 def test_feedback_and_result(
     gateway: Callable[..., str], page: OpenPage, make_node: Callable[..., RosNode]
 ) -> None:
@@ -125,6 +126,7 @@ def test_a_server_that_dies_ends_the_goal(
     assert "/navigate_to_pose: its server is gone" in answer["value"]
 
 
+@pytest.mark.core
 def test_the_goals_of_a_page_that_goes_are_cancelled(
     gateway: Callable[..., str], page: OpenPage, make_node: Callable[..., RosNode]
 ) -> None:

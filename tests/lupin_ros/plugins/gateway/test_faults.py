@@ -95,6 +95,7 @@ def memory_of(process: subprocess.Popen[bytes]) -> int:
     return 1024 * int(status.partition("VmRSS:")[2].split()[0])
 
 
+@pytest.mark.core
 def test_a_client_that_never_reads_costs_little_and_delays_nobody(
     gateway: Callable[..., str], world: World, make_node: Callable[..., RosNode]
 ) -> None:

@@ -39,6 +39,7 @@ BAD = [
 ]
 
 
+@pytest.mark.core
 @VERSIONS
 def test_bad_frames_are_told_and_the_connection_stays(
     version: str, gateway: Callable[..., str], page: OpenPage

@@ -130,6 +130,7 @@ def part(message: Any, path: str) -> Any:
     return message
 
 
+@pytest.mark.core
 @VERSIONS
 def test_topics(
     version: str, gateway: Callable[..., str], page: OpenPage, make_node: Callable[..., RosNode]
@@ -153,6 +154,7 @@ def test_topics(
     assert one.status() == []
 
 
+@pytest.mark.core
 @VERSIONS
 def test_publications(
     version: str, gateway: Callable[..., str], page: OpenPage, make_node: Callable[..., RosNode]
@@ -169,6 +171,7 @@ def test_publications(
     assert one.status() == []
 
 
+@pytest.mark.core
 @VERSIONS
 def test_calls(
     version: str, gateway: Callable[..., str], page: OpenPage, make_node: Callable[..., RosNode]

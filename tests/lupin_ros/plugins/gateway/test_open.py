@@ -26,6 +26,7 @@ trustme = pytest.importorskip("trustme")
 ELSEWHERE = "127.0.0.2"
 
 
+@pytest.mark.core
 def test_a_gateway_as_it_is_cannot_be_reached_from_elsewhere(gateway: Callable[..., str]) -> None:
     """Neither at its port nor at the second one, at no other address of this machine."""
     second = free_port()
@@ -47,6 +48,7 @@ def test_an_open_gateway_does_not_start_without_its_files(world: World) -> None:
     assert "Traceback" not in log
 
 
+@pytest.mark.core
 def test_an_open_gateway(
     gateway: Callable[..., str], make_node: Callable[..., RosNode], tmp_path: Path, world: World
 ) -> None:

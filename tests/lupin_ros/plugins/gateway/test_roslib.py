@@ -21,6 +21,7 @@ VERSIONS = pytest.mark.parametrize("version", ["1", "2"])
 OpenPage = Callable[..., Page]
 
 
+@pytest.mark.core
 @VERSIONS
 def test_a_page_listens_publishes_and_calls(
     version: str, gateway: Callable[..., str], page: OpenPage, make_node: Callable[..., RosNode]

@@ -77,6 +77,7 @@ def garden(world: World, operator: Operator, tmp_path: Path) -> Garden:
     return garden
 
 
+@pytest.mark.core
 def test_a_killed_orchestrator_waters_nothing_twice(garden: Garden) -> None:
     """It dies while water flows: the valve shuts, and the next one goes on with the others, up to the cap."""
     garden.kill("valve")

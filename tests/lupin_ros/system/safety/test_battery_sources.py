@@ -37,6 +37,7 @@ def robot(world: World) -> Iterator[Robot]:
     found.ros.close()
 
 
+@pytest.mark.core
 def test_the_worse_of_two_batteries_counts(world: World, robot: Robot) -> None:
     """The simulated robot says 100 % on /io/power/power_watcher."""
     world.start_all(speed=1.0, battery_timeout_s=3.0)

@@ -53,6 +53,7 @@ def orchestrator(world: World, computers: Computers, doors: str) -> None:
         world.run("mission_orchestrator", computers.on(0, lupin, "node", "mission_orchestrator"))
 
 
+@pytest.mark.core
 @pytest.mark.parametrize(
     "shell", [{}, {"ROS_STATIC_PEERS": ADDRESSES[0]}], ids=["by the subnet", "by our address"]
 )

@@ -255,6 +255,7 @@ def test_a_goal_that_was_sent_before_a_stop_is_gone_when_it_is_let_go(robot: Bys
     assert robot.rest(WATCHED_S) < STANDING_M
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("holds", [0.7, 0.05])
 def test_a_goal_that_is_sent_during_a_stop_is_gone_when_it_is_let_go(robot: Bystander, holds: float) -> None:
     """Also one that comes just before the stop is let go, and while a mission is held by that stop."""
@@ -293,6 +294,7 @@ def test_a_stop_without_an_orchestrator_ends_goals_too(robot: Bystander) -> None
 # -- the gateway's doors -----------------------------------------------------------------------------------
 
 
+@pytest.mark.core
 def test_under_a_stop_every_door_of_the_gateway_refuses_motion(
     robot: Bystander, page: Callable[[], Page]
 ) -> None:

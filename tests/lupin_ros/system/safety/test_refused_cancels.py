@@ -221,6 +221,7 @@ def test_the_next_orchestrator_is_refused_as_well(
     assert len(navigation.goals) == 1
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("ends", [False, True])
 def test_a_server_that_agrees_and_drives_on_is_reported(
     operator: Operator, navigation: Navigation, ends: bool

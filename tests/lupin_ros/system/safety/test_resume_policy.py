@@ -132,6 +132,7 @@ def test_a_pause_is_the_operators(watcher: Watcher, when: str) -> None:
     watcher.until_moved("somebody has resumed")
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("when", ["before", "during", "after"])
 def test_a_stop_that_is_let_go_moves_nothing(watcher: Watcher, when: str) -> None:
     watcher.driving()

@@ -18,6 +18,7 @@ from tests.lupin_ros.world import Operator, World
 SECRET = "kas-wortel-93"
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("by_file", [False, True], ids=["environment", "file"])
 def test_the_password_of_the_broker_is_told_to_nobody(
     world: World,

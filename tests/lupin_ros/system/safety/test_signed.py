@@ -80,6 +80,7 @@ def test_what_is_not_signed_by_us_changes_nothing(
     assert [m["mission"] for m in desk.offers[-1]["missions"]] == ["OtherMission"]
 
 
+@pytest.mark.core
 def test_a_folder_is_not_signed(world: World, keys: Path, tmp_path: Path) -> None:
     """The node does not start, and says what to do."""
     process = world.start("mission_orchestrator", missions_path="missions", require_signed=keys)

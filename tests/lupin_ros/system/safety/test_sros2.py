@@ -175,6 +175,7 @@ def seen_in_a_run(
     return ends
 
 
+@pytest.mark.long
 def test_all_that_a_run_does_is_permitted(
     simulated: Path, seen_in_a_run: set[tuple[str, Permission]]
 ) -> None:
@@ -281,6 +282,7 @@ def test_sros2_reads_it(simulated: Path) -> None:
     assert load_policy(simulated / "policy.xml").getroot().tag == "policy"
 
 
+@pytest.mark.core
 def test_a_node_runs_in_its_own_enclave(
     world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -111,6 +111,7 @@ def hall(world: World) -> Iterator[Hall]:
     found.ros.close()
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("shared_false", [True, False])
 def test_the_stop_of_another_hmi_is_not_released_by_the_gateway(hall: Hall, shared_false: bool) -> None:
     """It says true twice a second while the gateway says false, and ends 2 s after it says so no more."""
@@ -156,6 +157,7 @@ def test_the_stop_of_a_page_outlives_what_others_say_and_its_gateway(hall: Hall,
     page.close()
 
 
+@pytest.mark.core
 def test_a_stop_that_a_gateway_has_taken_over_can_be_reset_at_once(hall: Hall, own_state: Path) -> None:
     """It is told for some seconds nevertheless: who has not heard it of this gateway would keep it."""
     page = hall.open_gateway()

@@ -78,6 +78,7 @@ def _assert_stood_in_time(driven: float) -> None:
     assert SPEED * (BOUND_S - 0.75) < driven < SPEED * (BOUND_S + BUSY_S)
 
 
+@pytest.mark.core
 @pytest.mark.parametrize("lose", [kill, hang])
 def test_base_and_arm_stop_when_the_orchestrator_is_not_heard(
     world: World,

@@ -95,6 +95,7 @@ def clerk(world: World) -> Iterator[Clerk]:
     clerk.ros.close()
 
 
+@pytest.mark.core
 def test_an_order_is_fetched(clerk: Clerk) -> None:
     """The states from beginning to end, each shelf told once, and the counts."""
     accepted, order = clerk.order("FetchOrder A1 B2 C3")

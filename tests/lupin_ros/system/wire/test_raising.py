@@ -66,6 +66,7 @@ def test_a_drive_that_cannot_be_sent_is_over_at_once(wire: Raising) -> None:
     assert wire.details(mission)[0] == "driver_error: RuntimeError: NavClient._go_to raises"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("stop", ["pause", "estop"])
 def test_whatever_raises_a_stop_stops(wire: Raising, stop: str) -> None:
     """Each callback in turn, at the moment at which the robot is to be stopped."""
