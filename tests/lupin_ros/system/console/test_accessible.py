@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, ViewportSize
 from tests.lupin_ros.system.console.conftest import DESK, PATIENCE_MS, PHONE, Served
 from tests.npm import installed
 
-pytestmark = pytest.mark.node
+pytestmark = [pytest.mark.node, pytest.mark.long]
 VIEWS = ("control", "chart", "map", "log", "twin", "arm", "health", "people")
 
 

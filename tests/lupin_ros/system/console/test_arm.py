@@ -13,6 +13,8 @@ from playwright.sync_api import Locator, Page, expect
 from tests.browsing import HOLD_MS
 from tests.lupin_ros.system.console.asking import command
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def arm(console: Page) -> Page:

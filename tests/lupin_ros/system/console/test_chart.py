@@ -15,6 +15,8 @@ from playwright.sync_api import BrowserContext, Locator, Page, WebSocketRoute, e
 
 from tests.lupin_ros.system.console.conftest import PATIENCE_MS, PHONE, Served, stall
 
+pytestmark = pytest.mark.long
+
 expect.set_options(timeout=PATIENCE_MS)
 
 MISSION = "MISSION.InspectionMission"

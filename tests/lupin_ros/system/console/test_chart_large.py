@@ -16,6 +16,8 @@ from tests.lupin_ros.system.console.conftest import Served
 from tests.lupin_ros.system.console.large import MARKUP, large_missions
 from tests.lupin_ros.system.console.test_chart import command, lit, state
 
+pytestmark = pytest.mark.long
+
 #: A name that nobody may give.
 BROKEN = "<img src=x onerror=pwned=1>. é"
 

@@ -15,6 +15,8 @@ from playwright.sync_api import Page, ViewportSize, expect
 
 from tests.lupin_ros.system.console.conftest import PHONE, Served
 
+pytestmark = pytest.mark.long
+
 SINCE = re.compile(r"not heard since \d+:\d\d:\d\d")
 
 

@@ -23,6 +23,8 @@ from playwright.sync_api import Browser, BrowserContext, Locator, Page, Route, e
 from tests.browsing import opened
 from tests.lupin_ros.system.console.conftest import PATIENCE_MS, Served, stall
 
+pytestmark = pytest.mark.long
+
 
 def command(robot: Served, *words: str) -> None:
     """Command the orchestrator from a shell, as somebody else may."""

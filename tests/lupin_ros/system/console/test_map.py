@@ -34,6 +34,8 @@ from tests.lupin_ros.plugins.gateway.conftest import gateway
 from tests.lupin_ros.system.console.conftest import PATIENCE_MS, Served, stall, telling
 from tests.lupin_ros.world import World
 
+pytestmark = pytest.mark.long
+
 __all__ = ["gateway"]
 
 expect.set_options(timeout=PATIENCE_MS)

@@ -18,6 +18,8 @@ from tests.lupin_ros.launch.processes import until
 from tests.lupin_ros.system.console.asking import command
 from tests.lupin_ros.system.console.conftest import DESK, PATIENCE_MS, Served
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def other(browser: Browser, robot: Served, console: Page) -> Page:

@@ -18,6 +18,8 @@ from tests.lupin_ros.launch.processes import until
 from tests.lupin_ros.system.console.conftest import Served, stall
 from tests.lupin_ros.system.console.test_control import button, in_state, panel, view
 
+pytestmark = pytest.mark.long
+
 #: Seconds within which the page says that nothing is heard; a busy machine has some more.
 SAID_WITHIN = 5.0
 VIEWS = ("control", "chart", "map", "log", "twin", "arm", "health", "people")

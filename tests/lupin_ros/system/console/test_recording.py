@@ -26,6 +26,8 @@ from tests.lupin_ros.launch.processes import Lupin
 from tests.lupin_ros.plugins.gateway.conftest import free_port
 from tests.plugins.gateway.served import OpenPage, until
 
+pytestmark = pytest.mark.long
+
 EXPLAIN = "/mission_orchestrator/explain"
 CHART = "/mission_orchestrator/chart"
 #: Arrows that read live values.

@@ -135,7 +135,16 @@ def is_away_from(page: Page, place: Box) -> None:
         assert aside, f"{button.inner_text()} at {box} is near STOP at {place}"
 
 
-BY_SIZE = pytest.mark.parametrize("touch", SIZES, indirect=True, ids=[f"{w}x{h}" for w, h in SIZES])
+#: Those that `make test` tries, too: the narrowest, and a usual phone in both ways that it is held.
+USUAL_SIZES = [(320, 568), (390, 844), (844, 390)]
+BY_SIZE = pytest.mark.parametrize(
+    "touch",
+    [
+        pytest.param(size, id=f"{size[0]}x{size[1]}", marks=[pytest.mark.long] * (size not in USUAL_SIZES))
+        for size in SIZES
+    ],
+    indirect=True,
+)
 
 
 @BY_SIZE

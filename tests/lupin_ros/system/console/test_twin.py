@@ -13,6 +13,8 @@ from playwright.sync_api import Page, expect
 
 from tests.lupin_ros.system.console.asking import command
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def tags(console: Page) -> Page:
