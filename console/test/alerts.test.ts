@@ -41,6 +41,12 @@ test("a robot that repeats the stop of pages is no second source", () => {
   assert.deepEqual(stoppers(null), { pages: ["anna-1"], others: [] });
 });
 
+test("a stop of pages and another one are both told: the button tells of one only", () => {
+  tell(stops, stopped("anna-1"));
+  tell(base, { stops: ["robot"] });
+  assert.deepEqual(alerts.value, [{ kind: "stop", text: "STOPPED by anna-1, the robot's own e-stop", isSaid: false }]);
+});
+
 test("a stop that is over is not told any more, and one that comes again is", () => {
   tell(stops, stopped("anna-1"), T0);
   tell(stops, stopped(), T0 + 1000);

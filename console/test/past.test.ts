@@ -34,6 +34,8 @@ test("a value that says nothing new is not kept, one that comes back is", () => 
   const past = new Past<string>(100, { same: (one, other) => one === other });
   for (const [at, value] of [[1, "a"], [2, "a"], [3, "b"], [4, "a"]] as const) past.add(at, value);
   assert.deepEqual(past.until(null).map(({ at }) => at), [1, 3, 4]);
+  past.addAll([{ at: 4, value: "c" }, { at: 4, value: "a" }, { at: 4, value: "c" }]);
+  assert.equal(values(past), "abac");
 });
 
 test("a history that was known in part adds what is new only", () => {

@@ -71,6 +71,7 @@ test("an orchestrator that was started anew leaves a gap, and nothing goes on ac
   assert.deepEqual(story.gaps, [{ from: T0 + 1000, to: T0 + 9000, text: en.log.newBoot, severity: 2 }]);
   assert.deepEqual(spans(story, GO), [[1, 1, "nav.go_to T3", 0]]);
   assert.deepEqual(spans(story, HOLDS), [[1, 1, "paused", 1]]);
+  assert.deepEqual(story.entries.filter(({ kind }) => kind === "hold").map(({ text }) => text), ["held: paused"]);
   assert.deepEqual(spans(story, LIFECYCLE), [[1, 1, "MISSION", 0], [9, undefined, "READY", 0]]);
 });
 

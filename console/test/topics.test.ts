@@ -56,7 +56,7 @@ test("who is silent is stale: of a robot, and now", () => {
   assert.equal(isStale(state, 3), false);
   setPace(T0 + 11_001, 0);
   assert.equal(isStale(state, 3), true);
-  moment.value = T0;
+  moment.value = T0 + 11_001;
   assert.equal(isStale(state, 3), false);
   moment.value = null;
   gateway.value = { mode: "simulation", clients: 1 };
