@@ -1,4 +1,4 @@
-"""The records that an orchestrator tells, as TypeScript: what the console reads as JSON.
+"""The records that an orchestrator and the gateway tell, as TypeScript: what the console reads as JSON.
 
     .venv/bin/python tools/records.py > console/src/records.ts
 
@@ -22,7 +22,11 @@ from lupin_engine.runtime.explanation import ExplanationRecord
 from lupin_engine.runtime.offer import MissionsRecord
 from lupin_engine.runtime.possible import PossibleRecord
 from lupin_engine.runtime.record import COMMAND_NAMES
+from lupin_gateway.motion import BaseRecord
+from lupin_gateway.people import NotificationsRecord, PeopleRecord
+from lupin_gateway.stop import StopsRecord
 from lupin_ros.service.chart_record import ChartRecord
+from lupin_ros.service.simulated import SimulationRecord
 from lupin_ros.service.told import PossibleTold, StepRecord
 
 HEAD = """\
@@ -31,7 +35,10 @@ HEAD = """\
 // Records as they are told in JSON. A field with `?` may be left out: it is empty then, or the record is of
 // an earlier version, because recordings are kept for long."""
 #: What is told on a topic, or answered to a page.
-ROOTS: Sequence[type] = (StepRecord, PossibleTold, MissionsRecord, ChartRecord, ExplanationRecord)
+ROOTS: Sequence[type] = (
+    *(StepRecord, PossibleTold, MissionsRecord, ChartRecord, ExplanationRecord, SimulationRecord),
+    *(StopsRecord, BaseRecord, PeopleRecord, NotificationsRecord),
+)
 
 
 @dataclass(frozen=True)

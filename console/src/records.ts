@@ -66,6 +66,61 @@ export interface ExplanationRecord {
 }
 
 /**
+ * How a simulation stands, and what can be done to it.
+ *
+ * `at` is in milliseconds since 1970, `time` in seconds since its beginning, `clock` what the robot's clock
+ * shows. `speed` is so many times real time, None as fast as it goes; `next` when something happens by
+ * itself.
+ */
+export interface SimulationRecord {
+  readonly boot: string;
+  readonly running: boolean;
+  readonly speed: number | null;
+  readonly until: string;
+  readonly note: string;
+  readonly next: number | null;
+  readonly operations: readonly OperationRecord[];
+  readonly silent: readonly string[];
+  readonly values: readonly InputRecord[];
+  readonly events: readonly EventRecord[];
+  readonly at: number;
+  readonly time: number;
+  readonly clock: string;
+}
+
+/** Which stops of pages are engaged, and the link: `lost` where what to do about that was decided. */
+export interface StopsRecord {
+  readonly stopped: boolean;
+  readonly stops: readonly StopRecord[];
+  readonly operators: number;
+  readonly link: "up" | "lost" | "none";
+  readonly on_link_lost: "continue" | "pause" | "stop";
+}
+
+/**
+ * Who may move the robot: the page that has taken the base, and why no page may.
+ *
+ * `stops` are the sources that hold it: `robot`, `pages`, `hmi`.
+ */
+export interface BaseRecord {
+  readonly taken_by: string;
+  readonly hindrance: "" | "stop" | "mission" | "held";
+  readonly reason: string;
+  readonly stops: readonly string[];
+}
+
+/** Who is connected, and how often they commanded something. */
+export interface PeopleRecord {
+  readonly people: readonly PersonRecord[];
+  readonly commands: number;
+}
+
+/** All that people are to know of, the oldest first. */
+export interface NotificationsRecord {
+  readonly notifications: readonly Notification[];
+}
+
+/**
  * One macrostep, as the log stores it.
  *
  * `sequence` counts from 1, `time` is the caller's. `taken` are the ids of the transitions, `exited` and
@@ -213,6 +268,64 @@ export interface RuleRecord {
   readonly reason: string;
 }
 
+/** An operation that could end now: its codes, and the types of its result. */
+export interface OperationRecord {
+  readonly operation: string;
+  readonly codes: readonly FailureRecord[];
+  readonly result: Readonly<Record<string, string>>;
+}
+
+/** A live value of the chart; `choices` where it is one of a few words. */
+export interface InputRecord {
+  readonly name: string;
+  readonly type: string;
+  readonly unit: string;
+  readonly choices: readonly string[];
+  readonly now: unknown;
+}
+
+/** An event that can be sent, and the types of its fields. */
+export interface EventRecord {
+  readonly name: string;
+  readonly fields: Readonly<Record<string, string>>;
+}
+
+/** A stop that is engaged for `age` seconds; `left`: its page is gone. */
+export interface StopRecord {
+  readonly name: string;
+  readonly left: boolean;
+  readonly age: number;
+}
+
+/** Who is connected, since so many seconds since 1970; `view` is open there, '' where it is no console. */
+export interface PersonRecord {
+  readonly page: string;
+  readonly name: string;
+  readonly role: string;
+  readonly since: number;
+  readonly view: string;
+}
+
+/**
+ * One thing: what kind of thing (`code`, `stop`, `node`, ...), what it is about, and what it says.
+ *
+ * `first` and `last` are when it was so first and last, of so many `times`; `over` is since when it is not
+ * so any more, None while it is, or where nobody can tell. `by` is who acknowledged it, `acknowledged` when.
+ */
+export interface Notification {
+  readonly id: number;
+  readonly kind: string;
+  readonly about: string;
+  readonly severity: number;
+  readonly text: string;
+  readonly first: number;
+  readonly last: number;
+  readonly times: number;
+  readonly over: number | null;
+  readonly by: string;
+  readonly acknowledged: number | null;
+}
+
 /** Begin an attempt of an operation: the `tries`th of the activation of `state` that it serves. */
 export interface Start {
   readonly attempt: string;
@@ -339,6 +452,13 @@ export interface FieldRecord {
   readonly at_most?: number;
   readonly distinct?: boolean;
   readonly may_be_empty?: boolean;
+}
+
+/** A code in which an operation can end. */
+export interface FailureRecord {
+  readonly code: string;
+  readonly label: string;
+  readonly severity: number;
 }
 
 /**

@@ -6,10 +6,9 @@ import { missions, state, steps } from "../src/model/mission/mission";
 import { gateway } from "../src/model/page";
 import { base, stops } from "../src/model/story/log";
 import { moment } from "../src/model/time/past";
-import { T0, tell, tellState, tellStep } from "./told";
+import { baseOf, stopsOf, T0, tell, tellState, tellStep } from "./told";
 
 const texts = (): readonly string[] => alerts.value.map(({ text }) => text);
-const stopped = (...names: string[]) => ({ stopped: names.length > 0, stops: names.map((name) => ({ name })) });
 
 beforeEach(() => {
   for (const { past } of [state, steps, stops, base, missions]) past.clear();
@@ -19,45 +18,45 @@ beforeEach(() => {
 
 test("nothing is wrong while nothing is", () => {
   tellState(0, { estop_engaged: false });
-  tell(stops, stopped());
+  tell(stops, stopsOf());
   assert.deepEqual(texts(), []);
 });
 
 test("a stop of pages names them, and stands beside their button already", () => {
-  tell(stops, stopped("anna-1", "ben-2"));
+  tell(stops, stopsOf("anna-1", "ben-2"));
   assert.deepEqual(alerts.value, [{ kind: "stop", text: "STOPPED by anna-1, ben-2", isSaid: true }]);
 });
 
 test("an e-stop that no page pressed is told, also where nobody says whose it is", () => {
   tellState(0, { estop_engaged: true });
   assert.deepEqual(alerts.value, [{ kind: "stop", text: "STOPPED: e-stop engaged", isSaid: false }]);
-  tell(base, { stops: ["robot", "hmi", "unheard of"] });
+  tell(base, baseOf("robot", "hmi", "unheard of"));
   assert.deepEqual(texts(), ["STOPPED by the robot's own e-stop, another operator panel"]);
 });
 
 test("a robot that repeats the stop of pages is no second source", () => {
-  tell(stops, stopped("anna-1"));
-  tell(base, { stops: ["pages", "robot"] });
+  tell(stops, stopsOf("anna-1"));
+  tell(base, baseOf("pages", "robot"));
   assert.deepEqual(stoppers(null), { pages: ["anna-1"], others: [] });
 });
 
 test("a stop of pages and another one are both told: the button tells of one only", () => {
-  tell(stops, stopped("anna-1"));
-  tell(base, { stops: ["robot"] });
+  tell(stops, stopsOf("anna-1"));
+  tell(base, baseOf("robot"));
   assert.deepEqual(alerts.value, [{ kind: "stop", text: "STOPPED by anna-1, the robot's own e-stop", isSaid: false }]);
 });
 
 test("a stop that is over is not told any more, and one that comes again is", () => {
-  tell(stops, stopped("anna-1"), T0);
-  tell(stops, stopped(), T0 + 1000);
+  tell(stops, stopsOf("anna-1"), T0);
+  tell(stops, stopsOf(), T0 + 1000);
   assert.deepEqual(texts(), []);
-  tell(stops, stopped("anna-1"), T0 + 2000);
+  tell(stops, stopsOf("anna-1"), T0 + 2000);
   assert.deepEqual(texts(), ["STOPPED by anna-1"]);
 });
 
 test("of a robot it is of now, whatever moment is shown; of a recording of that moment", () => {
-  tell(stops, stopped(), T0);
-  tell(stops, stopped("anna-1"), T0 + 2000);
+  tell(stops, stopsOf(), T0);
+  tell(stops, stopsOf("anna-1"), T0 + 2000);
   moment.value = T0 + 1000;
   assert.deepEqual(texts(), ["STOPPED by anna-1"]);
   gateway.value = { mode: "recording", clients: 0 };

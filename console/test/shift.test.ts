@@ -5,10 +5,9 @@ import { state, steps } from "../src/model/mission/mission";
 import { pressed } from "../src/model/people";
 import { stops } from "../src/model/story/log";
 import { shift } from "../src/model/story/shift";
-import { T0, tell, tellState, tellStep } from "./told";
+import { stopsOf, T0, tell, tellState, tellStep } from "./told";
 
 const at = (seconds: number): number => T0 + seconds * 1000;
-const stopped = (...names: string[]) => ({ stopped: names.length > 0, stops: names.map((name) => ({ name })) });
 
 beforeEach(() => {
   for (const { past } of [state, steps, stops]) past.clear();
@@ -31,12 +30,12 @@ test("a mission that is under way has no end", () => {
 });
 
 test("a stop that began before and is still engaged is in it", () => {
-  tell(stops, stopped("anna-1"), at(-5));
-  tell(stops, stopped("anna-1", "ben-2"), at(1));
+  tell(stops, stopsOf("anna-1"), at(-5));
+  tell(stops, stopsOf("anna-1", "ben-2"), at(1));
   assert.deepEqual(shift(at(0), at(10)).stops, [{ began: at(-5), ended: undefined, by: "anna-1" }]);
-  tell(stops, stopped(), at(4));
-  tell(stops, stopped("ben-2"), at(6));
-  tell(stops, stopped(), at(7));
+  tell(stops, stopsOf(), at(4));
+  tell(stops, stopsOf("ben-2"), at(6));
+  tell(stops, stopsOf(), at(7));
   assert.deepEqual(shift(at(0), at(10)).stops.map(({ began, ended }) => [began, ended]), [[at(-5), at(4)], [at(6), at(7)]]);
   assert.deepEqual(shift(at(5), at(10)).stops.length, 1);
 });

@@ -1,6 +1,6 @@
 // What an orchestrator and a gateway tell, as they send it, with what a test does not care about filled in.
 import type { MissionState } from "../src/ros";
-import type { Attempting, PossibleRecord, Step, StepRecord, View } from "../src/records";
+import type { Attempting, BaseRecord, PossibleRecord, Step, StepRecord, StopsRecord, View } from "../src/records";
 import { state, steps } from "../src/model/mission/mission";
 import type { Topic } from "../src/model/topics";
 
@@ -30,6 +30,17 @@ export function recordOf(seconds: number, step: Partial<Step> = {}, view: Partia
     view: viewOf(view),
     ...more,
   };
+}
+
+/** The stops of pages, by the names of their connections. */
+export function stopsOf(...names: string[]): StopsRecord {
+  const engaged = names.map((name) => ({ name, left: false, age: 0 }));
+  return { stopped: names.length > 0, stops: engaged, operators: 1, link: "up", on_link_lost: "continue" };
+}
+
+/** What other sources hold the robot. */
+export function baseOf(...stops: string[]): BaseRecord {
+  return { taken_by: "", hindrance: stops.length ? "stop" : "", reason: "", stops };
 }
 
 export function possibleOf(given: Partial<PossibleRecord> = {}): PossibleRecord {

@@ -14,10 +14,15 @@ import pytest
 from lupin_cli.settings import read_value
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.load import load_files
+from lupin_engine.plugin import PageMessage
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim import Script
+from lupin_gateway.guard import STOPS_TOPIC
+from lupin_gateway.motion import BASE_TOPIC, MotionGate
+from lupin_gateway.people import NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
+from lupin_gateway.stop import StopArbiter
 from lupin_ros.service import SimulatedPages, names
-from lupin_ros.service.simulated import SIMULATION_SERVICE
+from lupin_ros.service.simulated import SIMULATION_SERVICE, SIMULATION_TOPIC
 from tests import shipped
 from tests.tools import load_tool
 
@@ -52,6 +57,11 @@ KINDS = {
     names.MISSIONS_TOPIC: "MissionsRecord",
     names.CHART_TOPIC: "ChartRecord",
     names.EXPLAIN_SERVICE: "ExplanationRecord",
+    SIMULATION_TOPIC: "SimulationRecord",
+    STOPS_TOPIC: "StopsRecord",
+    BASE_TOPIC: "BaseRecord",
+    PEOPLE_TOPIC: "PeopleRecord",
+    NOTIFICATIONS_TOPIC: "NotificationsRecord",
 }
 INTERFACES = {kind.__name__: members for kind, members in records.interfaces().items()}
 OPEN = {kind.__name__ for kind, written in records.WRITTEN.items() if written.others}
@@ -69,6 +79,8 @@ class Desk:
         self.mission = mission
         self.pages = SimulatedPages(loaded, script, world, read_value, lambda: 0.0)
         self.asked = 0
+        self._heard: list[PageMessage] = []
+        self.pages.begin(self._heard.append, lambda: None)
 
     def ask(self, verb: str, accepted: bool, **request: Any) -> None:
         """Command the orchestrator."""
@@ -90,11 +102,27 @@ class Desk:
 
     def told(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Yield the records of all topics, and explanations, each with where it is from."""
-        for message in self.pages.history(-1.0, ()):
-            if message.topic.startswith(f"/{names.NODE}/"):
+        for message in self._heard:
+            if message.topic in KINDS:
                 yield message.topic, json.loads(message.fields["data"])
         answer = self.pages.call(names.EXPLAIN_SERVICE, {"element": "MISSION"}, 0.0)
         yield names.EXPLAIN_SERVICE, json.loads(answer["explanation"])
+
+
+def gateway() -> Iterator[tuple[str, Any]]:
+    """Yield what a gateway tells of a page that stops the robot, each with its topic."""
+    told: list[tuple[str, Any]] = []
+    people = People(lambda topic, text: told.append((topic, json.loads(text))))
+    people.presence.joined(1, "anna-1", "anna", "operator", "browser", 0.0)
+    people.notifications.add("stop", "anna-1", 2, "stopped by anna-1", 0.0)
+    people.tell_changes()
+    stops, motion = StopArbiter(), MotionGate()
+    stops.joined(1, "anna-1", operator=True)
+    stops.told(1, True, 0.0)
+    motion.settle(stops.stopped, 1.0)
+    yield from told
+    yield STOPS_TOPIC, json.loads(json.dumps(stops.state(1.0)))
+    yield BASE_TOPIC, json.loads(json.dumps(motion.state()))
 
 
 class Checker:
@@ -144,7 +172,7 @@ def _is_another(value: Any, name: str) -> bool:
 
 @pytest.fixture(scope="module")
 def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
-    """What two simulated missions tell, by topic."""
+    """What two simulated missions and a gateway tell, by topic."""
     inspection = Desk("InspectionMission", default_missions_folder() / "inspection.yaml")
     inspection.ask("resume", accepted=False)
     inspection.ask("start", accepted=True, tag_sequence=["1", "5"])
@@ -162,7 +190,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
     asking.ask("resume", accepted=True)
     asking.go_on(2)
     found: dict[str, list[Any]] = defaultdict(list)
-    for topic, record in (*inspection.told(), *asking.told()):
+    for topic, record in (*inspection.told(), *asking.told(), *gateway()):
         found[topic].append(record)
     return found
 

@@ -2,9 +2,9 @@
 import { MissionState, Observation } from "../../ros";
 import { stops } from "./log";
 import { observations, state, steps } from "../mission/mission";
-import { notifications, pressed, type Notification, type Pressed } from "../people";
+import { notifications, pressed, type Pressed } from "../people";
 import type { Known } from "../time/past";
-import type { StepRecord } from "../../records";
+import type { Notification, StepRecord } from "../../records";
 
 export interface MissionRun {
   readonly id: string;
