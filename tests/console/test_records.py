@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+pytest.importorskip("starlette", reason="the extra hmi is not installed here")
+
 from lupin_cli.settings import read_value
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.load import load_files
