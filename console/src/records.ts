@@ -432,7 +432,7 @@ export interface Countdown {
  * A field of a request, with a type and its base unit.
  *
  * `kind` and what follows from it are of the elements of a list: `name` is that of something which a plugin
- * finds by it, such as a tag. A default that is computed is told as it would be now, and as it is written
+ * finds by it. A default that is computed is told as it would be now, and as it is written
  * (`computed`). Of a list `at_most` says how many elements there may be.
  */
 export interface FieldRecord {
