@@ -38,5 +38,5 @@ def run_node(*arguments: str | Path) -> str:
     assert node is not None
     command = [node, *map(str, arguments)]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=200)
-    assert ran.returncode == 0, ran.stderr
+    assert ran.returncode == 0, ran.stdout + ran.stderr
     return ran.stdout

@@ -49,6 +49,14 @@ export const GoalStatus = {
 } as const;
 
 /**
+ * `action_msgs/msg/GoalStatusArray`
+ * An array of goal statuses.
+ */
+export interface GoalStatusArray {
+  status_list: GoalStatus[];
+}
+
+/**
  * `action_msgs/srv/CancelGoal_Request`
  * Cancel one or more goals with the following policy:
  *
@@ -175,6 +183,52 @@ export interface GripperCommand {
   position: number | null;
   /** N or Nm; 0.0: the controller's own limit */
   max_effort: number | null;
+}
+
+/**
+ * `diagnostic_msgs/msg/DiagnosticArray`
+ * This message is used to send diagnostic information about the state of the robot.
+ */
+export interface DiagnosticArray {
+  /** for timestamp */
+  header: Header;
+  /** an array of components being reported on */
+  status: DiagnosticStatus[];
+}
+
+/**
+ * `diagnostic_msgs/msg/DiagnosticStatus`
+ * This message holds the status of an individual component of the robot.
+ */
+export interface DiagnosticStatus {
+  /** Level of operation enumerated above. */
+  level: number;
+  /** A description of the test/component reporting. */
+  name: string;
+  /** A description of the status. */
+  message: string;
+  /** A hardware unique string. */
+  hardware_id: string;
+  /** An array of values associated with the status. */
+  values: KeyValue[];
+}
+
+export const DiagnosticStatus = {
+  /** Possible levels of operations. */
+  OK: 0,
+  WARN: 1,
+  ERROR: 2,
+  STALE: 3,
+} as const;
+
+/**
+ * `diagnostic_msgs/msg/KeyValue`
+ * What to label this value when viewing.
+ */
+export interface KeyValue {
+  key: string;
+  /** A value to track over time. */
+  value: string;
 }
 
 /**
@@ -307,22 +361,6 @@ export interface TransformStamped {
 export interface Twist {
   linear: Vector3;
   angular: Vector3;
-}
-
-/**
- * `geometry_msgs/msg/TwistWithCovariance`
- * This expresses velocity in free space with uncertainty.
- */
-export interface TwistWithCovariance {
-  twist: Twist;
-  /**
-   * Row-major representation of the 6x6 covariance matrix
-   * The orientation parameters use a fixed-axis representation.
-   * In order, the parameters are:
-   * (x, y, z, rotation about X axis, rotation about Y axis, rotation about Z axis)
-   * `float64[36]`
-   */
-  covariance: (number | null)[];
 }
 
 /**
@@ -1007,39 +1045,6 @@ export const NavigateToPoseResult = {
 } as const;
 
 /**
- * `nav_msgs/msg/Goals`
- * An array of navigation goals
- */
-export interface Goals {
-  /**
-   * This header will store the time at which the poses were computed (not to be confused with the stamps of the poses themselves)
-   * In the case that individual poses do not have their frame_id set or their timetamp set they will use the default value here.
-   */
-  header: Header;
-  /**
-   * An array of goals to for navigation to achieve.
-   * The goals should be executed in the order of the array.
-   * The header and stamp are intended to be used for computing the position of the goals.
-   * They may vary to support cases of goals that are moving with respect to the robot.
-   */
-  goals: PoseStamped[];
-}
-
-/**
- * `nav_msgs/msg/GridCells`
- * An array of cells in a 2D grid
- */
-export interface GridCells {
-  header: Header;
-  /** Width of each cell */
-  cell_width: number | null;
-  /** Height of each cell */
-  cell_height: number | null;
-  /** Each cell is represented by the Point at the center of the cell */
-  cells: Point[];
-}
-
-/**
  * `nav_msgs/msg/MapMetaData`
  * This hold basic information about the characteristics of the OccupancyGrid
  */
@@ -1088,23 +1093,6 @@ export interface OccupancyGrid {
 }
 
 /**
- * `nav_msgs/msg/Odometry`
- * This represents an estimate of a position and velocity in free space.
- * The pose in this message should be specified in the coordinate frame given by header.frame_id
- * The twist in this message should be specified in the coordinate frame given by the child_frame_id
- */
-export interface Odometry {
-  /** Includes the frame id of the pose parent. */
-  header: Header;
-  /** Frame id the pose points to. The twist is in this coordinate frame. */
-  child_frame_id: string;
-  /** Estimated pose that is typically relative to a fixed world frame. */
-  pose: PoseWithCovariance;
-  /** Estimated linear and angular velocity relative to child_frame_id. */
-  twist: TwistWithCovariance;
-}
-
-/**
  * `nav_msgs/msg/Path`
  * An array of poses that represents a Path for a robot to follow.
  */
@@ -1113,89 +1101,6 @@ export interface Path {
   header: Header;
   /** Array of poses to follow. */
   poses: PoseStamped[];
-}
-
-/**
- * `nav_msgs/srv/GetMap_Request`
- * Get the map as a nav_msgs/OccupancyGrid
- */
-export type GetMapRequest = Record<string, never>;
-
-/**
- * `nav_msgs/srv/GetMap_Response`
- * The current map hosted by this map service.
- */
-export interface GetMapResponse {
-  map: OccupancyGrid;
-}
-
-/**
- * `nav_msgs/srv/GetPlan_Request`
- * Get a plan from the current position to the goal Pose
- */
-export interface GetPlanRequest {
-  /** The start pose for the plan */
-  start?: PoseStamped;
-  /** The final pose of the goal position */
-  goal?: PoseStamped;
-  /**
-   * If the goal is obstructed, how many meters the planner can
-   * relax the constraint in x and y before failing.
-   */
-  tolerance?: number | null;
-}
-
-/**
- * `nav_msgs/srv/GetPlan_Response`
- * Array of poses from start to goal if one was successfully found.
- */
-export interface GetPlanResponse {
-  plan: Path;
-}
-
-/**
- * `nav_msgs/srv/LoadMap_Request`
- * URL of map resource
- * Can be an absolute path to a file: file:///path/to/maps/floor1.yaml
- * Or, relative to a ROS package: package://my_ros_package/maps/floor2.yaml
- */
-export interface LoadMapRequest {
-  map_url?: string;
-}
-
-/**
- * `nav_msgs/srv/LoadMap_Response`
- * Result code defintions
- */
-export interface LoadMapResponse {
-  /** Returned map is only valid if result equals RESULT_SUCCESS */
-  map: OccupancyGrid;
-  result: number;
-}
-
-export const LoadMapResponse = {
-  RESULT_SUCCESS: 0,
-  RESULT_MAP_DOES_NOT_EXIST: 1,
-  RESULT_INVALID_MAP_DATA: 2,
-  RESULT_INVALID_MAP_METADATA: 3,
-  RESULT_UNDEFINED_FAILURE: 255,
-} as const;
-
-/**
- * `nav_msgs/srv/SetMap_Request`
- * Set a new map together with an initial pose
- */
-export interface SetMapRequest {
-  /** Requested 2D map to be set. */
-  map?: OccupancyGrid;
-  /** Estimated initial pose when setting new map. */
-  initial_pose?: PoseWithCovarianceStamped;
-}
-
-/** `nav_msgs/srv/SetMap_Response` */
-export interface SetMapResponse {
-  /** True if the map was successfully set, false otherwise. */
-  success: boolean;
 }
 
 /**
@@ -1346,118 +1251,6 @@ export interface Bool {
 }
 
 /**
- * `std_msgs/msg/Byte`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Byte {
-  data: number;
-}
-
-/**
- * `std_msgs/msg/ByteMultiArray`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface ByteMultiArray {
-  /**
-   * Please look at the MultiArrayLayout message definition for
-   * documentation on all multiarrays.
-   * specification of data layout
-   */
-  layout: MultiArrayLayout;
-  /**
-   * array of data
-   * `byte[]`
-   */
-  data: string;
-}
-
-/**
- * `std_msgs/msg/Char`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Char {
-  data: number;
-}
-
-/** `std_msgs/msg/ColorRGBA` */
-export interface ColorRGBA {
-  r: number | null;
-  g: number | null;
-  b: number | null;
-  a: number | null;
-}
-
-/** `std_msgs/msg/Empty` */
-export type Empty = Record<string, never>;
-
-/**
- * `std_msgs/msg/Float32`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Float32 {
-  data: number | null;
-}
-
-/**
- * `std_msgs/msg/Float32MultiArray`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Float32MultiArray {
-  /**
-   * Please look at the MultiArrayLayout message definition for
-   * documentation on all multiarrays.
-   * specification of data layout
-   */
-  layout: MultiArrayLayout;
-  /** array of data */
-  data: (number | null)[];
-}
-
-/**
- * `std_msgs/msg/Float64`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Float64 {
-  data: number | null;
-}
-
-/**
- * `std_msgs/msg/Float64MultiArray`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Float64MultiArray {
-  /**
-   * Please look at the MultiArrayLayout message definition for
-   * documentation on all multiarrays.
-   * specification of data layout
-   */
-  layout: MultiArrayLayout;
-  /** array of data */
-  data: (number | null)[];
-}
-
-/**
  * `std_msgs/msg/Header`
  * Standard metadata for higher-level stamped data types.
  * This is generally used to communicate timestamped data
@@ -1471,181 +1264,6 @@ export interface Header {
 }
 
 /**
- * `std_msgs/msg/Int16`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Int16 {
-  data: number;
-}
-
-/**
- * `std_msgs/msg/Int16MultiArray`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Int16MultiArray {
-  /**
-   * Please look at the MultiArrayLayout message definition for
-   * documentation on all multiarrays.
-   * specification of data layout
-   */
-  layout: MultiArrayLayout;
-  /** array of data */
-  data: number[];
-}
-
-/**
- * `std_msgs/msg/Int32`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Int32 {
-  data: number;
-}
-
-/**
- * `std_msgs/msg/Int32MultiArray`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Int32MultiArray {
-  /**
-   * Please look at the MultiArrayLayout message definition for
-   * documentation on all multiarrays.
-   * specification of data layout
-   */
-  layout: MultiArrayLayout;
-  /** array of data */
-  data: number[];
-}
-
-/**
- * `std_msgs/msg/Int64`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Int64 {
-  /** `int64` */
-  data: number;
-}
-
-/**
- * `std_msgs/msg/Int64MultiArray`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Int64MultiArray {
-  /**
-   * Please look at the MultiArrayLayout message definition for
-   * documentation on all multiarrays.
-   * specification of data layout
-   */
-  layout: MultiArrayLayout;
-  /**
-   * array of data
-   * `int64[]`
-   */
-  data: number[];
-}
-
-/**
- * `std_msgs/msg/Int8`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Int8 {
-  data: number;
-}
-
-/**
- * `std_msgs/msg/Int8MultiArray`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface Int8MultiArray {
-  /**
-   * Please look at the MultiArrayLayout message definition for
-   * documentation on all multiarrays.
-   * specification of data layout
-   */
-  layout: MultiArrayLayout;
-  /** array of data */
-  data: number[];
-}
-
-/**
- * `std_msgs/msg/MultiArrayDimension`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface MultiArrayDimension {
-  /** label of given dimension */
-  label: string;
-  /** size of given dimension (in type units) */
-  size: number;
-  /** stride of given dimension */
-  stride: number;
-}
-
-/**
- * `std_msgs/msg/MultiArrayLayout`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface MultiArrayLayout {
-  /**
-   * The multiarray declares a generic multi-dimensional array of a
-   * particular data type.  Dimensions are ordered from outer most
-   * to inner most.
-   *
-   * Accessors should ALWAYS be written in terms of dimension stride
-   * and specified outer-most dimension first.
-   *
-   * multiarray(i,j,k) = data[data_offset + dim_stride[1]*i + dim_stride[2]*j + k]
-   *
-   * A standard, 3-channel 640x480 image with interleaved color channels
-   * would be specified as:
-   *
-   * dim[0].label  = "height"
-   * dim[0].size   = 480
-   * dim[0].stride = 3*640*480 = 921600  (note dim[0] stride is just size of image)
-   * dim[1].label  = "width"
-   * dim[1].size   = 640
-   * dim[1].stride = 3*640 = 1920
-   * dim[2].label  = "channel"
-   * dim[2].size   = 3
-   * dim[2].stride = 3
-   *
-   * multiarray(i,j,k) refers to the ith row, jth column, and kth channel.
-   * Array of dimension properties
-   */
-  dim: MultiArrayDimension[];
-  /** padding bytes at front of data */
-  data_offset: number;
-}
-
-/**
  * `std_msgs/msg/String`
  * This was originally provided as an example message.
  * It is deprecated as of Foxy
@@ -1655,135 +1273,6 @@ export interface MultiArrayLayout {
 export interface StdMsgsString {
   data: string;
 }
-
-/**
- * `std_msgs/msg/UInt16`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface UInt16 {
-  data: number;
-}
-
-/**
- * `std_msgs/msg/UInt16MultiArray`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface UInt16MultiArray {
-  /**
-   * Please look at the MultiArrayLayout message definition for
-   * documentation on all multiarrays.
-   * specification of data layout
-   */
-  layout: MultiArrayLayout;
-  /** array of data */
-  data: number[];
-}
-
-/**
- * `std_msgs/msg/UInt32`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface UInt32 {
-  data: number;
-}
-
-/**
- * `std_msgs/msg/UInt32MultiArray`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface UInt32MultiArray {
-  /**
-   * Please look at the MultiArrayLayout message definition for
-   * documentation on all multiarrays.
-   * specification of data layout
-   */
-  layout: MultiArrayLayout;
-  /** array of data */
-  data: number[];
-}
-
-/**
- * `std_msgs/msg/UInt64`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface UInt64 {
-  /** `uint64` */
-  data: number;
-}
-
-/**
- * `std_msgs/msg/UInt64MultiArray`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface UInt64MultiArray {
-  /**
-   * Please look at the MultiArrayLayout message definition for
-   * documentation on all multiarrays.
-   * specification of data layout
-   */
-  layout: MultiArrayLayout;
-  /**
-   * array of data
-   * `uint64[]`
-   */
-  data: number[];
-}
-
-/**
- * `std_msgs/msg/UInt8`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface UInt8 {
-  data: number;
-}
-
-/**
- * `std_msgs/msg/UInt8MultiArray`
- * This was originally provided as an example message.
- * It is deprecated as of Foxy
- * It is recommended to create your own semantically meaningful message.
- * However if you would like to continue using this please use the equivalent in example_msgs.
- */
-export interface UInt8MultiArray {
-  /**
-   * Please look at the MultiArrayLayout message definition for
-   * documentation on all multiarrays.
-   * specification of data layout
-   */
-  layout: MultiArrayLayout;
-  /**
-   * array of data
-   * `uint8[]`
-   */
-  data: string;
-}
-
-/** `std_srvs/srv/Empty_Request` */
-export type EmptyRequest = Record<string, never>;
-
-/** `std_srvs/srv/Empty_Response` */
-export type EmptyResponse = Record<string, never>;
 
 /** `std_srvs/srv/SetBool_Request` */
 export interface SetBoolRequest {
@@ -1887,9 +1376,13 @@ export interface UUID {
 export const MSG_TYPES = {
   GoalInfo: "action_msgs/msg/GoalInfo",
   GoalStatus: "action_msgs/msg/GoalStatus",
+  GoalStatusArray: "action_msgs/msg/GoalStatusArray",
   Duration: "builtin_interfaces/msg/Duration",
   Time: "builtin_interfaces/msg/Time",
   GripperCommand: "control_msgs/msg/GripperCommand",
+  DiagnosticArray: "diagnostic_msgs/msg/DiagnosticArray",
+  DiagnosticStatus: "diagnostic_msgs/msg/DiagnosticStatus",
+  KeyValue: "diagnostic_msgs/msg/KeyValue",
   Point: "geometry_msgs/msg/Point",
   Point32: "geometry_msgs/msg/Point32",
   Polygon: "geometry_msgs/msg/Polygon",
@@ -1901,7 +1394,6 @@ export const MSG_TYPES = {
   Transform: "geometry_msgs/msg/Transform",
   TransformStamped: "geometry_msgs/msg/TransformStamped",
   Twist: "geometry_msgs/msg/Twist",
-  TwistWithCovariance: "geometry_msgs/msg/TwistWithCovariance",
   Vector3: "geometry_msgs/msg/Vector3",
   AnomalyReport: "lupin_msgs/msg/AnomalyReport",
   DiscoveredTag: "lupin_msgs/msg/DiscoveredTag",
@@ -1915,45 +1407,15 @@ export const MSG_TYPES = {
   TwinState: "lupin_msgs/msg/TwinState",
   TwinTagState: "lupin_msgs/msg/TwinTagState",
   ServoPosition: "mirte_msgs/msg/ServoPosition",
-  Goals: "nav_msgs/msg/Goals",
-  GridCells: "nav_msgs/msg/GridCells",
   MapMetaData: "nav_msgs/msg/MapMetaData",
   OccupancyGrid: "nav_msgs/msg/OccupancyGrid",
-  Odometry: "nav_msgs/msg/Odometry",
   Path: "nav_msgs/msg/Path",
   ParameterType: "rcl_interfaces/msg/ParameterType",
   BatteryState: "sensor_msgs/msg/BatteryState",
   JointState: "sensor_msgs/msg/JointState",
   Bool: "std_msgs/msg/Bool",
-  Byte: "std_msgs/msg/Byte",
-  ByteMultiArray: "std_msgs/msg/ByteMultiArray",
-  Char: "std_msgs/msg/Char",
-  ColorRGBA: "std_msgs/msg/ColorRGBA",
-  Empty: "std_msgs/msg/Empty",
-  Float32: "std_msgs/msg/Float32",
-  Float32MultiArray: "std_msgs/msg/Float32MultiArray",
-  Float64: "std_msgs/msg/Float64",
-  Float64MultiArray: "std_msgs/msg/Float64MultiArray",
   Header: "std_msgs/msg/Header",
-  Int16: "std_msgs/msg/Int16",
-  Int16MultiArray: "std_msgs/msg/Int16MultiArray",
-  Int32: "std_msgs/msg/Int32",
-  Int32MultiArray: "std_msgs/msg/Int32MultiArray",
-  Int64: "std_msgs/msg/Int64",
-  Int64MultiArray: "std_msgs/msg/Int64MultiArray",
-  Int8: "std_msgs/msg/Int8",
-  Int8MultiArray: "std_msgs/msg/Int8MultiArray",
-  MultiArrayDimension: "std_msgs/msg/MultiArrayDimension",
-  MultiArrayLayout: "std_msgs/msg/MultiArrayLayout",
   StdMsgsString: "std_msgs/msg/String",
-  UInt16: "std_msgs/msg/UInt16",
-  UInt16MultiArray: "std_msgs/msg/UInt16MultiArray",
-  UInt32: "std_msgs/msg/UInt32",
-  UInt32MultiArray: "std_msgs/msg/UInt32MultiArray",
-  UInt64: "std_msgs/msg/UInt64",
-  UInt64MultiArray: "std_msgs/msg/UInt64MultiArray",
-  UInt8: "std_msgs/msg/UInt8",
-  UInt8MultiArray: "std_msgs/msg/UInt8MultiArray",
   TFMessage: "tf2_msgs/msg/TFMessage",
   JointTrajectory: "trajectory_msgs/msg/JointTrajectory",
   JointTrajectoryPoint: "trajectory_msgs/msg/JointTrajectoryPoint",
@@ -1980,11 +1442,6 @@ export const SRV_TYPES = {
   SetServoAngle: "mirte_msgs/srv/SetServoAngle",
   SetServoAngleWithSpeed: "mirte_msgs/srv/SetServoAngleWithSpeed",
   SetServoOffset: "mirte_msgs/srv/SetServoOffset",
-  GetMap: "nav_msgs/srv/GetMap",
-  GetPlan: "nav_msgs/srv/GetPlan",
-  LoadMap: "nav_msgs/srv/LoadMap",
-  SetMap: "nav_msgs/srv/SetMap",
-  Empty: "std_srvs/srv/Empty",
   SetBool: "std_srvs/srv/SetBool",
   Trigger: "std_srvs/srv/Trigger",
 } as const;

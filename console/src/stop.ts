@@ -5,6 +5,7 @@
 // The stop is told at once and then steadily; what this page said last is remembered, so that a page that is loaded anew is
 // still stopped. Whether the connection lives is asked all the time: one that is dead is found out, and made anew.
 import { addressOf } from "./wire/address";
+import type { StopsRecord } from "./records";
 
 const TOPIC = "/lupin/hmi/estop";
 const STOPS = "/lupin/hmi/stops";
@@ -21,10 +22,7 @@ const CONNECT_WITHIN_MS = 5000;
 const HOLD_MS = 1000;
 const REMEMBERED = "lupin.stopped";
 
-interface Stops {
-  readonly stopped: boolean;
-  readonly stops: readonly { readonly name: string; readonly left: boolean; readonly age: number }[];
-}
+type Stops = Pick<StopsRecord, "stopped" | "stops">;
 
 const WORDS = {
   en: {

@@ -31,6 +31,7 @@ from .journal.refusals import Refusals as Refusals
 from .journal.replay import resumed as resumed
 from .offer import missions_record as missions_record
 from .possible import Foresight as Foresight
+from .possible import PossibleRecord as PossibleRecord
 from .possible import requests_of as requests_of
 from .record import OpenQuestion as OpenQuestion
 from .record import command_record as command_record

@@ -7,7 +7,7 @@ they are those that `possible` tells, and that whoever makes one gets.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TypedDict
 
 from lupin_engine.chart.model import Chart, State, Transition
 from lupin_engine.chart.semantics import ENGINE_EVENTS
@@ -22,11 +22,29 @@ from lupin_engine.runtime.possible import requests_of
 _LONGEST = 120
 
 
-def explanation(machine: Machine, element: str, now: float) -> dict[str, Any]:
+class RuleRecord(TypedDict):
+    """A transition: it is `possible` when it would be taken if its event came now; else `reason` says why."""
+
+    id: str
+    state: str
+    event: str
+    possible: bool
+    reason: str
+
+
+class ExplanationRecord(TypedDict):
+    """What a state or transition would do now."""
+
+    element: str
+    sequence: int
+    active: bool
+    rules: list[RuleRecord]
+
+
+def explanation(machine: Machine, element: str, now: float) -> ExplanationRecord:
     """Return what a state, by its full name, or a transition, by its id, would do at time `now`.
 
-    Of a state all transitions are told that it listens to: its own, then those of the states around it. One
-    is `possible` when it would be taken if its event came now; else `reason` says what speaks against it.
+    Of a state all transitions are told that it listens to: its own, then those of the states around it.
 
     Raises:
         UsageError: the chart has neither a state nor a transition of that name.
@@ -56,7 +74,7 @@ def _of(state: State) -> Iterator[Transition]:
     yield from state.resume_at
 
 
-def _told(machine: Machine, rule: Transition, now: float) -> dict[str, Any]:
+def _told(machine: Machine, rule: Transition, now: float) -> RuleRecord:
     reason = _reason(machine, rule, now)
     return {
         "id": rule.id,

@@ -5,24 +5,91 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import PurePath
-from typing import Any
+from typing import Annotated, Any, Literal, TypedDict, cast
 
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.model import Field
 from lupin_engine.machine.holds import all_holds
 from lupin_engine.machine.machine import Machine
 from lupin_engine.plugin.contract import ENGINE_CODES
+from lupin_engine.plugin.profile import Rating, Stages
 from lupin_engine.plugin.types import Type
 
 
-def missions_record(machine: Machine, now: float, problems: Sequence[str]) -> dict[str, Any]:
-    """Return the missions with all that is said of them once, as JSON data.
+class _DeclaredField(TypedDict):
+    name: str
+    type: str
+    kind: Annotated[str, Literal["bool", "integer", "number", "text", "name", "list", "record", "any"]]
+    required: bool
 
-    `codes` are label, severity and advice of every code, `holds` the code of each hold, also of
-    the engine's own, `outcomes` how a visit can end, with the name of its count in views, `stages` what
-    published states mean, `ends` the verb that ends a mission. `problems` say what is wrong with files that
-    were not loaded.
+
+class FieldRecord(_DeclaredField, total=False):
+    """A field of a request, with a type and its base unit.
+
+    `kind` and what follows from it are of the elements of a list: `name` is that of something which a plugin
+    finds by it. A default that is computed is told as it would be now, and as it is written
+    (`computed`). Of a list `at_most` says how many elements there may be.
     """
+
+    summary: str
+    unit: str
+    allowed: list[str]
+    pattern: str
+    example: str
+    default: Any
+    computed: str
+    minimum: float
+    maximum: float
+    at_most: float
+    distinct: bool
+    may_be_empty: bool
+
+
+class OfferedMission(TypedDict):
+    """A mission that can be started, its file's name, and the fields of its request."""
+
+    mission: str
+    file: str
+    summary: str
+    request: list[FieldRecord]
+
+
+class CodeRecord(TypedDict):
+    """What is said of a code; severity 0 is information, 1 a warning, 2 an error."""
+
+    label: str
+    severity: int
+    advice: str
+
+
+class OutcomeRecord(TypedDict):
+    """A way in which a visit can end; views have how many did under the name `counter`."""
+
+    name: str
+    counter: str
+    word: str
+    rating: Annotated[str, Rating]
+
+
+class MissionsRecord(TypedDict):
+    """The missions with all that is said of them once.
+
+    `codes` are all, `holds` the code of each hold, also of the engine's own, `outcomes` how a visit can end,
+    `stages` what published states mean, `ends` the verb that ends a mission. `problems` say what is wrong
+    with files that were not loaded.
+    """
+
+    missions: list[OfferedMission]
+    problems: list[str]
+    codes: dict[str, CodeRecord]
+    holds: dict[str, str]
+    outcomes: list[OutcomeRecord]
+    stages: Annotated[dict[str, Any], Stages]
+    ends: str
+
+
+def missions_record(machine: Machine, now: float, problems: Sequence[str]) -> MissionsRecord:
+    """Return the missions with all that is said of them once, as JSON data."""
     chart, profile = machine.chart, machine.chart.profile
     return {
         "missions": offered(machine, now),
@@ -41,14 +108,8 @@ def missions_record(machine: Machine, now: float, problems: Sequence[str]) -> di
     }
 
 
-def offered(machine: Machine, now: float) -> list[dict[str, Any]]:
-    """Return every mission with its file's name, its summary and the fields of its request, as JSON data.
-
-    A field has a name, a type with its base unit and the kind of its elements (`number`, `text`; `name` of
-    something that a plugin finds by it), a default where it has one, and its range: of a list, that of its
-    elements, and how many these may be (`at_most`). A default that is computed is told as it would be now,
-    and as it is written (`computed`).
-    """
+def offered(machine: Machine, now: float) -> list[OfferedMission]:
+    """Return every mission with its file's name, its summary and the fields of its request, as JSON data."""
     return [
         {
             "mission": mission.name,
@@ -60,7 +121,7 @@ def offered(machine: Machine, now: float) -> list[dict[str, Any]]:
     ]
 
 
-def _field(field: Field, machine: Machine, now: float) -> dict[str, Any]:
+def _field(field: Field, machine: Machine, now: float) -> FieldRecord:
     told: dict[str, Any] = {"name": field.name, **_type(field.type), "required": field.default is None}
     if (field.type.item or field.type).name in machine.scope.world.readers:
         told["kind"] = "name"
@@ -79,7 +140,8 @@ def _field(field: Field, machine: Machine, now: float) -> dict[str, Any]:
         "distinct": field.type.distinct or None,
         "may_be_empty": None if field.not_empty is None else False,
     }
-    return told | {name: value for name, value in more.items() if value is not None}
+    told |= {name: value for name, value in more.items() if value is not None}
+    return cast(FieldRecord, told)
 
 
 def _type(kind: Type) -> dict[str, Any]:

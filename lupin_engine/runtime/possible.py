@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TypedDict
 
 from lupin_engine.chart.expressions.evaluation import Value
 from lupin_engine.chart.model import Chart
@@ -27,6 +27,23 @@ class PossibleRequest:
     verb: str
     mission: str
     event: Event
+
+
+class PossibleRecord(TypedDict):
+    """What one request would do now: the holds that it engages and releases, or why it is refused.
+
+    `fields`: of a start, nothing but the defaults of its request keeps it from beginning.
+    """
+
+    request: str
+    verb: str
+    mission: str
+    possible: bool
+    engages: list[str]
+    releases: list[str]
+    code: str
+    reason: str
+    fields: bool
 
 
 @lru_cache(maxsize=32)
@@ -67,7 +84,7 @@ class Foresight:
         machine.scope.watches.append(self._watch)
         self._seen: tuple[tuple[str, ...], ...] = ()
 
-    def news(self, now: float) -> list[dict[str, Any]] | None:
+    def news(self, now: float) -> list[PossibleRecord] | None:
         """Return for each request what it would do at time `now`, as JSON data; None: as the last time."""
         machine = self._machine
         memory, reads = machine.memory, _reads(machine.chart)
@@ -80,7 +97,7 @@ class Foresight:
         self._watch.settle(reads, machine.scope, now)
         return [self._told(request, now) for request in requests_of(machine.chart)]
 
-    def _told(self, request: PossibleRequest, now: float) -> dict[str, Any]:
+    def _told(self, request: PossibleRequest, now: float) -> PossibleRecord:
         found = self._machine.foresee(request.event, now)
         is_start = request.verb == START_VERB
         return {

@@ -26,7 +26,10 @@ from lupin_engine.machine.step import Considered, Step, View
 from lupin_engine.plugin.contract import classify
 from lupin_engine.plugin.profile import START, Publish
 
-_NAMES = {Start: "start", Cancel: "cancel", Act: "act", Publish: "publish", Report: "report"}
+#: What a command is called in a record.
+COMMAND_NAMES: Mapping[type, str] = MappingProxyType(
+    {Start: "start", Cancel: "cancel", Act: "act", Publish: "publish", Report: "report"}
+)
 #: The parts of a step that are recorded as they are; the trail is made again from the rest.
 _WRITTEN = tuple(field.name for field in fields(Step) if field.name not in ("event", "trail"))
 
@@ -41,7 +44,7 @@ def step_record(step: Step) -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_plain(each) for each in value]
-    if type(value) in _NAMES:
+    if type(value) in COMMAND_NAMES:
         return command_record(value)
     if isinstance(value, Considered):
         return str(value)
@@ -55,7 +58,7 @@ def command_record(command: Command) -> dict[str, Any]:
         data = {each.name: getattr(command, each.name) for each in fields(command)}
     else:
         data = asdict(command)
-    return {"command": _NAMES[type(command)], **data}
+    return {"command": COMMAND_NAMES[type(command)], **data}
 
 
 def view_record(view: View, chart: Chart) -> dict[str, Any]:

@@ -2,23 +2,68 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypedDict
 
 from lupin_engine.diagram import ElementTexts, folded_svg
 from lupin_engine.errors import LupinError, Place, reason, shortened
 from lupin_engine.missions import LoadedMissions
 
 
-def chart_record(loaded: LoadedMissions) -> dict[str, Any]:
-    """Return a chart with its hash, and the place of every state and transition in its files; no picture yet.
+class PlaceRecord(TypedDict):
+    """A line of a file, which is named as in the folder of the missions."""
 
-    Files are named as in the folder of the missions. `id` is what the picture calls a state (`data-state`);
-    transitions have their ids there as well (`data-transition`), except refusals, which are not drawn.
+    file: str
+    line: int
+
+
+class StateRecord(PlaceRecord):
+    """A state; `id` is what the picture calls it (`data-state`)."""
+
+    id: str
+    summary: str
+
+
+class TransitionRecord(PlaceRecord):
+    """A transition; its id is in the picture as well (`data-transition`).
+
+    One that refuses is not drawn: `refuse` is the code that it refuses a request with.
     """
+
+    state: str
+    target: str
+    label: str
+    refuse: str
+
+
+class PictureRecord(TypedDict):
+    """The picture of a chart; "" while it is drawn, and where it cannot be: then `problem` says why."""
+
+    svg: str
+    problem: str
+
+
+class ChartContent(PictureRecord):
+    """A chart: its states by full name, its transitions by id, and the text of its files."""
+
+    hash: str
+    missions: list[str]
+    states: dict[str, StateRecord]
+    transitions: dict[str, TransitionRecord]
+    files: dict[str, str]
+
+
+class ChartRecord(ChartContent):
+    """A chart as an orchestrator tells it; `boot` names its start."""
+
+    boot: str
+
+
+def chart_record(loaded: LoadedMissions) -> ChartContent:
+    """Return a chart with the place of every state and transition in its files; no picture yet."""
     chart, names = loaded.chart, loaded.short_names
     words = ElementTexts(chart)
 
-    def where(place: Place) -> dict[str, Any]:
+    def where(place: Place) -> PlaceRecord:
         return {"file": names[place.file], "line": place.line}
 
     states = [state for name, state in chart.states.items() if name]
@@ -45,7 +90,7 @@ def chart_record(loaded: LoadedMissions) -> dict[str, Any]:
     }
 
 
-def chart_picture(loaded: LoadedMissions) -> dict[str, str]:
+def chart_picture(loaded: LoadedMissions) -> PictureRecord:
     """Return what the record of a chart says of its picture; that of a large one may take a minute.
 
     A chart that cannot be drawn has none, and `problem` says why: all the rest is of use without it.

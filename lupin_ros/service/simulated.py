@@ -10,7 +10,7 @@ import json
 import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping
-from typing import Any
+from typing import Any, TypedDict
 
 from lupin_engine.errors import LupinError, nearest
 from lupin_engine.machine import Step, World
@@ -45,6 +45,65 @@ SILENT = 100
 #: Messages that are kept for pages that come later.
 KEPT = 200_000
 _NOTHING_MORE = "nothing will happen by itself"
+
+
+class FailureRecord(TypedDict):
+    """A code in which an operation can end."""
+
+    code: str
+    label: str
+    severity: int
+
+
+class OperationRecord(TypedDict):
+    """An operation that could end now: its codes, and the types of its result."""
+
+    operation: str
+    codes: list[FailureRecord]
+    result: dict[str, str]
+
+
+class InputRecord(TypedDict):
+    """A live value of the chart; `choices` where it is one of a few words."""
+
+    name: str
+    type: str
+    unit: str
+    choices: tuple[str, ...]
+    now: Any
+
+
+class EventRecord(TypedDict):
+    """An event that can be sent, and the types of its fields."""
+
+    name: str
+    fields: dict[str, str]
+
+
+class _Standing(TypedDict):
+    boot: str
+    running: bool
+    speed: float | None
+    until: str
+    note: str
+    next: float | None
+    operations: list[OperationRecord]
+    silent: list[str]
+    values: list[InputRecord]
+    events: list[EventRecord]
+
+
+class SimulationRecord(_Standing):
+    """How a simulation stands, and what can be done to it.
+
+    `at` is in milliseconds since 1970, `time` in seconds since its beginning, `clock` what the robot's clock
+    shows. `speed` is so many times real time, None as fast as it goes; `next` when something happens by
+    itself.
+    """
+
+    at: float
+    time: float
+    clock: str
 
 
 class SimulatedPages:
@@ -83,7 +142,7 @@ class SimulatedPages:
         self._stopped = False
         self._until = self._note = ""
         self._repeated_at = -math.inf
-        self._shown: dict[str, Any] = {}
+        self._shown: _Standing | None = None
         self._orchestrator = self._made()
         self._begin()
         if speed is not None:
@@ -305,11 +364,16 @@ class SimulatedPages:
         shown = self._standing()
         if shown != self._shown or is_time:
             self._shown = shown
-            told = {**shown, "at": self._orchestrator.at, "time": self._simulation.now}
-            text = json.dumps({**told, "clock": self._simulation.clock}, default=str)
+            told: SimulationRecord = {
+                **shown,
+                "at": self._orchestrator.at,
+                "time": self._simulation.now,
+                "clock": self._simulation.clock,
+            }
+            text = json.dumps(told, default=str)
             self._page(PageMessage(SIMULATION_TOPIC, self._orchestrator.at, {"data": text}))
 
-    def _standing(self) -> dict[str, Any]:
+    def _standing(self) -> _Standing:
         """Return how the simulation stands, and what can be done to it; the time aside."""
         catalog, used = self._chart.catalog, self._chart.plugins
         events = {name: event for name, event in catalog.events.items() if name.partition(".")[0] in used}
@@ -329,12 +393,14 @@ class SimulatedPages:
             ],
         }
 
-    def _operation(self, name: str) -> dict[str, Any]:
+    def _operation(self, name: str) -> OperationRecord:
         known = self._chart.catalog.operations[name]
-        codes = [{"code": c.name, "label": c.label, "severity": int(c.severity)} for c in known.codes]
+        codes: list[FailureRecord] = [
+            {"code": c.name, "label": c.label, "severity": int(c.severity)} for c in known.codes
+        ]
         return {"operation": name, "codes": codes, "result": {n: k.name for n, k in known.result.items()}}
 
-    def _value(self, name: str) -> dict[str, Any]:
+    def _value(self, name: str) -> InputRecord:
         kind = self._chart.catalog.values[self._chart.inputs[name].value].type
         return {
             "name": name,

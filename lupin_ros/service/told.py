@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Annotated, Any, TypedDict
 
 from lupin_engine.machine import Machine, Moment, Step, View
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import Fields, Publish, Wire
-from lupin_engine.runtime import Foresight, step_record, view_record
+from lupin_engine.runtime import Foresight, PossibleRecord, step_record, view_record
 from lupin_ros.service import messages
 
 
@@ -111,20 +111,58 @@ class StepMoment:
     wall_ns: int
 
 
+class CommandOrigin(TypedDict, total=False):
+    """Who commanded a step and by which id, as far as that was told."""
+
+    by: str
+    command_id: str
+
+
+class _TakenStep(TypedDict):
+    time: float
+    stamp: float
+    wall_ns: int
+    boot: str
+    chart: str
+    step: Annotated[dict[str, Any], Step]
+    view: Annotated[dict[str, Any], View]
+
+
+class StepRecord(_TakenStep, total=False):
+    """A step, when it was taken, in which start of the orchestrator, on which chart, and what was to be seen.
+
+    `time` is of the clock by which deadlines in `view` are told, `stamp` of the network's, `wall_ns` of the
+    wall's.
+    """
+
+    command: Annotated[Mapping[str, str], CommandOrigin]
+
+
 def step_told(
     step: Step, view: View, loaded: LoadedMissions, boot: str, at: StepMoment, origin: Mapping[str, str]
-) -> dict[str, Any]:
+) -> StepRecord:
     """Return the record of a step; `origin` is who commanded it, as far as that is known."""
-    return {
+    told: StepRecord = {
         "time": at.time,
         "stamp": at.stamp,
         "wall_ns": at.wall_ns,
         "boot": boot,
         "chart": loaded.hash,
-        **({"command": origin} if origin else {}),
         "step": step_record(step),
         "view": view_record(view, loaded.chart),
     }
+    if origin:
+        told["command"] = origin
+    return told
+
+
+class PossibleTold(TypedDict):
+    """What each request would do after a step of a start of the orchestrator."""
+
+    boot: str
+    chart: str
+    sequence: int
+    requests: list[PossibleRecord]
 
 
 class ToldPossible:
@@ -133,13 +171,13 @@ class ToldPossible:
     def __init__(self, boot: str) -> None:
         self._boot = boot
         self._foresight: tuple[Machine, Foresight] | None = None
-        self._foreseen: list[dict[str, Any]] = []
+        self._foreseen: list[PossibleRecord] = []
 
     def forget(self) -> None:
         """Tell it again in any case."""
         self._foreseen = []
 
-    def news(self, machine: Machine, chart_hash: str, now: float) -> dict[str, Any] | None:
+    def news(self, machine: Machine, chart_hash: str, now: float) -> PossibleTold | None:
         """Return what is new; where nothing can have changed it costs next to nothing, and None comes."""
         if self._foresight is None or self._foresight[0] is not machine:
             self._foresight = machine, Foresight(machine)
@@ -147,5 +185,9 @@ class ToldPossible:
         if found is None or found == self._foreseen:
             return None
         self._foreseen = found
-        about = {"boot": self._boot, "chart": chart_hash, "sequence": machine.memory.sequence}
-        return {**about, "requests": found}
+        return {
+            "boot": self._boot,
+            "chart": chart_hash,
+            "sequence": machine.memory.sequence,
+            "requests": found,
+        }

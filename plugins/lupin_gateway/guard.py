@@ -182,7 +182,7 @@ class HouseRules:
     def tell_changes(self) -> None:
         """Tell what has changed: the stop first of all."""
         now, stopped = self.clocks.steady(), self.stops.stopped
-        state = dict(self.stops.state(now))
+        state = self.stops.state(now)
         stops = [{**stop, "age": 0.0} for stop in state["stops"]]
         told = (stopped, json.dumps({**state, "stops": stops}))
         before, self._told = self._told, told
@@ -194,7 +194,7 @@ class HouseRules:
         if (kept := self.stops.kept()) != self._kept:
             self._kept = kept
             self._hands.keep(kept)
-        self.people.stops.take([stop["name"] for stop in stops], self.clocks.wall())
+        self.people.stops.take([stop["name"] for stop in state["stops"]], self.clocks.wall())
         self.people.tell_changes()
 
     def write(self, who: Mapping[str, str], what: str, name: str, sent: Any, answer: Any) -> None:

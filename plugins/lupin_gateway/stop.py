@@ -9,7 +9,7 @@ import enum
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal, TypedDict
 
 #: How often ROS hears the stop beside each change, in Hz.
 TELL_HZ = 5.0
@@ -56,6 +56,24 @@ class KeptStops:
 
     stops: tuple[tuple[str, str], ...] = ()
     operator: bool = False
+
+
+class StopRecord(TypedDict):
+    """A stop that is engaged for `age` seconds; `left`: its page is gone."""
+
+    name: str
+    left: bool
+    age: float
+
+
+class StopsRecord(TypedDict):
+    """Which stops of pages are engaged, and the link: `lost` where what to do about that was decided."""
+
+    stopped: bool
+    stops: list[StopRecord]
+    operators: int
+    link: Annotated[str, Literal["up", "lost", "none"]]
+    on_link_lost: Annotated[str, OnLinkLost]
 
 
 class StopArbiter:
@@ -164,7 +182,7 @@ class StopArbiter:
 
     # -- what is shown and kept -------------------------------------------------------------------------
 
-    def state(self, now: float) -> Mapping[str, Any]:
+    def state(self, now: float) -> StopsRecord:
         """Return what pages can show: which stops are engaged, for how many seconds, and the link."""
         pages = [(p.name, p.stopped_at, False) for p in self._pages.values() if p.stopped_at is not None]
         left = [(one.name, one.since, True) for one in self._left.values()]

@@ -4,33 +4,9 @@ import { link } from "../wire/link";
 import { alike, recordTopic } from "./topics";
 import { person } from "./mission/mission";
 import { route } from "./page";
+import type { NotificationsRecord, PeopleRecord } from "../records";
 
 const HMI = "/lupin/hmi";
-
-export interface Person {
-  readonly page: string;
-  readonly name: string;
-  readonly role: string;
-  /** Seconds since 1970. */
-  readonly since: number;
-  /** The view that is open; empty: it is no console. */
-  readonly view: string;
-}
-
-/** Something that people are to know of; times are seconds since 1970. */
-export interface Notification {
-  readonly id: number;
-  readonly kind: string;
-  readonly about: string;
-  readonly severity: number;
-  readonly text: string;
-  readonly first: number;
-  readonly last: number;
-  readonly times: number;
-  readonly over: number | null;
-  readonly by: string;
-  readonly acknowledged: number | null;
-}
 
 /** A line of the gateway's audit log. */
 export interface Pressed {
@@ -45,13 +21,13 @@ export interface Pressed {
   readonly answer?: string;
 }
 
-export const people = recordTopic<{ people: readonly Person[]; commands: number }>(`${HMI}/people`, {
+export const people = recordTopic<PeopleRecord>(`${HMI}/people`, {
   keep: 1000,
   always: true,
   same: alike,
 });
 
-const told = recordTopic<{ notifications: readonly Notification[] }>(`${HMI}/notifications`, {
+const told = recordTopic<NotificationsRecord>(`${HMI}/notifications`, {
   keep: 1,
   always: true,
 });

@@ -6,9 +6,9 @@ Pure: time is an argument, in seconds of a clock that never goes back.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Literal, TypedDict
 
 from lupin_gateway.motion.names import absolute, any_of
 
@@ -28,6 +28,18 @@ class MissionLevel:
     under_way: bool = False
     held: bool = False
     stopped: bool = False
+
+
+class BaseRecord(TypedDict):
+    """Who may move the robot: the page that has taken the base, and why no page may.
+
+    `stops` are the sources that hold it: `robot`, `pages`, `hmi`.
+    """
+
+    taken_by: str
+    hindrance: Annotated[str, Literal["", "stop", "mission", "held"]]
+    reason: str
+    stops: list[str]
 
 
 class MotionGate:
@@ -103,7 +115,7 @@ class MotionGate:
         """Whether a service is one by which the mission is commanded."""
         return bool(self._commands.fullmatch(absolute(service)))
 
-    def state(self) -> Mapping[str, Any]:
+    def state(self) -> BaseRecord:
         """Return what pages can show; `stops` are the sources that hold the robot."""
         return {
             "taken_by": self.taken_by,

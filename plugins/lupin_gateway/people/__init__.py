@@ -8,10 +8,10 @@ from __future__ import annotations
 import json
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Annotated, Any, TypedDict
 
-from lupin_gateway.people.notifications import Notifications
-from lupin_gateway.people.presence import Presence
+from lupin_gateway.people.notifications import Notification, Notifications
+from lupin_gateway.people.presence import PersonRecord, Presence
 from lupin_gateway.people.sources import NodeNotices, StepNotices, StopNotices
 
 #: Who is here, and notifications (JSON in a std_msgs/String, latched).
@@ -23,6 +23,19 @@ MOST_COMMANDS, LONGEST_SENT = 200, 400
 
 #: Tells a topic, or keeps a text for the next gateway.
 Tell = Callable[[str, str], object]
+
+
+class PeopleRecord(TypedDict):
+    """Who is connected, and how often they commanded something."""
+
+    people: list[PersonRecord]
+    commands: int
+
+
+class NotificationsRecord(TypedDict):
+    """All that people are to know of, the oldest first."""
+
+    notifications: list[Annotated[dict[str, Any], Notification]]
 
 
 def _nobody(_: str, __: str) -> None:
@@ -83,10 +96,10 @@ class People:
         here = (self.presence.changes, self._count)
         if here != self._told_here:
             self._told_here = here
-            state = {"people": self.presence.told(), "commands": self._count}
+            state: PeopleRecord = {"people": self.presence.told(), "commands": self._count}
             self._tell(PEOPLE_TOPIC, json.dumps(state, ensure_ascii=False))
         if self.notifications.changes != self._told_changes:
             self._told_changes = self.notifications.changes
-            told = {"notifications": self.notifications.told()}
+            told: NotificationsRecord = {"notifications": self.notifications.told()}
             self._tell(NOTIFICATIONS_TOPIC, json.dumps(told, ensure_ascii=False))
             self._keep({**told, "seen": self.steps.seen})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypedDict
 
 #: Letters of a view's name.
 LONGEST_VIEW = 40
@@ -17,6 +17,16 @@ class _ConnectedPage:
     browser: str
     since: float
     view: str = ""
+
+
+class PersonRecord(TypedDict):
+    """Who is connected, since so many seconds since 1970; `view` is open there, '' where it is no console."""
+
+    page: str
+    name: str
+    role: str
+    since: float
+    view: str
 
 
 class Presence:
@@ -43,7 +53,7 @@ class Presence:
         self.changes += 1
         self._visits.pop(number, None)
 
-    def told(self) -> list[dict[str, Any]]:
+    def told(self) -> list[PersonRecord]:
         """Return who is there, who came first at first.
 
         The console has a second connection for its stop, which tells no view: it is not told of.

@@ -24,6 +24,8 @@ from lupin_ros.interfaces.typescript import type_names, typescript
 from lupin_ros.interfaces.used import used_interfaces
 from tests.npm import installed, run_node
 
+CONSOLE = Path(__file__).parents[3] / "console" / "src" / "ros.ts"
+_COMMENT = re.compile(r"^ */\*\*.*?\*/\n", re.DOTALL | re.MULTILINE)
 #: The last one whose compiler is a library of JavaScript.
 VERSION = "5.9.3"
 #: Also what a run has none of: bytes, arrays of fixed length and with a limit, constants of other kinds.
@@ -109,6 +111,14 @@ def test_typescript_has_what_rclpy_has(many: InterfaceSet, tmp_path: Path) -> No
     every = [full for table in tables.values() for full in table.values()]
     assert sorted(every) == sorted({*many.interfaces, *(name for name in many.messages if "/msg/" in name)})
     assert tables["SRV_TYPES"]["StartMission"] == "lupin_msgs/srv/StartMission"
+
+
+def test_the_types_of_the_console_are_those_of_a_run() -> None:
+    """Their comments aside, which are the interface files' own, and may differ between releases of ROS 2."""
+    command = "bin/lupin types ts --output console/src/ros.ts"
+    told, made = CONSOLE.read_text(encoding="utf-8"), typescript(read_interfaces(used_interfaces()))
+    if _COMMENT.sub("", told) != _COMMENT.sub("", made):
+        pytest.fail(f"out of date; write it anew: .venv/{command}", pytrace=False)
 
 
 def test_json_schema_has_what_rclpy_has(many: InterfaceSet) -> None:

@@ -2,10 +2,11 @@
 import { computed } from "@preact/signals";
 import { link } from "../../wire/link";
 import { lostSince, shownNow } from "../time/clock";
-import { asking, state } from "./mission";
+import { asking, missions, state } from "./mission";
 import { gateway, mode, texts } from "../page";
 import { moment } from "../time/past";
 import { isStale } from "../topics";
+import type { PossibleRecord } from "../../records";
 
 /** The state comes five times a second; after so many seconds without it nobody is there to be commanded. */
 const SILENT_S = 3;
@@ -41,6 +42,31 @@ export const commandHindrance = computed(() => {
   if (silent.value) return t.hindrances.silent;
   return asking.value && t.hindrances.asking(verbText(asking.value));
 });
+
+/** Why it cannot be asked for now: the page's reason, else the engine's sentence. */
+export function reasonOf(possible: PossibleRecord | undefined): string {
+  if (commandHindrance.value) return commandHindrance.value;
+  if (!possible) return texts.value.control.hindrances.untold;
+  return possible.possible || possible.fields ? "" : possible.reason;
+}
+
+/** What is said beside it: why not, and of a moment that is over, what the engine said of it then. */
+export function toldOf(possible: PossibleRecord | undefined, reason: string): string {
+  const t = texts.value.control;
+  if (!reason) return effectOf(possible);
+  const isOver = mode.value === "recording" || moment.value !== null;
+  if (!isOver || !possible) return reason;
+  return `${reason} ${possible.possible || possible.fields ? t.wasPossible : t.was(possible.reason)}`;
+}
+
+/** What it would do to the holds, in the words of their codes. */
+function effectOf(possible: PossibleRecord | undefined): string {
+  const t = texts.value.control;
+  const offer = missions.shown.value?.value;
+  const named = (holds: readonly string[]): string => holds.map((name) => offer?.codes[offer.holds[name] ?? ""]?.label ?? name).join(", ");
+  const { engages = [], releases = [] } = possible ?? {};
+  return [engages.length && t.engages(named(engages)), releases.length && t.releases(named(releases))].filter(Boolean).join("; ");
+}
 
 /** What a verb is called on its button; one that this page does not know by its own name. */
 export function verbText(verb: string): string {

@@ -1,8 +1,8 @@
 // What is filled in to start a mission: texts by mission and field, and what they mean by the field's declaration.
 import { effect, signal } from "@preact/signals";
 import type { Texts } from "../../texts/en";
-import type { OfferedMission, RequestField } from "./mission";
 import { picked, picking } from "./picking";
+import type { FieldRecord, OfferedMission } from "../../records";
 
 type Draft = Readonly<Record<string, string>>;
 
@@ -27,7 +27,7 @@ effect(() => {
   if (elements(before).join() !== found.join()) fill(at.mission, at.field, found.join(", "));
 });
 
-export const isList = (field: RequestField): boolean => / of /.test(field.type);
+export const isList = (field: FieldRecord): boolean => / of /.test(field.type);
 
 /** The elements of a list, as they are written between commas. */
 export function elements(text: string): readonly string[] {
@@ -38,7 +38,7 @@ export function elements(text: string): readonly string[] {
 export type Meaning = { readonly value: unknown } | { readonly problem: string };
 
 /** Return what a field's text means; `undefined` for a text that leaves it to the mission. */
-export function meaningOf(field: RequestField, text: string, wrong: Texts["control"]["wrong"]): Meaning | undefined {
+export function meaningOf(field: FieldRecord, text: string, wrong: Texts["control"]["wrong"]): Meaning | undefined {
   const written = text.trim();
   if (!written) return field.required ? { problem: wrong.missing } : undefined;
   if (!isList(field)) return oneOf(field, written, wrong);
@@ -51,7 +51,7 @@ export function meaningOf(field: RequestField, text: string, wrong: Texts["contr
   return problem ?? { value: meanings.map((each) => "value" in each && each.value) };
 }
 
-function oneOf(field: RequestField, text: string, wrong: Texts["control"]["wrong"]): Meaning {
+function oneOf(field: FieldRecord, text: string, wrong: Texts["control"]["wrong"]): Meaning {
   if (field.allowed && !field.allowed.includes(text)) return { problem: wrong.allowed(field.allowed.join(", ")) };
   if (field.kind === "bool") return { value: text === "true" };
   if (field.kind === "integer" || field.kind === "number") return numberOf(field, text, wrong);
@@ -61,7 +61,7 @@ function oneOf(field: RequestField, text: string, wrong: Texts["control"]["wrong
 }
 
 /** A number in the base unit; one with a unit of its own, such as `90 s`, is read by the engine. */
-function numberOf(field: RequestField, text: string, wrong: Texts["control"]["wrong"]): Meaning {
+function numberOf(field: FieldRecord, text: string, wrong: Texts["control"]["wrong"]): Meaning {
   if (field.kind === "number" && /^[+-]?[\d.,]+\s*[A-Za-z°%]/.test(text)) return { value: text.replace(",", ".") };
   const value = Number(text.replace(",", "."));
   if (!Number.isFinite(value)) return { problem: field.kind === "integer" ? wrong.integer : wrong.number };

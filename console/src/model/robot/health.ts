@@ -1,17 +1,7 @@
 // How nodes and machines are, as every node tells it of itself on /diagnostics, and the battery.
-import { MSG_TYPES, type BatteryState } from "../../ros";
+import { MSG_TYPES, type BatteryState, type DiagnosticArray } from "../../ros";
 import { link } from "../../wire/link";
 import { topic } from "../topics";
-
-interface DiagnosticArray {
-  readonly status: readonly {
-    readonly level: number;
-    readonly name: string;
-    readonly message: string;
-    readonly hardware_id: string;
-    readonly values: readonly { readonly key: string; readonly value: string }[];
-  }[];
-}
 
 export interface NodeHealth {
   readonly name: string;
@@ -62,7 +52,7 @@ function take({ status }: DiagnosticArray, at: number): Nodes | undefined {
 }
 
 /** All nodes at a moment of the past. */
-export const diagnostics = topic<DiagnosticArray, Nodes>("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", {
+export const diagnostics = topic<DiagnosticArray, Nodes>("/diagnostics", MSG_TYPES.DiagnosticArray, {
   keep: 360,
   always: true,
   read: take,

@@ -9,30 +9,17 @@ import { mode, texts } from "../page";
 import { Past, type Known } from "../time/past";
 import { StepStory, type Entry, type Span, type Words } from "./story";
 import { alike, recordTopic } from "../topics";
-
-interface Stops {
-  readonly stopped: boolean;
-  readonly stops: readonly { readonly name: string }[];
-}
+import type { BaseRecord, StopsRecord } from "../../records";
 
 /** Which software stops are engaged; the page's own button for it stands outside of the console. */
-export const stops = recordTopic<Stops>("/lupin/hmi/stops", {
+export const stops = recordTopic<StopsRecord>("/lupin/hmi/stops", {
   keep: 1000,
   always: true,
   same: (one, other) => one.stopped === other.stopped && one.stops.map(({ name }) => name).join() === other.stops.map(({ name }) => name).join(),
 });
 
-interface Base {
-  /** Which sources hold the robot: `robot`, `pages`, `hmi`. */
-  readonly stops: readonly string[];
-  /** Why no page may move it: `stop`, `mission`, `held` (a mission that is held, from which a page may take it). */
-  readonly hindrance?: string;
-  /** The page that has taken it. */
-  readonly taken_by?: string;
-}
-
 /** Who may move the robot, as the gateway has it. */
-export const base = recordTopic<Base>("/lupin/hmi/base", {
+export const base = recordTopic<BaseRecord>("/lupin/hmi/base", {
   keep: 1000,
   always: true,
   read: (record) => (Array.isArray(record.stops) ? record : undefined),
@@ -114,7 +101,7 @@ class ObservationStory implements Reader<Observation> {
   }
 }
 
-class StopStory implements Reader<Stops> {
+class StopStory implements Reader<StopsRecord> {
   readonly entries: Entry[] = [];
   readonly spans: Span[] = [];
 
@@ -124,7 +111,7 @@ class StopStory implements Reader<Stops> {
 
   constructor(private readonly words: Words) {}
 
-  read({ at, value }: Known<Stops>): void {
+  read({ at, value }: Known<StopsRecord>): void {
     const names = value.stops.map(({ name }) => name).join(", ");
     const last = this.spans.at(-1);
     const isOpen = last !== undefined && last.to === undefined;

@@ -1,9 +1,10 @@
 // What happened in a span of time, counted from the past that this page has.
 import { MissionState, Observation } from "../../ros";
 import { stops } from "./log";
-import { observations, state, steps, type StepRecord } from "../mission/mission";
-import { notifications, pressed, type Notification, type Pressed } from "../people";
+import { observations, state, steps } from "../mission/mission";
+import { notifications, pressed, type Pressed } from "../people";
 import type { Known } from "../time/past";
+import type { Notification, StepRecord } from "../../records";
 
 export interface MissionRun {
   readonly id: string;

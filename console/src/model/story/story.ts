@@ -1,7 +1,7 @@
 // What happened, told from the steps: lines of the log, and spans of the timeline.
 import type { Texts } from "../../texts/en";
-import type { StepRecord, Told, View } from "../mission/mission";
 import type { Known } from "../time/past";
+import type { CodeEvent, Step, StepRecord, View } from "../../records";
 
 export const KINDS = ["command", "state", "operation", "target", "hold", "question", "code", "stop", "connection", "other"] as const;
 export type Kind = (typeof KINDS)[number];
@@ -61,27 +61,30 @@ export function short(value: unknown): string {
   return text.length <= LONGEST ? text : `${text.slice(0, LONGEST - 1)}…`;
 }
 
-type CommandRecord = Readonly<Record<string, unknown>>;
+type Command = NonNullable<Step["commands"]>[number];
 
-function commandText(command: CommandRecord, words: Words): string {
-  const given = Object.entries((command["arguments"] ?? {}) as object).map(([name, value]) => `${name}: ${short(value)}`);
-  const filled = given.length ? `(${given.join(", ")})` : "";
-  switch (command["command"]) {
+function commandText(command: Command, words: Words): string {
+  switch (command.command) {
     case "start":
-      return words.start(`${String(command["operation"])}${filled}`);
+      return words.start(command.operation + filled(command.arguments));
     case "cancel":
-      return words.cancel(String(command["operation"]));
+      return words.cancel(command.operation);
     case "act":
-      return `${String(command["action"])}${filled}`;
+      return command.action + filled(command.arguments);
     case "publish": {
-      const why = command["detail"] || command["code"];
-      return `${String(command["target"])} ${String(command["status"])}${why ? ` (${String(why)})` : ""}`;
+      const why = command.detail || command.code;
+      return `${command.target} ${command.status}${why ? ` (${why})` : ""}`;
     }
     case "report":
-      return words.report((command["visits"] as unknown[] | undefined)?.length ?? 0);
+      return words.report(command.visits?.length ?? 0);
     default:
-      return String(command["command"]);
+      return String((command satisfies never as Command).command);
   }
+}
+
+function filled(given: Readonly<Record<string, unknown>> = {}): string {
+  const parts = Object.entries(given).map(([name, value]) => `${name}: ${short(value)}`);
+  return parts.length ? `(${parts.join(", ")})` : "";
 }
 
 /** An attempt of an operation that is under way. */
@@ -179,19 +182,19 @@ export class StepStory {
     for (const code of codes) this.entries.push(this.codeEntry(at, code, step.sequence));
   }
 
-  private codeEntry(at: number, code: Told, sequence: number): Entry {
+  private codeEntry(at: number, code: CodeEvent, sequence: number): Entry {
     const severity = Math.min(2, Math.max(0, code.severity)) as Severity;
     const text = [code.label || code.code, code.detail].filter(Boolean).join(": ");
     return { at, kind: "code", severity, text, target: code.target, notes: [code.code], sequence };
   }
 
-  private kindOf({ event, accepted }: StepRecord["step"], moved: boolean): Kind {
+  private kindOf({ event, accepted }: Step, moved: boolean): Kind {
     if (accepted !== undefined) return "command";
     if (moved) return "state";
     return event.startsWith("attempt.") ? "operation" : "other";
   }
 
-  private eventText(step: StepRecord["step"], by: string | undefined): string {
+  private eventText(step: Step, by: string | undefined): string {
     const { words } = this;
     const { event, data = {} } = step;
     if (step.accepted !== undefined) {
@@ -267,14 +270,13 @@ export class StepStory {
     const ended = String(step.data?.["attempt"] ?? "");
     if (["attempt.done", "attempt.failed", "attempt.cancelled"].includes(step.event)) this.end(ended, at, step.event === "attempt.failed" ? 2 : 0);
     for (const command of step.commands ?? [])
-      if (command["command"] === "start") {
-        const operation = String(command["operation"]);
-        const state = String(command["state"]);
-        const given = Object.values((command["arguments"] ?? {}) as object).filter((value) => typeof value !== "object");
+      if (command.command === "start") {
+        const { operation, state } = command;
+        const given = Object.values(command.arguments ?? {}).filter((value) => typeof value !== "object");
         for (const [name, run] of this.running) if (run.operation === operation && run.state === state) this.end(name, at, 1);
         const text = [operation, ...given.map(short)].join(" ");
         const span = this.open(OPERATION + operation, { from: at, to: undefined, text, severity: 0, state });
-        this.running.set(String(command["attempt"]), { operation, state, span });
+        this.running.set(command.attempt, { operation, state, span });
       }
     for (const [name, { operation, state }] of this.running)
       if (!view.attempts.some((each) => each.operation === operation && each.state === state) && !view.cancelling.includes(operation))

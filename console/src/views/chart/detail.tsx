@@ -1,7 +1,7 @@
 // What is known of a state or an arrow: its lines, what can happen and why not, how often it was met.
 import { useEffect, useState } from "preact/hooks";
 import { shownNow } from "../../model/time/clock";
-import { steps, type ChartRecord, type Place, type StepRecord } from "../../model/mission/mission";
+import { steps } from "../../model/mission/mission";
 import { mode, texts } from "../../model/page";
 import { moment, type Known } from "../../model/time/past";
 import { ago, clockTime } from "../../parts/format";
@@ -9,26 +9,13 @@ import { Pill } from "../../parts/panel";
 import type { ExplainResponse } from "../../ros";
 import { link } from "../../wire/link";
 import { choose, shortName } from "./names";
+import type { ChartRecord, ExplanationRecord, RuleRecord, StateRecord, StepRecord, TransitionRecord } from "../../records";
 
 /** Milliseconds between two questions why something can happen. */
 const ASK_EVERY_MS = 400;
 /** Moments that are listed, and lines of YAML. */
 const LISTED = 6;
 const LINES = 200;
-
-interface Rule {
-  readonly id: string;
-  readonly state: string;
-  readonly event: string;
-  readonly possible: boolean;
-  readonly reason: string;
-}
-
-interface Explanation {
-  readonly element: string;
-  readonly active: boolean;
-  readonly rules: readonly Rule[];
-}
 
 export function Detail(props: { chart: ChartRecord; element: string; tools?: preact.ComponentChildren }) {
   const t = texts.value.chart;
@@ -117,7 +104,7 @@ function Why(props: { chart: ChartRecord; element: string }) {
   );
 }
 
-function Outcome(props: { chart: ChartRecord; rule: Rule; isOwn: boolean }) {
+function Outcome(props: { chart: ChartRecord; rule: RuleRecord; isOwn: boolean }) {
   const t = texts.value.chart;
   const { rule } = props;
   const known = props.chart.transitions[rule.id];
@@ -139,8 +126,8 @@ function Outcome(props: { chart: ChartRecord; rule: Rule; isOwn: boolean }) {
 }
 
 /** What the engine says of an element now, or at the moment of a recording; asked anew, but not after each of many steps. */
-function useExplanation(chart: ChartRecord, element: string): { told?: Explanation; problem?: string } {
-  const [answer, setAnswer] = useState<{ told?: Explanation; problem?: string }>({});
+function useExplanation(chart: ChartRecord, element: string): { told?: ExplanationRecord; problem?: string } {
+  const [answer, setAnswer] = useState<{ told?: ExplanationRecord; problem?: string }>({});
   useEffect(() => {
     let timer = 0;
     let ended = false;
@@ -149,11 +136,11 @@ function useExplanation(chart: ChartRecord, element: string): { told?: Explanati
     const ask = async (): Promise<void> => {
       timer = 0;
       askedFor = asksFor();
-      let found: { told?: Explanation; problem?: string };
+      let found: { told?: ExplanationRecord; problem?: string };
       try {
         const sent = { chart: chart.hash, element, ...(mode.peek() === "recording" && { moment: shownNow.peek() }) };
         const response = await link.call<ExplainResponse>("/mission_orchestrator/explain", sent);
-        found = response.success ? { told: JSON.parse(response.explanation) as Explanation } : { problem: response.message };
+        found = response.success ? { told: JSON.parse(response.explanation) as ExplanationRecord } : { problem: response.message };
       } catch (problem) {
         found = { problem: problem instanceof Error ? problem.message : String(problem) };
       }
@@ -175,7 +162,7 @@ function useExplanation(chart: ChartRecord, element: string): { told?: Explanati
 
 // -- the lines ------------------------------------------------------------------------------------------------
 
-function Lines(props: { chart: ChartRecord; place: Place }) {
+function Lines(props: { chart: ChartRecord; place: StateRecord | TransitionRecord }) {
   const t = texts.value.chart;
   const { file, line } = props.place;
   const text = props.chart.files[file];

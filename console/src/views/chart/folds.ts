@@ -1,9 +1,10 @@
 // Which states are folded, and the drawings for that: the whole one comes with the chart, others are asked for.
 import { signal } from "@preact/signals";
-import { wholePicture, type ChartRecord } from "../../model/mission/mission";
+import { wholePicture } from "../../model/mission/mission";
 import type { DrawResponse } from "../../ros";
 import { link } from "../../wire/link";
 import { around } from "./names";
+import type { ChartRecord } from "../../records";
 
 /** Boxes in a picture that one still finds one's way in: with more, a chart is opened folded. */
 const READABLE = 60;

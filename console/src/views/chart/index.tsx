@@ -1,6 +1,6 @@
 // The chart that runs, live: where it is, what was just taken, what runs down, and on request why.
 import { computed, useSignal } from "@preact/signals";
-import { chart, steps, view, type ChartRecord } from "../../model/mission/mission";
+import { chart, steps, view } from "../../model/mission/mission";
 import { route, texts } from "../../model/page";
 import { moment } from "../../model/time/past";
 import { Panel, Pill } from "../../parts/panel";
@@ -9,6 +9,7 @@ import { Detail } from "./detail";
 import { deepest, folded, foldedAt, inner, toggle, usualDepth } from "./folds";
 import { around, choose, shortName } from "./names";
 import { Stage } from "./stage";
+import type { ChartRecord } from "../../records";
 
 /** Hits of a search that are listed. */
 const MOST_HITS = 20;

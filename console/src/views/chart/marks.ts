@@ -1,9 +1,9 @@
 // What happens, drawn over the picture: states that are active, the last transition, time that runs down, retries.
-import type { StepRecord, View } from "../../model/mission/mission";
 import type { Known } from "../../model/time/past";
 import { span } from "../../parts/format";
 import { around } from "./names";
 import { make, type Picture } from "./picture";
+import type { StepRecord, View } from "../../records";
 
 /** Radius of a ring, seconds that the trace of a transition takes to fade, and how wide it is at first and at last. */
 const RADIUS = 10;

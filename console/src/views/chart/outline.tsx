@@ -1,8 +1,9 @@
 // What there is of a chart without its picture: its states as a list.
-import { view, type ChartRecord } from "../../model/mission/mission";
+import { view } from "../../model/mission/mission";
 import { texts } from "../../model/page";
 import { Pill } from "../../parts/panel";
 import { choose, shortName } from "./names";
+import type { ChartRecord } from "../../records";
 
 export function Outline(props: { chart: ChartRecord }) {
   const t = texts.value.chart;

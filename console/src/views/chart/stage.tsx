@@ -2,7 +2,7 @@
 import { computed, effect, untracked, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { robotNow, shownNow } from "../../model/time/clock";
-import { isFault, steps, view, type ChartRecord } from "../../model/mission/mission";
+import { isFault, steps, view } from "../../model/mission/mission";
 import { texts } from "../../model/page";
 import { moment } from "../../model/time/past";
 import { Camera } from "./camera";
@@ -11,6 +11,7 @@ import { Marks } from "./marks";
 import { around, choose } from "./names";
 import { Outline } from "./outline";
 import { Picture } from "./picture";
+import type { ChartRecord } from "../../records";
 
 /** Earlier steps that are looked through for how long a clock has been running. */
 const LOOK_BACK = 500;

@@ -1,10 +1,10 @@
 // A button that commands something, grey with the reason why not; what it would do and what was answered stand by it.
 import { signal } from "@preact/signals";
 import { useEffect, useId } from "preact/hooks";
-import { answered, command, missions, type Possible } from "../../model/mission/mission";
-import { mode, texts } from "../../model/page";
-import { commandHindrance } from "../../model/mission/permission";
-import { moment } from "../../model/time/past";
+import { answered, command, missions } from "../../model/mission/mission";
+import { texts } from "../../model/page";
+import { reasonOf, toldOf } from "../../model/mission/permission";
+import type { PossibleRecord } from "../../records";
 
 /** Within so many milliseconds the second press must come where two are needed. */
 const SECOND_PRESS_MS = 5000;
@@ -14,35 +14,10 @@ interface Wanted {
   readonly verb: string;
   readonly mission?: string;
   readonly request?: object;
-  readonly possible: Possible | undefined;
+  readonly possible: PossibleRecord | undefined;
   /** A press is not carried out while this says no, such as for a form with mistakes. */
   readonly check?: () => boolean;
   readonly main?: boolean;
-}
-
-/** Why it cannot be asked for now: the page's reason, else the engine's sentence. */
-function reasonOf(possible: Possible | undefined): string {
-  if (commandHindrance.value) return commandHindrance.value;
-  if (!possible) return texts.value.control.hindrances.untold;
-  return possible.possible || possible.fields ? "" : possible.reason;
-}
-
-/** What is said beside it: why not, and of a moment that is over, what the engine said of it then. */
-function toldOf(possible: Possible | undefined, reason: string): string {
-  const t = texts.value.control;
-  if (!reason) return effectOf(possible);
-  const isOver = mode.value === "recording" || moment.value !== null;
-  if (!isOver || !possible) return reason;
-  return `${reason} ${possible.possible || possible.fields ? t.wasPossible : t.was(possible.reason)}`;
-}
-
-/** What it would do to the holds, in the words of their codes. */
-function effectOf(possible: Possible | undefined): string {
-  const t = texts.value.control;
-  const offer = missions.shown.value?.value;
-  const named = (holds: readonly string[]): string => holds.map((name) => offer?.codes[offer.holds[name] ?? ""]?.label ?? name).join(", ");
-  const { engages = [], releases = [] } = possible ?? {};
-  return [engages.length && t.engages(named(engages)), releases.length && t.releases(named(releases))].filter(Boolean).join("; ");
 }
 
 export function RequestButton({ label, verb, mission = "", request = {}, possible, check, main }: Wanted) {

@@ -1,10 +1,11 @@
 // What a mission asks: its choices, and the time until the default counts.
 import { secondsLeft } from "../../model/time/countdown";
-import { possible, view, type Question } from "../../model/mission/mission";
+import { possible, view } from "../../model/mission/mission";
 import { texts } from "../../model/page";
 import { span } from "../../parts/format";
 import { Panel } from "../../parts/panel";
 import { RequestButton } from "./button";
+import type { Question } from "../../records";
 
 export function Questions() {
   const t = texts.value.control;

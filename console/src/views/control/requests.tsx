@@ -1,18 +1,19 @@
 // The requests of the operator, whatever the profile has.
-import { possible, type Possible } from "../../model/mission/mission";
+import { possible } from "../../model/mission/mission";
 import { texts } from "../../model/page";
 import { verbText } from "../../model/mission/permission";
 import { Panel } from "../../parts/panel";
 import { RequestButton } from "./button";
+import type { PossibleRecord } from "../../records";
 
 /** Verbs that are known stand in this order; others behind them. */
 const ORDER = ["pause", "resume", "skip", "skip_current", "dock", "abort", "reset"];
 
-export function inOrder(one: Possible, other: Possible): number {
+export function inOrder(one: PossibleRecord, other: PossibleRecord): number {
   return place(one) - place(other);
 }
 
-function place({ verb }: Possible): number {
+function place({ verb }: PossibleRecord): number {
   const found = ORDER.indexOf(verb);
   return found < 0 ? ORDER.length : found;
 }

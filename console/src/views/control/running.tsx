@@ -1,9 +1,10 @@
 // Running now: each operation with its target, try, deadline and what it waits for; what is being cancelled.
 import { secondsLeft } from "../../model/time/countdown";
-import { view, type Attempt } from "../../model/mission/mission";
+import { view } from "../../model/mission/mission";
 import { open, texts } from "../../model/page";
 import { span } from "../../parts/format";
 import { Panel, Pill } from "../../parts/panel";
+import type { Attempting } from "../../records";
 
 export function RunningNow() {
   const t = texts.value.control;
@@ -28,7 +29,7 @@ export function RunningNow() {
   );
 }
 
-function Operation({ attempt, target }: { attempt: Attempt; target: string }) {
+function Operation({ attempt, target }: { attempt: Attempting; target: string }) {
   const t = texts.value.control;
   const where = `chart/${attempt.state}`;
   return (
@@ -46,7 +47,7 @@ function Operation({ attempt, target }: { attempt: Attempt; target: string }) {
   );
 }
 
-function Deadline({ attempt }: { attempt: Attempt }) {
+function Deadline({ attempt }: { attempt: Attempting }) {
   const t = texts.value.control;
   const left = secondsLeft(attempt);
   if (left === null) return <p class="soft">{t.noDeadline}</p>;

@@ -1,7 +1,7 @@
 // The missions that can be started, each with a form that its request's declaration makes.
 import { signal } from "@preact/signals";
 import { useId } from "preact/hooks";
-import { missions, possible, type OfferedMission, type RequestField } from "../../model/mission/mission";
+import { missions, possible } from "../../model/mission/mission";
 import { open, texts } from "../../model/page";
 import { verbText } from "../../model/mission/permission";
 import { endPicking, picked, picking, startPicking, toggle } from "../../model/mission/picking";
@@ -9,6 +9,7 @@ import { draftOf, elements, fill, isList, meaningOf, requestOf, written } from "
 import { number } from "../../parts/format";
 import { Panel } from "../../parts/panel";
 import { RequestButton } from "./button";
+import type { FieldRecord, OfferedMission } from "../../records";
 
 /** So many elements of a default are shown. */
 const SHOWN_ELEMENTS = 6;
@@ -80,7 +81,7 @@ function Start({ mission }: { mission: OfferedMission }) {
   );
 }
 
-function Field({ id, mission, field }: { id: string; mission: string; field: RequestField }) {
+function Field({ id, mission, field }: { id: string; mission: string; field: FieldRecord }) {
   const t = texts.value.control;
   const text = draftOf(mission)[field.name] ?? "";
   const meaning = text || tried.value.has(mission) ? meaningOf(field, text, t.wrong) : undefined;
@@ -112,7 +113,7 @@ function Field({ id, mission, field }: { id: string; mission: string; field: Req
   );
 }
 
-function Input({ props, field, set }: { props: { id: string; value: string }; field: RequestField; set: (to: string) => void }) {
+function Input({ props, field, set }: { props: { id: string; value: string }; field: FieldRecord; set: (to: string) => void }) {
   const t = texts.value.control;
   const choices = field.allowed ?? (field.kind === "bool" ? ["true", "false"] : undefined);
   if (!choices || isList(field))
@@ -139,7 +140,7 @@ function Input({ props, field, set }: { props: { id: string; value: string }; fi
 }
 
 /** Things that have a name, such as tags, can be picked where they are shown. */
-function Picker({ mission, field, text }: { mission: string; field: RequestField; text: string }) {
+function Picker({ mission, field, text }: { mission: string; field: FieldRecord; text: string }) {
   const t = texts.value.control;
   if (field.kind !== "name") return null;
   const picks = picking.value?.mission === mission && picking.value.field === field.name;
@@ -162,7 +163,7 @@ function Picker({ mission, field, text }: { mission: string; field: RequestField
 }
 
 /** While something is picked: the names that the mission would take by itself, in or out by a press. */
-function Names({ mission, field }: { mission: string; field: RequestField }) {
+function Names({ mission, field }: { mission: string; field: FieldRecord }) {
   const at = picking.value;
   if (at?.mission !== mission || at.field !== field.name || !Array.isArray(field.default)) return null;
   return (
@@ -177,7 +178,7 @@ function Names({ mission, field }: { mission: string; field: RequestField }) {
 }
 
 /** What can be said of a field before anything is filled in. */
-function about(field: RequestField): string {
+function about(field: FieldRecord): string {
   const t = texts.value.control;
   const { minimum: low, maximum: high } = field;
   const range =
@@ -193,7 +194,7 @@ function about(field: RequestField): string {
   return [field.summary, field.type, range, list, field.example, standard].filter(Boolean).join(" · ");
 }
 
-function defaultText(field: RequestField): string {
+function defaultText(field: FieldRecord): string {
   const t = texts.value.control;
   if (field.default === undefined || field.default === null) return t.defaultNow;
   if (!Array.isArray(field.default)) return written(field.default);

@@ -1,6 +1,6 @@
 // Where the mission stands: state, progress, holds, battery, e-stop, and what to do next.
 import { loopNow } from "../../model/time/countdown";
-import { isFault, missions, possible, state, steps, view, type Offer, type Outcome, type Possible, type StepRecord, type View } from "../../model/mission/mission";
+import { isFault, missions, possible, state, steps, view } from "../../model/mission/mission";
 import { stoppers } from "../../model/alerts";
 import { moment } from "../../model/time/past";
 import { lostSince } from "../../model/time/clock";
@@ -9,6 +9,7 @@ import { commandHindrance, missionNow, missionSince, verbText } from "../../mode
 import { clockTime, number, span } from "../../parts/format";
 import { Panel, Pill, type Tone } from "../../parts/panel";
 import { inOrder } from "./requests";
+import type { MissionsRecord, OutcomeRecord, PossibleRecord, StepRecord, View } from "../../records";
 
 export function Where() {
   const t = texts.value.control;
@@ -62,7 +63,7 @@ function isIdle(now: View): boolean {
   return [...stages.starting, ...stages.ready, ...stages.ended, ...stages.faulted].includes(now.lifecycle);
 }
 
-const TONES: Record<Outcome["rating"], Tone> = { good: "good", bad: "bad", "left out": "plain" };
+const TONES: Record<OutcomeRecord["rating"], Tone> = { good: "good", bad: "bad", "left out": "plain" };
 
 /** How many targets ended in which way, by the words of the profile. */
 function Progress({ view: now }: { view: View }) {
@@ -132,7 +133,7 @@ function stoppersNow(): string {
 }
 
 /** The verbs of what is possible now and is like this. */
-function verbsOf(isWanted: (request: Possible) => boolean): string {
+function verbsOf(isWanted: (request: PossibleRecord) => boolean): string {
   const requests = possible.shown.value?.value.requests ?? [];
   const wanted = requests.filter((each) => each.possible && isWanted(each)).sort(inOrder);
   return [...new Set(wanted.map(({ verb }) => verbText(verb)))].join(", ");
@@ -185,7 +186,7 @@ function toldAt(code: string): string {
 }
 
 /** What the present asks of somebody: a question, what holds, what went wrong here, a start that is refused. */
-function advice(now: View, offer: Offer): readonly string[] {
+function advice(now: View, offer: MissionsRecord): readonly string[] {
   const t = texts.value.control;
   const idle = isIdle(now);
   const starts = (possible.shown.value?.value.requests ?? []).filter(({ verb }) => verb === "start");

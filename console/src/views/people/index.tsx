@@ -4,12 +4,13 @@ import { useEffect } from "preact/hooks";
 import { shownNow } from "../../model/time/clock";
 import { open, route, texts } from "../../model/page";
 import { hindrance } from "../../model/mission/permission";
-import { acknowledge, loadPressed, notifications, openNotifications, ownPage, people, pressed, type Notification, type Pressed } from "../../model/people";
+import { acknowledge, loadPressed, notifications, openNotifications, ownPage, people, pressed, type Pressed } from "../../model/people";
 import { ago, clockTime, dateTime } from "../../parts/format";
 import { Panel, Pill } from "../../parts/panel";
 import "./people.css";
 import { Report } from "./report";
 import { sound } from "./sound";
+import type { Notification } from "../../records";
 
 /** Commands that are shown. */
 const MOST_SHOWN = 100;

@@ -1,10 +1,11 @@
 // What can be done to a simulation: every failure that is declared, silence and lateness, what the robot senses, crashes.
 import { useState } from "preact/hooks";
 import { texts } from "../../model/page";
-import { said, simulate, simulated, type LiveInput, type OperationUnderWay } from "../../model/mission/simulation";
+import { said, simulate, simulated } from "../../model/mission/simulation";
 import { number } from "../../parts/format";
 import { Panel, Pill } from "../../parts/panel";
 import "./simulation.css";
+import type { InputRecord, OperationRecord } from "../../records";
 
 export function SimulationView() {
   const t = texts.value.simulation;
@@ -66,7 +67,7 @@ export function SimulationView() {
   );
 }
 
-function Operation({ operation, codes, result }: OperationUnderWay) {
+function Operation({ operation, codes, result }: OperationRecord) {
   const t = texts.value.simulation;
   const [chosen, setChosen] = useState("");
   const [seconds, setSeconds] = useState("30 s");
@@ -104,7 +105,7 @@ function Operation({ operation, codes, result }: OperationUnderWay) {
   );
 }
 
-function Input({ name, type, unit, choices, now }: LiveInput) {
+function Input({ name, type, unit, choices, now }: InputRecord) {
   const t = texts.value.simulation;
   return (
     <tr>

@@ -1,0 +1,475 @@
+// Made by tools/records.py from the classes of the engine. Do not edit it: make it anew.
+//
+// Records as they are told in JSON. A field with `?` may be left out: it is empty then, or the record is of
+// an earlier version, because recordings are kept for long.
+
+/**
+ * A step, when it was taken, in which start of the orchestrator, on which chart, and what was to be seen.
+ *
+ * `time` is of the clock by which deadlines in `view` are told, `stamp` of the network's, `wall_ns` of the
+ * wall's.
+ */
+export interface StepRecord {
+  readonly time: number;
+  readonly stamp: number;
+  readonly wall_ns: number;
+  readonly boot: string;
+  readonly chart: string;
+  readonly step: Step;
+  readonly view: View;
+  readonly command?: CommandOrigin;
+}
+
+/** What each request would do after a step of a start of the orchestrator. */
+export interface PossibleTold {
+  readonly boot: string;
+  readonly chart: string;
+  readonly sequence: number;
+  readonly requests: readonly PossibleRecord[];
+}
+
+/**
+ * The missions with all that is said of them once.
+ *
+ * `codes` are all, `holds` the code of each hold, also of the engine's own, `outcomes` how a visit can end,
+ * `stages` what published states mean, `ends` the verb that ends a mission. `problems` say what is wrong
+ * with files that were not loaded.
+ */
+export interface MissionsRecord {
+  readonly missions: readonly OfferedMission[];
+  readonly problems: readonly string[];
+  readonly codes: Readonly<Record<string, CodeRecord>>;
+  readonly holds: Readonly<Record<string, string>>;
+  readonly outcomes: readonly OutcomeRecord[];
+  readonly stages: Stages;
+  readonly ends: string;
+}
+
+/** A chart as an orchestrator tells it; `boot` names its start. */
+export interface ChartRecord {
+  readonly svg: string;
+  readonly problem?: string;
+  readonly hash: string;
+  readonly missions: readonly string[];
+  readonly states: Readonly<Record<string, StateRecord>>;
+  readonly transitions: Readonly<Record<string, TransitionRecord>>;
+  readonly files: Readonly<Record<string, string>>;
+  readonly boot: string;
+}
+
+/** What a state or transition would do now. */
+export interface ExplanationRecord {
+  readonly element: string;
+  readonly sequence: number;
+  readonly active: boolean;
+  readonly rules: readonly RuleRecord[];
+}
+
+/**
+ * How a simulation stands, and what can be done to it.
+ *
+ * `at` is in milliseconds since 1970, `time` in seconds since its beginning, `clock` what the robot's clock
+ * shows. `speed` is so many times real time, None as fast as it goes; `next` when something happens by
+ * itself.
+ */
+export interface SimulationRecord {
+  readonly boot: string;
+  readonly running: boolean;
+  readonly speed: number | null;
+  readonly until: string;
+  readonly note: string;
+  readonly next: number | null;
+  readonly operations: readonly OperationRecord[];
+  readonly silent: readonly string[];
+  readonly values: readonly InputRecord[];
+  readonly events: readonly EventRecord[];
+  readonly at: number;
+  readonly time: number;
+  readonly clock: string;
+}
+
+/** Which stops of pages are engaged, and the link: `lost` where what to do about that was decided. */
+export interface StopsRecord {
+  readonly stopped: boolean;
+  readonly stops: readonly StopRecord[];
+  readonly operators: number;
+  readonly link: "up" | "lost" | "none";
+  readonly on_link_lost: "continue" | "pause" | "stop";
+}
+
+/**
+ * Who may move the robot: the page that has taken the base, and why no page may.
+ *
+ * `stops` are the sources that hold it: `robot`, `pages`, `hmi`.
+ */
+export interface BaseRecord {
+  readonly taken_by: string;
+  readonly hindrance: "" | "stop" | "mission" | "held";
+  readonly reason: string;
+  readonly stops: readonly string[];
+}
+
+/** Who is connected, and how often they commanded something. */
+export interface PeopleRecord {
+  readonly people: readonly PersonRecord[];
+  readonly commands: number;
+}
+
+/** All that people are to know of, the oldest first. */
+export interface NotificationsRecord {
+  readonly notifications: readonly Notification[];
+}
+
+/**
+ * One macrostep, as the log stores it.
+ *
+ * `sequence` counts from 1, `time` is the caller's. `taken` are the ids of the transitions, `exited` and
+ * `entered` full names of states, all in their order; `configuration` are the active states afterwards, in
+ * document order. `accepted` is the answer to a request (None for every other event), `refusal` why it was
+ * not accepted. `notes` say what was dropped, deferred or blocked and why. `why` are the transitions that
+ * listen to the event, when none was taken. `trail` is what was to be seen after each microstep, the last
+ * one being now. `codes` are those that were reported, in their order, `broken` the invariants that broke in
+ * this step, also those that hold again after it.
+ */
+export interface Step {
+  readonly sequence: number;
+  readonly time: number;
+  readonly event: string;
+  readonly configuration: readonly string[];
+  readonly taken?: readonly string[];
+  readonly exited?: readonly string[];
+  readonly entered?: readonly string[];
+  readonly commands?: readonly (Start | Cancel | Act | Publish | Report)[];
+  readonly notes?: readonly string[];
+  readonly accepted?: boolean;
+  readonly refusal?: Refusal;
+  readonly why?: readonly string[];
+  readonly codes?: readonly CodeEvent[];
+  readonly broken?: readonly string[];
+  readonly data?: Readonly<Record<string, unknown>>;
+}
+
+/**
+ * The machine at one moment. `lifecycle` is the published top state, `phase` the innermost phase.
+ *
+ * `total` and `counts` are about all itineraries of the mission: how many targets they have, and how many
+ * visits ended in each of the profile's outcomes, over all sweeps.
+ * `cancelling` are the operations that nobody wants any more and whose end the server has not confirmed.
+ * `code` and `detail` are the newest of the worst that were reported, `codes` says how many were, ever.
+ * `paused`: held, or in a state that waits for the operator.
+ */
+export interface View {
+  readonly configuration: readonly string[];
+  readonly lifecycle: string;
+  readonly phase: string;
+  readonly mission: string;
+  readonly mission_id: string;
+  readonly started_at: number | null;
+  readonly target: string;
+  readonly total: number;
+  readonly code: string;
+  readonly detail: string;
+  readonly codes: number;
+  readonly asking: readonly Question[];
+  readonly held: readonly string[];
+  readonly paused: boolean;
+  readonly attempts: readonly Attempting[];
+  readonly cancelling: readonly string[];
+  readonly dropped: number;
+  readonly countdowns?: readonly Countdown[];
+  readonly holds: Readonly<Record<string, string>>;
+  /** How many visits ended in each outcome, under the names that the profile has. */
+  readonly [other: string]: unknown;
+}
+
+/** Who commanded a step and by which id, as far as that was told. */
+export interface CommandOrigin {
+  readonly by?: string;
+  readonly command_id?: string;
+}
+
+/**
+ * What one request would do now: the holds that it engages and releases, or why it is refused.
+ *
+ * `fields`: of a start, nothing but the defaults of its request keeps it from beginning.
+ */
+export interface PossibleRecord {
+  readonly request: string;
+  readonly verb: string;
+  readonly mission: string;
+  readonly possible: boolean;
+  readonly engages: readonly string[];
+  readonly releases: readonly string[];
+  readonly code: string;
+  readonly reason: string;
+  readonly fields?: boolean;
+}
+
+/** A mission that can be started, its file's name, and the fields of its request. */
+export interface OfferedMission {
+  readonly mission: string;
+  readonly file: string;
+  readonly summary: string;
+  readonly request: readonly FieldRecord[];
+}
+
+/** What is said of a code; severity 0 is information, 1 a warning, 2 an error. */
+export interface CodeRecord {
+  readonly label: string;
+  readonly severity: number;
+  readonly advice: string;
+}
+
+/** A way in which a visit can end; views have how many did under the name `counter`. */
+export interface OutcomeRecord {
+  readonly name: string;
+  readonly counter: string;
+  readonly word: string;
+  readonly rating: "good" | "bad" | "left out";
+}
+
+/** What published lifecycle states mean: the labels of the lifecycles of this profile. */
+export interface Stages {
+  readonly starting: readonly string[];
+  readonly ready: readonly string[];
+  readonly returning: readonly string[];
+  readonly ended: readonly string[];
+  readonly faulted: readonly string[];
+}
+
+/** A state; `id` is what the picture calls it (`data-state`). */
+export interface StateRecord {
+  readonly file: string;
+  readonly line: number;
+  readonly id: string;
+  readonly summary: string;
+}
+
+/**
+ * A transition; its id is in the picture as well (`data-transition`).
+ *
+ * One that refuses is not drawn: `refuse` is the code that it refuses a request with.
+ */
+export interface TransitionRecord {
+  readonly file: string;
+  readonly line: number;
+  readonly state: string;
+  readonly target: string;
+  readonly label: string;
+  readonly refuse: string;
+}
+
+/** A transition: it is `possible` when it would be taken if its event came now; else `reason` says why. */
+export interface RuleRecord {
+  readonly id: string;
+  readonly state: string;
+  readonly event: string;
+  readonly possible: boolean;
+  readonly reason: string;
+}
+
+/** An operation that could end now: its codes, and the types of its result. */
+export interface OperationRecord {
+  readonly operation: string;
+  readonly codes: readonly FailureRecord[];
+  readonly result: Readonly<Record<string, string>>;
+}
+
+/** A live value of the chart; `choices` where it is one of a few words. */
+export interface InputRecord {
+  readonly name: string;
+  readonly type: string;
+  readonly unit: string;
+  readonly choices: readonly string[];
+  readonly now: unknown;
+}
+
+/** An event that can be sent, and the types of its fields. */
+export interface EventRecord {
+  readonly name: string;
+  readonly fields: Readonly<Record<string, string>>;
+}
+
+/** A stop that is engaged for `age` seconds; `left`: its page is gone. */
+export interface StopRecord {
+  readonly name: string;
+  readonly left: boolean;
+  readonly age: number;
+}
+
+/** Who is connected, since so many seconds since 1970; `view` is open there, '' where it is no console. */
+export interface PersonRecord {
+  readonly page: string;
+  readonly name: string;
+  readonly role: string;
+  readonly since: number;
+  readonly view: string;
+}
+
+/**
+ * One thing: what kind of thing (`code`, `stop`, `node`, ...), what it is about, and what it says.
+ *
+ * `first` and `last` are when it was so first and last, of so many `times`; `over` is since when it is not
+ * so any more, None while it is, or where nobody can tell. `by` is who acknowledged it, `acknowledged` when.
+ */
+export interface Notification {
+  readonly id: number;
+  readonly kind: string;
+  readonly about: string;
+  readonly severity: number;
+  readonly text: string;
+  readonly first: number;
+  readonly last: number;
+  readonly times: number;
+  readonly over: number | null;
+  readonly by: string;
+  readonly acknowledged: number | null;
+}
+
+/** Begin an attempt of an operation: the `tries`th of the activation of `state` that it serves. */
+export interface Start {
+  readonly attempt: string;
+  readonly operation: string;
+  readonly arguments: Readonly<Record<string, unknown>>;
+  readonly state: string;
+  readonly tries: number;
+  readonly command: "start";
+}
+
+/** Ask that an attempt ends. */
+export interface Cancel {
+  readonly attempt: string;
+  readonly operation: string;
+  readonly command: "cancel";
+}
+
+/** Carry out a plugin's action and don't wait. */
+export interface Act {
+  readonly action: string;
+  readonly arguments: Readonly<Record<string, unknown>>;
+  readonly command: "act";
+}
+
+/** What became of a target, to be told to the world. `status` is the name of an outcome. */
+export interface Publish {
+  readonly source: string;
+  readonly mission_id: string;
+  readonly target: string;
+  readonly status: string;
+  readonly code: string;
+  readonly detail: string;
+  readonly reading: Readonly<Record<string, unknown>> | null;
+  readonly command: "publish";
+}
+
+/** The mission's last word: every visit with its outcome. */
+export interface Report {
+  readonly mission: string;
+  readonly mission_id: string;
+  readonly visits: readonly Readonly<Record<string, unknown>>[];
+  readonly command: "report";
+}
+
+/** Why a request changed nothing: a declared code and a sentence for the operator. */
+export interface Refusal {
+  readonly code: string;
+  readonly text: string;
+}
+
+/** A code that was reported, with what is declared of it; `target` is what was processed then. */
+export interface CodeEvent {
+  readonly code: string;
+  readonly label: string;
+  readonly severity: number;
+  readonly detail: string;
+  readonly target: string;
+}
+
+/**
+ * An open question: what can be answered, and what counts when nobody does before `deadline`.
+ *
+ * While a hold is engaged the clock stands still: there is no deadline, and `left` seconds remain after it.
+ */
+export interface Question {
+  readonly state: string;
+  readonly question: string;
+  readonly choices: readonly Code[];
+  readonly default: string;
+  readonly deadline: number | null;
+  readonly left: number | null;
+}
+
+/**
+ * An operation under way: which try, how far, and when it times out (None: never, or frozen).
+ *
+ * `limit` is how long it may take in all, in seconds; None: as long as it likes. While a hold stops its
+ * clock `left` seconds remain.
+ */
+export interface Attempting {
+  readonly state: string;
+  readonly operation: string;
+  readonly tries: number;
+  readonly phase: string;
+  readonly detail: string;
+  readonly deadline: number | null;
+  readonly limit: number | null;
+  readonly left: number | null;
+}
+
+/**
+ * What a state does by itself later: `event` is `after.0`, `every.0`, `at.0`, `budget`, or `retry`.
+ *
+ * While a hold stops its clock there is no deadline, and `left` seconds remain after it.
+ */
+export interface Countdown {
+  readonly state: string;
+  readonly event: string;
+  readonly deadline: number | null;
+  readonly left: number | null;
+}
+
+/**
+ * A field of a request, with a type and its base unit.
+ *
+ * `kind` and what follows from it are of the elements of a list: `name` is that of something which a plugin
+ * finds by it. A default that is computed is told as it would be now, and as it is written
+ * (`computed`). Of a list `at_most` says how many elements there may be.
+ */
+export interface FieldRecord {
+  readonly name: string;
+  readonly type: string;
+  readonly kind: "bool" | "integer" | "number" | "text" | "name" | "list" | "record" | "any";
+  readonly required: boolean;
+  readonly summary?: string;
+  readonly unit?: string;
+  readonly allowed?: readonly string[];
+  readonly pattern?: string;
+  readonly example?: string;
+  readonly default?: unknown;
+  readonly computed?: string;
+  readonly minimum?: number;
+  readonly maximum?: number;
+  readonly at_most?: number;
+  readonly distinct?: boolean;
+  readonly may_be_empty?: boolean;
+}
+
+/** A code in which an operation can end. */
+export interface FailureRecord {
+  readonly code: string;
+  readonly label: string;
+  readonly severity: number;
+}
+
+/**
+ * A reason that can reach the published state: raw name, label for people, severity.
+ *
+ * `advice` is one sentence for whoever operates the robot: what to do about it. Whoever declares the code as
+ * well need not repeat it.
+ */
+export interface Code {
+  readonly name: string;
+  readonly label: string;
+  readonly severity: number;
+  readonly advice: string;
+}
