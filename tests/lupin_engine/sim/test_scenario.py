@@ -248,6 +248,11 @@ def test_what_did_not_come_true_is_told(tmp_path: Path, expect: str, told: str) 
     assert found.startswith(told)
 
 
+def test_the_hold_after_a_restart_is_compared_although_it_is_in_no_file(tmp_path: Path) -> None:
+    (found,) = failures(tmp_path, "when: [{at: 1 s, restart: 1 s}]\nexpect: {holds: []}\n")
+    assert found.startswith("5:17: holds | expected: none | actual:   restarted")
+
+
 def test_a_later_entry_may_be_the_one_that_is_in_time(tmp_path: Path) -> None:
     """Any entries that fit will do, not only the first ones."""
     scenario = loaded(
