@@ -163,16 +163,12 @@ class Findings:
         """What makes the chart unusable, in file order."""
         return tuple(d for d in self.all if d.severity is Severity.ERROR)
 
-    def has(self, *rules: str) -> bool:
-        """Tell whether an error of one of `rules` was found: a later rule may have nothing to stand on."""
-        return any(d.rule in rules and d.severity is Severity.ERROR for d in self._found.values())
 
-
-class TooManyFindings(Exception):
+class _TooManyFindings(Exception):
     """There are more findings than anybody reads; the last of them says so."""
 
 
-class LimitedFindings(Findings):
+class _LimitedFindings(Findings):
     """Findings, until there are too many."""
 
     def add(self, place: Place, rule: str, path: str, problem: str, hint: str = "") -> None:
@@ -181,14 +177,22 @@ class LimitedFindings(Findings):
         if self.count > MAX_FINDINGS:
             problem = f"more than {MAX_FINDINGS} findings, the rest is not told"
             super().add(place, "too-large", "", problem, "mend these first")
-            raise TooManyFindings
+            raise _TooManyFindings
 
-    def whole(self, work: Callable[[], _T]) -> _T | None:
-        """Do what makes findings; None when there were too many."""
-        try:
-            return work()
-        except TooManyFindings:
-            return None
+
+def collected(
+    work: Callable[[Findings], _T | None], known: Iterable[Diagnostic] = ()
+) -> tuple[_T | None, tuple[Diagnostic, ...]]:
+    """Do what makes findings; return what it made, and all that is found then, with what was `known` before.
+
+    Nothing is made when there are too many.
+    """
+    findings = _LimitedFindings()
+    findings.extend(known)
+    try:
+        return work(findings), findings.all
+    except _TooManyFindings:
+        return None, findings.all
 
 
 #: A comment that accepts a warning: at the end of its line, or on the lines just above it.
@@ -203,15 +207,19 @@ def accepted(one: Diagnostic, lines: Sequence[str]) -> Diagnostic:
 
 
 def answered(
-    found: Iterable[Diagnostic], files: Mapping[str, Sequence[str]], shared: Container[str] = ()
+    found: Iterable[Diagnostic],
+    files: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    shared: Container[str] = (),
 ) -> tuple[Diagnostic, ...]:
-    """Return findings in file order, of which warnings that their file accepts are notes with the reason.
+    """Return findings in file order, each once; warnings that their file accepts are notes with the reason.
 
     `# accept RULE: REASON` stands on the line of a warning or just above it. One that accepts nothing is a
     warning itself, unless there are errors, after which not every rule has looked, or a proof would find it,
     or the file is `shared` by missions of which not all may be here.
     """
-    found = list(found)
+    findings = Findings()
+    findings.extend(found)
+    found = findings.all
     told = [accepted(one, files.get(one.place.file, ())) for one in found]
     broken = any(one.severity is Severity.ERROR for one in found)
     used = {(one.place.file, _answer_to(one, files.get(one.place.file, ())), one.rule) for one in found}

@@ -213,13 +213,14 @@ class _Composer:
         drafts = self._forest.drafts.values()
         if not any(map(carries_something, drafts)):
             return Carried(self._findings)
-        carried = Carried(Findings(), {}, ANY)
+        untold = Findings()
+        carried = Carried(untold, {}, ANY)
         for _ in range(MAX_LEARNED):
             files = (self._lifecycle, self._missions, self._parts)
-            _Composer(*files, self._catalog, Findings(), carried).compose()
+            _Composer(*files, self._catalog, untold, carried).compose()
             if carried.found == carried.known:
                 break
-            carried = Carried(Findings(), carried.found, ANY)
+            carried = Carried(untold, carried.found, ANY)
         return Carried(self._findings, carried.found)
 
     # -- what the whole chart knows ------------------------------------------------------------------------
