@@ -664,18 +664,28 @@ class Machine:
         memory.configuration = active.states
         if memory.budgets and plan.moves and active.label in self._without_mission:
             self._stop_budgets()
+        self._follow(plan)
+        if plan.releases:
+            self._holds.release(plan.releases, step)
+        if not active.passing:
+            self._pass_through()
+
+    def _follow(self, plan: Microstep) -> None:
+        """Put into the step what a microstep took, left and entered."""
+        step = self._step
         if step.taken or step.exited or step.entered:
             step.taken += plan.taken
             step.exited += plan.exited
             step.entered += plan.entered
         else:
             step.taken, step.exited, step.entered = plan.taken, plan.exited, plan.entered
-        if plan.releases:
-            self._holds.release(plan.releases, step)
-        if not active.passing:
-            target = memory.target if memory.itineraries else ""
-            moment = Moment(active.label, active.phase, target) if target else active.moment
-            step.trail = (*step.trail, moment) if step.trail else active.trail if not target else (moment,)
+
+    def _pass_through(self) -> None:
+        """Put into the step what can be seen of it from outside now."""
+        step, memory, active = self._step, self.memory, self._active
+        target = memory.target if memory.itineraries else ""
+        moment = Moment(active.label, active.phase, target) if target else active.moment
+        step.trail = (*step.trail, moment) if step.trail else active.trail if not target else (moment,)
 
     def _report_code(self, rule: Transition, code: str, trigger: Trigger, target: str) -> None:
         """Report the code of a transition that is taken, about the target of the states that it left."""
@@ -743,6 +753,14 @@ class Machine:
         """Say whether a state wraps a mission, which begins once however often history brings it back."""
         return state.parent is not None and self.chart.states[state.parent].slot
 
+    def _delay_of(self, timer: Timer, state: State, trigger: Trigger) -> float | None:
+        """Return how long a timer takes; None where that could not be evaluated, which the step says."""
+        try:
+            return _delay(timer, self.scope.see(state.name, self._step, trigger))
+        except Exception as problem:
+            self._step.fail(state.name, f"{timer.place}: {timer.word}: {reason(problem)}")
+            return None
+
     def _arm_timers(self, state: State, trigger: Trigger) -> None:
         step, known = self._step, self.memory.budgets
         for timer in (*state.timers, *((state.budget,) if state.budget else ())):
@@ -751,12 +769,10 @@ class Machine:
                 continue
             if timer.goes_on and self.scope.timers.left(kind, state.name, step.now) is not None:
                 continue
-            try:
-                delay = known.get(state.name) if kind == "budget" else None
-                if delay is None:
-                    delay = _delay(timer, self.scope.see(state.name, step, trigger))
-            except Exception as problem:
-                step.fail(state.name, f"{timer.place}: {timer.word}: {reason(problem)}")
+            delay = known.get(state.name) if kind == "budget" else None
+            if delay is None:
+                delay = self._delay_of(timer, state, trigger)
+            if delay is None:
                 continue
             if kind == "budget":
                 known[state.name] = delay
