@@ -8,7 +8,7 @@ mission for every one of them, and docs/rules.md shows it.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
@@ -224,18 +224,23 @@ def answered(
     broken = any(one.severity is Severity.ERROR for one in found)
     used = {(one.place.file, _answer_to(one, files.get(one.place.file, ())), one.rule) for one in found}
     for file, lines in files.items():
-        for number, line in enumerate(lines, start=1):
-            for match in _ANSWER.finditer(line):
-                place, rule = Place(file, number, match.start() + 1), match[1]
-                problem, hint = f"there is no warning {rule!r} here", "remove the comment"
-                if rule not in RULES:
-                    problem, hint = f"unknown rule {rule!r}", nearest(rule, RULES)
-                elif not match[2]:
-                    problem, hint = "this gives no reason", f"write '# accept {rule}: REASON'"
-                elif broken or file in shared or rule in SUBJECTS[_PROVEN] or (file, number, rule) in used:
-                    continue
-                told.append(warning(place, "unused-answer", "", problem, hint))
+        for place, rule, reason in _answers(file, lines):
+            problem, hint = f"there is no warning {rule!r} here", "remove the comment"
+            if rule not in RULES:
+                problem, hint = f"unknown rule {rule!r}", nearest(rule, RULES)
+            elif not reason:
+                problem, hint = "this gives no reason", f"write '# accept {rule}: REASON'"
+            elif broken or file in shared or rule in SUBJECTS[_PROVEN] or (file, place.line, rule) in used:
+                continue
+            told.append(warning(place, "unused-answer", "", problem, hint))
     return tuple(sorted(told, key=lambda d: (d.place, d.rule, d.problem)))
+
+
+def _answers(file: str, lines: Sequence[str]) -> Iterator[tuple[Place, str, str | None]]:
+    """Yield every comment that accepts a warning: where it stands, the rule and the reason."""
+    for number, line in enumerate(lines, start=1):
+        for match in _ANSWER.finditer(line):
+            yield Place(file, number, match.start() + 1), match[1], match[2]
 
 
 def _answer_to(one: Diagnostic, lines: Sequence[str]) -> int:

@@ -651,10 +651,7 @@ class Machine:
             self._exit(state, configuration, trigger, plan.exited)
         memory.configuration = plan.between
         for rule in plan.active_rules:
-            if rule.actions:
-                self._content.run(rule.actions, rule.source, trigger, step)
-            if rule.code is not None:
-                self._report_code(rule, rule.code, trigger, target)
+            self._act(rule, trigger, target)
         for state, configuration in plan.entries:
             self._enter(state, configuration, trigger, state.name in plan.back)
         active = plan.leads_to
@@ -669,6 +666,13 @@ class Machine:
             self._holds.release(plan.releases, step)
         if not active.passing:
             self._pass_through()
+
+    def _act(self, rule: Transition, trigger: Trigger, target: str) -> None:
+        """Do what a transition that is taken says: its actions, and its code."""
+        if rule.actions:
+            self._content.run(rule.actions, rule.source, trigger, self._step)
+        if rule.code is not None:
+            self._report_code(rule, rule.code, trigger, target)
 
     def _follow(self, plan: Microstep) -> None:
         """Put into the step what a microstep took, left and entered."""
@@ -753,6 +757,28 @@ class Machine:
         """Say whether a state wraps a mission, which begins once however often history brings it back."""
         return state.parent is not None and self.chart.states[state.parent].slot
 
+    def _arm_timers(self, state: State, trigger: Trigger) -> None:
+        for timer in (*state.timers, *((state.budget,) if state.budget else ())):
+            if timer.word != "at":
+                self._arm(timer, "budget" if timer is state.budget else "after", state, trigger)
+
+    def _arm(self, timer: Timer, kind: str, state: State, trigger: Trigger) -> None:
+        """Start a timer of a state, unless it goes on from an earlier visit."""
+        step = self._step
+        if timer.goes_on and self.scope.timers.left(kind, state.name, step.now) is not None:
+            return
+        known = self.memory.budgets.get(state.name) if kind == "budget" else None
+        delay = self._delay_of(timer, state, trigger) if known is None else known
+        if delay is None:
+            return
+        if kind == "budget":
+            self.memory.budgets[state.name] = delay
+        if timer.goes_on and delay <= 0.0:
+            # Used up meanwhile: nothing is begun before that is dealt with.
+            step.queue.append(InternalEvent(timer.event, state.name))
+            return
+        self.scope.timers.arm(kind, state.name, step.now, delay, timer.event)
+
     def _delay_of(self, timer: Timer, state: State, trigger: Trigger) -> float | None:
         """Return how long a timer takes; None where that could not be evaluated, which the step says."""
         try:
@@ -760,27 +786,6 @@ class Machine:
         except Exception as problem:
             self._step.fail(state.name, f"{timer.place}: {timer.word}: {reason(problem)}")
             return None
-
-    def _arm_timers(self, state: State, trigger: Trigger) -> None:
-        step, known = self._step, self.memory.budgets
-        for timer in (*state.timers, *((state.budget,) if state.budget else ())):
-            kind = "budget" if timer is state.budget else "after"
-            if timer.word == "at":
-                continue
-            if timer.goes_on and self.scope.timers.left(kind, state.name, step.now) is not None:
-                continue
-            delay = known.get(state.name) if kind == "budget" else None
-            if delay is None:
-                delay = self._delay_of(timer, state, trigger)
-            if delay is None:
-                continue
-            if kind == "budget":
-                known[state.name] = delay
-            if timer.goes_on and delay <= 0.0:
-                # Used up meanwhile: nothing is begun before that is dealt with.
-                step.queue.append(InternalEvent(timer.event, state.name))
-                continue
-            self.scope.timers.arm(kind, state.name, step.now, delay, timer.event)
 
     def _tick_again(self, state: str, event: str, due: float) -> None:
         """Set the next tick of an `every`, by when this one was due; what was missed is left out."""

@@ -379,4 +379,5 @@ def _countdowns(memory: Memory) -> Iterator[Countdown]:
                 continue
             state = _serving(memory, owner) if kind == "retry" else owner
             told = event.partition(" ")[0] or kind
-            yield Countdown(state, told, None if frozen else due, due if frozen else None)
+            at, left = (None, due) if frozen else (due, None)
+            yield Countdown(state, told, at, left)

@@ -135,19 +135,19 @@ class _Loops:
         found: dict[str, None] = {}
         for leaf in self._leaves(transition.target):
             asked: list[Transition] = []
-            for name in self._index.lineage[leaf]:
-                candidates = self._of.get(name)
-                if candidates is None:
-                    continue
-                for candidate in candidates:
-                    if candidate.event == "error" and not self._begins(candidate, transition):
-                        continue
-                    found[candidate.id] = None
-                    self._before[transition.id, candidate.id] = list(asked)
-                    asked.append(candidate)
-                if any(always_taken(t) and not t.event for t in candidates):
-                    break
+            for candidate in self._asked_after(transition, leaf):
+                found[candidate.id] = None
+                self._before[transition.id, candidate.id] = list(asked)
+                asked.append(candidate)
         return list(found)
+
+    def _asked_after(self, transition: Transition, leaf: str) -> Iterator[Transition]:
+        """Yield what is asked in an innermost state right after a transition, up to what is always taken."""
+        for name in self._index.lineage[leaf]:
+            candidates = self._of.get(name, ())
+            yield from (t for t in candidates if t.event != "error" or self._begins(t, transition))
+            if any(always_taken(t) and not t.event for t in candidates):
+                break
 
     def _begins(self, failing: Transition, entering: Transition) -> bool:
         """Tell whether a transition enters the state of an operation, and the chart rests there."""
