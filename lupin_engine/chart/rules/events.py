@@ -38,10 +38,16 @@ def event_field(index: Index) -> Iterator[Diagnostic]:
     for state in reading:
         for expression, by in _expressions(state):
             possible = causes[state.name] if by is None else _behind(index, by, causes[state.name])
-            for name in sorted(_fields_read(expression.source)):
-                lacking = next((t for t in possible.values() if _lacks(index, t, name)), None)
-                if lacking is not None and understood(expression):
-                    yield _told(expression, state, name, lacking)
+            for name, lacking in _missing(index, expression, possible):
+                yield _told(expression, state, name, lacking)
+
+
+def _missing(index: Index, expression: Expression, causes: Causes) -> Iterator[tuple[str, Transition]]:
+    """Yield the fields that are read of an event and that it may lack, with what hears it then."""
+    for name in sorted(_fields_read(expression.source)):
+        lacking = next((t for t in causes.values() if _lacks(index, t, name)), None)
+        if lacking is not None and understood(expression):
+            yield name, lacking
 
 
 def _told(expression: Expression, state: State, name: str, lacking: Transition) -> Diagnostic:
