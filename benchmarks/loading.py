@@ -171,9 +171,8 @@ class Loading:
 
     def check(self, composed: Composed) -> Composed:
         """Run the rules."""
-        findings = Findings()
-        check_composed(composed, findings)
-        assert not findings.all, findings.all[0]
+        found = list(check_composed(composed))
+        assert not found, found[0]
         return composed
 
     def structure(self, composed: Composed) -> DispatchTable:

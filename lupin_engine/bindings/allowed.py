@@ -69,10 +69,9 @@ def check_allowed(bindings: Iterable[Binding], catalog: Catalog, findings: Findi
             continue  # what is wrong with it has been told
         for key, path, endpoint in _endpoints(binding.node):
             name = _absolute(endpoint.name)
-            if not _is_offered(key, name, catalog):
-                told = _told(key, name, allowed.get(key, []), file, catalog)
-                if told:
-                    findings.add(endpoint.at("name"), "not-allowed", path, *told)
+            told = _told(key, name, allowed.get(key, []), file, catalog)
+            if told:
+                findings.add(endpoint.at("name"), "not-allowed", path, *told)
             if key == "subscribe" and (plugin := _old_owner(name, catalog)):
                 problem = f"plugin {plugin!r} declares the topic {name!r} under 'serves', among services"
                 hint = f"write publishes=({name!r},) in its catalog"
@@ -80,7 +79,9 @@ def check_allowed(bindings: Iterable[Binding], catalog: Catalog, findings: Findi
 
 
 def _told(key: str, name: str, patterns: list[str], file: Path, catalog: Catalog) -> tuple[str, str] | None:
-    """Return what is told of a name that nobody has allowed, and what to write; None where somebody has."""
+    """Return what is told of a name that no plugin offers and nobody has allowed, and what to write."""
+    if _is_offered(key, name, catalog):
+        return None
     owner = _owner(key, name, catalog)
     if any(pattern == name or (not owner and fnmatchcase(name, pattern)) for pattern in patterns):
         return None

@@ -6,9 +6,10 @@ missions, files are looked at every time and understood once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -100,9 +101,8 @@ def bound_catalog(
     for path in _paths({folder.resolve(): folder for folder in folders}.values(), texts):
         raw = texts[path] if path in texts else read_bytes(path, findings)
         files.append(_UNREAD if raw is None else _file(str(path), path.stem, raw, key))
-        findings.extend(files[-1].found)
     bound = _join(tuple(file for file in files if file.binding is not None), key)
-    findings.extend(bound.found)
+    findings.extend(chain(*(file.found for file in files), bound.found))
     return bound if len(bound.bindings) == len(files) else None
 
 
@@ -141,27 +141,30 @@ def _join(files: tuple[_BindingFile, ...], key: _Same) -> BoundCatalog:
     """Join what the bindings offer to the catalog; those that contradict it are told and left out."""
     bindings: dict[str, Binding] = {}
     sources: dict[str, bytes] = {}
-    catalog, findings = key.catalog, Findings()
+    catalog, found = key.catalog, list[Diagnostic]()
     for file in files:
         binding = file.binding
         assert binding is not None
-        if _contradicts(binding, catalog, findings):
+        contradictions = list(_contradictions(binding, catalog))
+        if contradictions:
+            found += contradictions
             continue
         try:
             catalog = catalog.with_plugin(binding.plugin)
         except PluginError as problem:
-            if any(found.severity is Severity.ERROR for found in file.found):
+            if any(each.severity is Severity.ERROR for each in file.found):
                 continue  # what is wrong with it has been told
             reason = str(problem).partition(": ")[2]
             place = binding.node.at("binding")
-            findings.add(place, "conflicting-definition", "binding", reason, "choose another name")
+            hint = "choose another name"
+            found.append(Diagnostic(place, "conflicting-definition", "binding", reason, hint))
         else:
             bindings[binding.name], sources[binding.name] = binding, file.raw
-    return BoundCatalog(catalog, bindings, sources, findings.all)
+    return BoundCatalog(catalog, bindings, sources, tuple(found))
 
 
-def _contradicts(binding: Binding, catalog: Catalog, findings: Findings) -> bool:
-    """Tell whether a code means something else in a plugin: there is one `last_error` for all."""
+def _contradictions(binding: Binding, catalog: Catalog) -> Iterator[Diagnostic]:
+    """Yield where a code means something else in a plugin: there is one `last_error` for all."""
     codes = {code.name: code for operation in binding.plugin.operations.values() for code in operation.codes}
     others = {name for name, code in codes.items() if catalog.codes.get(name, code) != code}
     for name in sorted(others):
@@ -170,5 +173,4 @@ def _contradicts(binding: Binding, catalog: Catalog, findings: Findings) -> bool
         problem = f"the code {name!r} is declared differently by a plugin: {meant}"
         place = binding.node.key_at("codes", name)
         hint = "make both the same, or rename yours"
-        findings.add(place, "conflicting-definition", f"codes.{name}", problem, hint)
-    return bool(others)
+        yield Diagnostic(place, "conflicting-definition", f"codes.{name}", problem, hint)

@@ -665,13 +665,17 @@ _N = TypeVar("_N", bound=Node)
 def written_in(node: Node, kind: type[_N]) -> Iterator[_N]:
     """Yield the nodes of a kind that a state or a file writes itself, not in the states inside it."""
     for name in _holders(type(node)):
-        value = getattr(node, name)
-        for each in value.values() if isinstance(value, dict) else (value,):
-            for found in each if isinstance(each, (list, tuple)) else (each,):
-                if isinstance(found, kind):
-                    yield found
-                if isinstance(found, Node):
-                    yield from written_in(found, kind)
+        for found in _each_in(getattr(node, name)):
+            if isinstance(found, kind):
+                yield found
+            if isinstance(found, Node):
+                yield from written_in(found, kind)
+
+
+def _each_in(value: Any) -> Iterator[Any]:
+    """Yield what a field holds: itself, or what stands in its list, its mapping or the lists in that."""
+    for each in value.values() if isinstance(value, dict) else (value,):
+        yield from each if isinstance(each, (list, tuple)) else (each,)
 
 
 @cache

@@ -8,7 +8,7 @@ mission for every one of them, and docs/rules.md shows it.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
@@ -163,16 +163,12 @@ class Findings:
         """What makes the chart unusable, in file order."""
         return tuple(d for d in self.all if d.severity is Severity.ERROR)
 
-    def has(self, *rules: str) -> bool:
-        """Tell whether an error of one of `rules` was found: a later rule may have nothing to stand on."""
-        return any(d.rule in rules and d.severity is Severity.ERROR for d in self._found.values())
 
-
-class TooManyFindings(Exception):
+class _TooManyFindings(Exception):
     """There are more findings than anybody reads; the last of them says so."""
 
 
-class LimitedFindings(Findings):
+class _LimitedFindings(Findings):
     """Findings, until there are too many."""
 
     def add(self, place: Place, rule: str, path: str, problem: str, hint: str = "") -> None:
@@ -181,14 +177,22 @@ class LimitedFindings(Findings):
         if self.count > MAX_FINDINGS:
             problem = f"more than {MAX_FINDINGS} findings, the rest is not told"
             super().add(place, "too-large", "", problem, "mend these first")
-            raise TooManyFindings
+            raise _TooManyFindings
 
-    def whole(self, work: Callable[[], _T]) -> _T | None:
-        """Do what makes findings; None when there were too many."""
-        try:
-            return work()
-        except TooManyFindings:
-            return None
+
+def collected(
+    work: Callable[[Findings], _T | None], known: Iterable[Diagnostic] = ()
+) -> tuple[_T | None, tuple[Diagnostic, ...]]:
+    """Do what makes findings; return what it made, and all that is found then, with what was `known` before.
+
+    Nothing is made when there are too many.
+    """
+    findings = _LimitedFindings()
+    findings.extend(known)
+    try:
+        return work(findings), findings.all
+    except _TooManyFindings:
+        return None, findings.all
 
 
 #: A comment that accepts a warning: at the end of its line, or on the lines just above it.
@@ -203,31 +207,40 @@ def accepted(one: Diagnostic, lines: Sequence[str]) -> Diagnostic:
 
 
 def answered(
-    found: Iterable[Diagnostic], files: Mapping[str, Sequence[str]], shared: Container[str] = ()
+    found: Iterable[Diagnostic],
+    files: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    shared: Container[str] = (),
 ) -> tuple[Diagnostic, ...]:
-    """Return findings in file order, of which warnings that their file accepts are notes with the reason.
+    """Return findings in file order, each once; warnings that their file accepts are notes with the reason.
 
     `# accept RULE: REASON` stands on the line of a warning or just above it. One that accepts nothing is a
     warning itself, unless there are errors, after which not every rule has looked, or a proof would find it,
     or the file is `shared` by missions of which not all may be here.
     """
-    found = list(found)
+    findings = Findings()
+    findings.extend(found)
+    found = findings.all
     told = [accepted(one, files.get(one.place.file, ())) for one in found]
     broken = any(one.severity is Severity.ERROR for one in found)
     used = {(one.place.file, _answer_to(one, files.get(one.place.file, ())), one.rule) for one in found}
     for file, lines in files.items():
-        for number, line in enumerate(lines, start=1):
-            for match in _ANSWER.finditer(line):
-                place, rule = Place(file, number, match.start() + 1), match[1]
-                problem, hint = f"there is no warning {rule!r} here", "remove the comment"
-                if rule not in RULES:
-                    problem, hint = f"unknown rule {rule!r}", nearest(rule, RULES)
-                elif not match[2]:
-                    problem, hint = "this gives no reason", f"write '# accept {rule}: REASON'"
-                elif broken or file in shared or rule in SUBJECTS[_PROVEN] or (file, number, rule) in used:
-                    continue
-                told.append(warning(place, "unused-answer", "", problem, hint))
+        for place, rule, reason in _answers(file, lines):
+            problem, hint = f"there is no warning {rule!r} here", "remove the comment"
+            if rule not in RULES:
+                problem, hint = f"unknown rule {rule!r}", nearest(rule, RULES)
+            elif not reason:
+                problem, hint = "this gives no reason", f"write '# accept {rule}: REASON'"
+            elif broken or file in shared or rule in SUBJECTS[_PROVEN] or (file, place.line, rule) in used:
+                continue
+            told.append(warning(place, "unused-answer", "", problem, hint))
     return tuple(sorted(told, key=lambda d: (d.place, d.rule, d.problem)))
+
+
+def _answers(file: str, lines: Sequence[str]) -> Iterator[tuple[Place, str, str | None]]:
+    """Yield every comment that accepts a warning: where it stands, the rule and the reason."""
+    for number, line in enumerate(lines, start=1):
+        for match in _ANSWER.finditer(line):
+            yield Place(file, number, match.start() + 1), match[1], match[2]
 
 
 def _answer_to(one: Diagnostic, lines: Sequence[str]) -> int:

@@ -96,11 +96,10 @@ def walk(thing: Any, roles: frozenset[Role], words: tuple[str, ...] = ()) -> Ite
         if not value:
             continue
         inner = (*words, word) if word else words
-        if role in roles:
-            if role is Role.VALUE and isinstance(value, Mapping):
-                yield from (Walked((*inner, name), role, each) for name, each in value.items())
-            else:
-                yield Walked(inner, role, value)
+        if role in roles and role is Role.VALUE and isinstance(value, Mapping):
+            yield from (Walked((*inner, name), role, each) for name, each in value.items())
+        elif role in roles:
+            yield Walked(inner, role, value)
         if role in _NESTED:
             for each, path in _inside(value, inner):
                 yield from walk(each, roles, path)

@@ -276,10 +276,7 @@ class _SvgDrawing:
         if not region:
             fill = "#ffffff" if not box.children else ("#f8fafc", "#ffffff")[level % 2]
             yield _rounded(rect, fill, border)
-            if texts or box.children:
-                yield _bar(rect, bar)
-            else:
-                yield _rounded(rect, bar, border)
+            yield _bar(rect, bar) if texts or box.children else _rounded(rect, bar, border)
             yield _rounded(rect, "none", border)
         middle = rect.height if not (texts or box.children) and not region else _BAR_HEIGHT
         if box.kind is Kind.FINAL:

@@ -107,16 +107,23 @@ def flaw(event: Event) -> str:
     data = event.data
     if type(data) is not dict and not isinstance(data, Mapping):
         return f"{event.name} has no fields"
-    for name, kind in (fields or {}).items():
-        if name not in data:
-            return f"{event.name} has no {name}"
-        if not isinstance(data[name], kind):
-            return f"{event.name} has a wrong {name}: {reprlib.repr(data[name])}"
+    wrong = _wrong_field(event.name, fields or {}, data)
+    if wrong:
+        return wrong
     time = _TIMES.get(event.name)
     if time is not None and (isinstance(data[time], bool) or not abs(data[time]) <= _END_OF_TIME):
         return f"{event.name} has a wrong {time}: {reprlib.repr(data[time])}"
     if event.name == START and not isinstance(data.get("mission_type", ""), str):
         return f"mission.start has a wrong mission_type: {reprlib.repr(data['mission_type'])}"
+    return ""
+
+
+def _wrong_field(event: str, fields: Mapping[str, Any], data: Mapping[str, Any]) -> str:
+    for name, kind in fields.items():
+        if name not in data:
+            return f"{event} has no {name}"
+        if not isinstance(data[name], kind):
+            return f"{event} has a wrong {name}: {reprlib.repr(data[name])}"
     return ""
 
 

@@ -311,11 +311,16 @@ def _flaw(spec: Input, value: Any) -> str:
     if kind in ("list", "record"):
         inside = problems(value, spec.type, Notation.DATA)
         return f"no {spec.type} ({inside[0].at()})" if inside else ""
+    return "out of range" if _is_outside(spec, value) else ""
+
+
+def _is_outside(spec: Input, value: Any) -> bool:
+    """Tell whether a report lies outside of what is believed, or of what can be reckoned with."""
     if spec.minimum is not None and value < spec.minimum:
-        return "out of range"
+        return True
     if spec.type.kind in ("integer", "number") and beyond(value, spec.type):
-        return "out of range"
-    return "out of range" if spec.maximum is not None and value > spec.maximum else ""
+        return True
+    return spec.maximum is not None and value > spec.maximum
 
 
 @lru_cache(maxsize=32)

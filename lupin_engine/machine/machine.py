@@ -651,10 +651,7 @@ class Machine:
             self._exit(state, configuration, trigger, plan.exited)
         memory.configuration = plan.between
         for rule in plan.active_rules:
-            if rule.actions:
-                self._content.run(rule.actions, rule.source, trigger, step)
-            if rule.code is not None:
-                self._report_code(rule, rule.code, trigger, target)
+            self._act(rule, trigger, target)
         for state, configuration in plan.entries:
             self._enter(state, configuration, trigger, state.name in plan.back)
         active = plan.leads_to
@@ -664,18 +661,35 @@ class Machine:
         memory.configuration = active.states
         if memory.budgets and plan.moves and active.label in self._without_mission:
             self._stop_budgets()
+        self._follow(plan)
+        if plan.releases:
+            self._holds.release(plan.releases, step)
+        if not active.passing:
+            self._pass_through()
+
+    def _act(self, rule: Transition, trigger: Trigger, target: str) -> None:
+        """Do what a transition that is taken says: its actions, and its code."""
+        if rule.actions:
+            self._content.run(rule.actions, rule.source, trigger, self._step)
+        if rule.code is not None:
+            self._report_code(rule, rule.code, trigger, target)
+
+    def _follow(self, plan: Microstep) -> None:
+        """Put into the step what a microstep took, left and entered."""
+        step = self._step
         if step.taken or step.exited or step.entered:
             step.taken += plan.taken
             step.exited += plan.exited
             step.entered += plan.entered
         else:
             step.taken, step.exited, step.entered = plan.taken, plan.exited, plan.entered
-        if plan.releases:
-            self._holds.release(plan.releases, step)
-        if not active.passing:
-            target = memory.target if memory.itineraries else ""
-            moment = Moment(active.label, active.phase, target) if target else active.moment
-            step.trail = (*step.trail, moment) if step.trail else active.trail if not target else (moment,)
+
+    def _pass_through(self) -> None:
+        """Put into the step what can be seen of it from outside now."""
+        step, memory, active = self._step, self.memory, self._active
+        target = memory.target if memory.itineraries else ""
+        moment = Moment(active.label, active.phase, target) if target else active.moment
+        step.trail = (*step.trail, moment) if step.trail else active.trail if not target else (moment,)
 
     def _report_code(self, rule: Transition, code: str, trigger: Trigger, target: str) -> None:
         """Report the code of a transition that is taken, about the target of the states that it left."""
@@ -744,27 +758,34 @@ class Machine:
         return state.parent is not None and self.chart.states[state.parent].slot
 
     def _arm_timers(self, state: State, trigger: Trigger) -> None:
-        step, known = self._step, self.memory.budgets
         for timer in (*state.timers, *((state.budget,) if state.budget else ())):
-            kind = "budget" if timer is state.budget else "after"
-            if timer.word == "at":
-                continue
-            if timer.goes_on and self.scope.timers.left(kind, state.name, step.now) is not None:
-                continue
-            try:
-                delay = known.get(state.name) if kind == "budget" else None
-                if delay is None:
-                    delay = _delay(timer, self.scope.see(state.name, step, trigger))
-            except Exception as problem:
-                step.fail(state.name, f"{timer.place}: {timer.word}: {reason(problem)}")
-                continue
-            if kind == "budget":
-                known[state.name] = delay
-            if timer.goes_on and delay <= 0.0:
-                # Used up meanwhile: nothing is begun before that is dealt with.
-                step.queue.append(InternalEvent(timer.event, state.name))
-                continue
-            self.scope.timers.arm(kind, state.name, step.now, delay, timer.event)
+            if timer.word != "at":
+                self._arm(timer, "budget" if timer is state.budget else "after", state, trigger)
+
+    def _arm(self, timer: Timer, kind: str, state: State, trigger: Trigger) -> None:
+        """Start a timer of a state, unless it goes on from an earlier visit."""
+        step = self._step
+        if timer.goes_on and self.scope.timers.left(kind, state.name, step.now) is not None:
+            return
+        known = self.memory.budgets.get(state.name) if kind == "budget" else None
+        delay = self._delay_of(timer, state, trigger) if known is None else known
+        if delay is None:
+            return
+        if kind == "budget":
+            self.memory.budgets[state.name] = delay
+        if timer.goes_on and delay <= 0.0:
+            # Used up meanwhile: nothing is begun before that is dealt with.
+            step.queue.append(InternalEvent(timer.event, state.name))
+            return
+        self.scope.timers.arm(kind, state.name, step.now, delay, timer.event)
+
+    def _delay_of(self, timer: Timer, state: State, trigger: Trigger) -> float | None:
+        """Return how long a timer takes; None where that could not be evaluated, which the step says."""
+        try:
+            return _delay(timer, self.scope.see(state.name, self._step, trigger))
+        except Exception as problem:
+            self._step.fail(state.name, f"{timer.place}: {timer.word}: {reason(problem)}")
+            return None
 
     def _tick_again(self, state: str, event: str, due: float) -> None:
         """Set the next tick of an `every`, by when this one was due; what was missed is left out."""

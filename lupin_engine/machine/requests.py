@@ -76,6 +76,19 @@ class Requests:
         self._resume = f"operator.{scope.chart.profile.resume}"
         self.questions = Questions(scope)
 
+    def _refused(self, event: Event, code: str, resumes: bool, starts: bool) -> Refusal | None:
+        """Return why a request is refused that something answers: a code, work that goes on, an invariant."""
+        broken = self._broken() if starts else None
+        if code:
+            return self._refusal(event, code)
+        going = self._goes_on() if resumes else None
+        if going is not None:
+            return Refusal(REFUSED_CODE, f"{_verb(event)} refused: {going.detail}")
+        if broken is None:
+            return None
+        text = f"{_verb(event)} refused: the invariant {broken.name} does not hold: "
+        return Refusal(INVARIANT_CODE, text + (broken.summary or broken.that.source))
+
     def resolve(self, event: Event, active: Configuration, step: Macrostep, dry: bool = False) -> Resolution:
         """Return what a request does here. With `dry` the fields of a mission's request are not looked at."""
         is_answer = event.name.startswith(ANSWER)
@@ -91,17 +104,9 @@ class Requests:
         found.releases = (*holds.releases, *released)
         targets = (self._scope.chart.states[rule.target] for rule in found.rules if rule.target is not None)
         found.starts = any(target.slot for target in targets)
-        broken = self._broken() if found.starts else None
         resumes = event.name == self._resume or self._scope.memory.is_any_engaged(holds.releases)
-        going = self._goes_on() if resumes and not code else None
-        if code:
-            found.refusal = self._refusal(event, code)
-        elif going is not None:
-            found.refusal = Refusal(REFUSED_CODE, f"{_verb(event)} refused: {going.detail}")
-        elif broken is not None:
-            text = f"{_verb(event)} refused: the invariant {broken.name} does not hold: "
-            found.refusal = Refusal(INVARIANT_CODE, text + (broken.summary or broken.that.source))
-        elif found.starts and not dry:
+        found.refusal = self._refused(event, code, resumes, found.starts)
+        if found.refusal is None and found.starts and not dry:
             env = self._scope.see("", step, found.trigger)
             found.values, found.refusal = read_request(self._scope.world, event.data, env)
         changes = found.rules or found.engages or self._scope.memory.is_any_engaged(found.releases)

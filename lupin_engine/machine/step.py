@@ -367,14 +367,17 @@ _ENDING = frozenset({Phase.CANCELLING, Phase.REFUSED})
 _COUNTED = frozenset({"after", "budget", "at", "retry"})
 
 
+def _serving(memory: Memory, attempt: str) -> str:
+    """Return the state that an attempt is of; '' where it is not known."""
+    return next((each.state for each in memory.invocations.values() if each.id == attempt), "")
+
+
 def _countdowns(memory: Memory) -> Iterator[Countdown]:
     for timers, frozen in ((memory.timers, False), (memory.frozen, True)):
         for due, _, kind, (owner, event) in timers:
             if kind not in _COUNTED:
                 continue
-            state = owner
-            if kind == "retry":
-                serving = memory.invocations.values()
-                state = next((each.state for each in serving if each.id == owner), "")
+            state = _serving(memory, owner) if kind == "retry" else owner
             told = event.partition(" ")[0] or kind
-            yield Countdown(state, told, None if frozen else due, due if frozen else None)
+            at, left = (None, due) if frozen else (due, None)
+            yield Countdown(state, told, at, left)

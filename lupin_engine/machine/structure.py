@@ -184,6 +184,10 @@ def _proper_children(chart: Chart, state: State) -> list[State]:
     return [child for child in children if child.kind is not Kind.HISTORY]
 
 
+def _rules_of(chart: Chart, state: State) -> Iterable[Transition]:
+    return state.transitions if state.name else (*state.transitions, *_fault_transition(chart))
+
+
 def _add_transitions(chart: Chart, machine: ChartMachine) -> None:
     """Add all transitions; `add_transition` asks for each what all of ours have in common."""
     names = {name: f"{ROOT}.{name}" if name else ROOT for name in chart.states}
@@ -194,7 +198,7 @@ def _add_transitions(chart: Chart, machine: ChartMachine) -> None:
     }
     events = machine.events
     for state in chart.states.values():
-        for rule in state.transitions if state.name else (*state.transitions, *_fault_transition(chart)):
+        for rule in _rules_of(chart, state):
             trigger = rule.event or "always"
             if trigger not in events:
                 events[trigger] = machine.event_cls(trigger, machine)

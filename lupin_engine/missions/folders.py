@@ -116,18 +116,23 @@ def find_mission(name: str, folders: Iterable[Path]) -> Path:
             return path
         raise UsageError(_no_file(path))
     searched = list(folders)
-    known: dict[str, Path] = {}
-    for folder in searched:
-        for file in mission_files(folder):
-            named = head(file)
-            for title in (file.stem, named[1] if named else file.stem):
-                known.setdefault(title, file)
+    known = _known_in(searched)
     if name in known:
         return known[name]
     if path.is_dir():
         raise UsageError(_no_file(path))
     where = ", ".join(str(folder) for folder in searched) or "no folder"
     raise UsageError(f"no mission {name!r} in {where}; {nearest(name, known)}")
+
+
+def _known_in(folders: Iterable[Path]) -> dict[str, Path]:
+    """Return the missions of some folders by what they can be called; the first of a name counts."""
+    known: dict[str, Path] = {}
+    for file in (each for folder in folders for each in mission_files(folder)):
+        named = head(file)
+        known.setdefault(file.stem, file)
+        known.setdefault(named[1] if named else file.stem, file)
+    return known
 
 
 def _no_file(path: Path) -> str:

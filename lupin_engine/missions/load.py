@@ -14,6 +14,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -23,7 +24,7 @@ from lupin_engine.bindings.catalog import BINDINGS, BoundCatalog, bound_catalog
 from lupin_engine.chart.compose.compose import Composed, compose
 from lupin_engine.chart.compose.tree import UsedNode
 from lupin_engine.chart.documents import FileNode, LifecycleNode, MissionNode, PartNode, StateNode
-from lupin_engine.chart.findings import Findings, LimitedFindings, answered
+from lupin_engine.chart.findings import Findings, answered, collected, warning
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.rules.checks import check_composed
 from lupin_engine.chart.source import head, parse_bytes, read_bytes
@@ -245,17 +246,17 @@ def inspect_chart(
     read = (root, *read_missions.values(), *parts.values())
     documents = {Path(d.node.place.file): d.node for d in read if d.node is not None}
     sources = {d.node.place.file: d.raw for d in read if d.node is not None}
+    found = [*findings.all, *chain.from_iterable(document.found for document in read)]
     unread = any(document.node is None for document in read)
-    if bound is None or unread or findings.has("unknown-part", "no-file"):
-        return Inspection(findings.all, documents, sources, bound=bound)
+    if bound is None or unread or any(each.rule == "no-file" for each in found):
+        return Inspection(answered(found), documents, sources, bound=bound)
     made = _make(root, tuple(read_missions.values()), tuple(parts.items()), bound)
-    findings.extend(made.found)
-    _warn_of_unused(lifecycle, read_missions, parts, findings, texts)
+    found += chain(made.found, _unused(lifecycle, read_missions, parts, texts))
     bound_texts = {binding.node.place.file: bound.sources[name] for name, binding in bound.bindings.items()}
     texts_of = {**sources, **bound_texts}
     lines = {file: raw.decode("utf-8-sig").splitlines() for file, raw in texts_of.items() if b"accept" in raw}
     shared = texts_of.keys() - {str(path) for path in missions}
-    return Inspection(answered(findings.all, lines, shared), documents, sources, made.composed, bound)
+    return Inspection(answered(found, lines, shared), documents, sources, made.composed, bound)
 
 
 @lru_cache(maxsize=MAX_CHARTS)
@@ -266,43 +267,37 @@ def _make(
     bound: BoundCatalog,
 ) -> _Made:
     """Compose and check documents that all could be read."""
-    root, findings = lifecycle.node, LimitedFindings()
+    root = lifecycle.node
     assert root is not None
     documents = (lifecycle, *missions, *(used for _, used in parts))
     known = [found for document in documents for found in document.found]
     left_out = [way for document in documents for way in document.left_out]
-    findings.extend(known)
     whole = [document.node for document in missions if document.node is not None]
     named = {name: document.node for name, document in parts if document.node is not None}
-    composed = findings.whole(lambda: compose(root, whole, named, bound.catalog, findings))
+    composed, found = collected(lambda findings: compose(root, whole, named, bound.catalog, findings), known)
     if composed is not None:
-        check_composed(composed, findings, whole=not left_out)
-    found = (each for each in findings.all if each in known or not follows(each, left_out))
-    return _Made(composed, tuple(found))
+        found = (*found, *check_composed(composed, found, whole=not left_out))
+    return _Made(composed, tuple(each for each in found if each in known or not follows(each, left_out)))
 
 
 def _read(path: Path, model: type[_D], findings: Findings, texts: Mapping[Path, bytes]) -> _Document[_D]:
-    """Read a file as a document; what is wrong with it is told every time."""
+    """Read a file as a document, with what is found in it; `findings` get why there is none to look in."""
     raw = texts[path] if path in texts else read_bytes(path, findings)
-    if raw is None:
-        return _Document(None)
-    name = str(path)
-    document: _Document[_D] = _document(name, model, raw)
-    findings.extend(document.found)
-    return document
+    return _Document(None) if raw is None else _document(str(path), model, raw)
 
 
 @lru_cache(maxsize=MAX_DOCUMENTS)
 def _document(name: str, model: type[FileNode], raw: bytes) -> _Document[Any]:
     """Read the bytes of a file as a document; nothing else matters to it, so it can be remembered by them."""
-    findings = LimitedFindings()
-    parsed = findings.whole(lambda: parse_bytes(raw, name, findings))
     left_out: list[Way] = []
-    node = None
-    if parsed is not None:
-        node = findings.whole(lambda: read_document(parsed, model, findings, left_out))
+
+    def read(findings: Findings) -> FileNode | None:
+        parsed = parse_bytes(raw, name, findings)
+        return None if parsed is None else read_document(parsed, model, findings, left_out)
+
+    node, found = collected(read)
     uses = () if node is None else tuple(_uses(node.states, node, ""))
-    return _Document(node, findings.all, uses, raw, tuple(left_out))
+    return _Document(node, found, uses, raw, tuple(left_out))
 
 
 def _read_used(
@@ -365,7 +360,7 @@ def _read_one(path: Path, name: str, findings: Findings, texts: Mapping[Path, by
     if part.node is not None and part.node.part != name:
         problem = f"the part calls itself {part.node.part!r}, its file {name!r}"
         findings.add(part.node.at("part"), "bad-name", "part", problem, f"write 'part: {name}'")
-        return _Document(None)
+        return _Document(None, part.found)
     return part
 
 
@@ -382,34 +377,32 @@ def _uses(
         yield from _uses(node.states, node, full)
 
 
-def _warn_of_unused(
+def _unused(
     lifecycle: Path,
     missions: Mapping[Path, _Document[MissionNode]],
     used: Mapping[str, _Document[UsedNode]],
-    findings: Findings,
     texts: Mapping[Path, bytes],
-) -> None:
-    """Tell what nobody uses, parts and results, when all the missions that could use it are loaded."""
+) -> Iterator[Diagnostic]:
+    """Yield what nobody uses, parts and results, when all the missions that could use it are loaded."""
     folder = lifecycle.parent
     loaded = {path.resolve() for path in missions}
     if not all(path.resolve() in loaded for path in mission_files(folder)):
         return
     for mission in missions.values():
         if mission.node is not None and not any(each.node is mission.node for each in used.values()):
-            _warn_of_results(mission.node, findings)
+            yield from _unused_results(mission.node)
     for path in sorted((folder / PARTS).glob("*.yaml")):
         if path.stem not in used:
-            _read(path, PartNode, findings, texts)
-            hint = "use it, or remove the file"
-            findings.warn(
-                Place(str(path), 1, 1), "unused-part", "", f"no mission uses the part {path.stem!r}", hint
-            )
+            findings = Findings()
+            yield from (*_read(path, PartNode, findings, texts).found, *findings.all)
+            problem, hint = f"no mission uses the part {path.stem!r}", "use it, or remove the file"
+            yield warning(Place(str(path), 1, 1), "unused-part", "", problem, hint)
 
 
-def _warn_of_results(mission: MissionNode, findings: Findings) -> None:
-    """Tell of results of a mission's own end: only who uses the mission as a part could read them."""
+def _unused_results(mission: MissionNode) -> Iterator[Diagnostic]:
+    """Yield the results of a mission's own end: only who uses the mission as a part could read them."""
     for name, state in mission.states.items():
         if state is not None and state.result:
             path, hint = f"states.{name}.result", "remove it, or use the mission as a part"
             problem = "nothing reads this: the end of a mission that is started has no 'on_done'"
-            findings.warn(state.key_at("result"), "unused-result", path, problem, hint)
+            yield warning(state.key_at("result"), "unused-result", path, problem, hint)

@@ -326,6 +326,13 @@ def _verify(plugin: Plugin) -> None:
         raise PluginError("\n".join(str(_refused(plugin, problem)) for problem in found))
 
 
+def _node_problems(plugin: Plugin) -> Iterator[str]:
+    for key in ("stands_in", "guards", "companions"):
+        for name in getattr(plugin, key):
+            if name not in plugin.nodes:
+                yield f"{key} names {name!r}, which is none of its nodes; {nearest(name, plugin.nodes)}"
+
+
 def _problems(plugin: Plugin) -> Iterator[str]:
     if not NAME.fullmatch(plugin.name):
         yield f"its name must be {LETTERS[NAME]}"
@@ -343,10 +350,7 @@ def _problems(plugin: Plugin) -> Iterator[str]:
     for family, declared, check in declarations:
         for name, declaration in declared.items():
             yield from check(f"{family} {name!r}", declaration)
-    for key in ("stands_in", "guards", "companions"):
-        for name in getattr(plugin, key):
-            if name not in plugin.nodes:
-                yield f"{key} names {name!r}, which is none of its nodes; {nearest(name, plugin.nodes)}"
+    yield from _node_problems(plugin)
     for name in RESERVED.intersection(plugin.parameters):
         yield f"parameter {name!r}: the orchestrator has one of that name"
     for name, kind in plugin.types.items():

@@ -395,18 +395,23 @@ def fitted(value: Any, kind: Type) -> Any:
     if kind.kind in ("integer", "number") and (allowed := beyond(value, kind)):
         raise ValueError(f"a {kind} {allowed}, got {value!r}")
     if kind.kind != "list" or kind.item is None:
-        low, high = kind.minimum, kind.maximum
-        if low is not None and value < low:
-            raise ValueError(f"a {kind} of at least {low:g}, got {value!r}")
-        if high is not None and value > high:
-            raise ValueError(f"a {kind} of at most {high:g}, got {value!r}")
-        if kind.pattern and not re.fullmatch(kind.pattern, value):
-            raise ValueError(f"a {kind} such as {kind.example}, got {value!r}")
+        _check_bounds(value, kind)
         return value
     kept = unique(value) if kind.distinct else list(value)
     if kind.maximum is not None and len(kept) > kind.maximum:
         raise ValueError(f"a {kind} of at most {kind.maximum:g} elements, got {len(kept)}")
     return [fitted(element, kind.item) for element in kept]
+
+
+def _check_bounds(value: Any, kind: Type) -> None:
+    """Raise ValueError where a computed value that is no list is not as its type bounds it."""
+    low, high = kind.minimum, kind.maximum
+    if low is not None and value < low:
+        raise ValueError(f"a {kind} of at least {low:g}, got {value!r}")
+    if high is not None and value > high:
+        raise ValueError(f"a {kind} of at most {high:g}, got {value!r}")
+    if kind.pattern and not re.fullmatch(kind.pattern, value):
+        raise ValueError(f"a {kind} such as {kind.example}, got {value!r}")
 
 
 def _collect(
@@ -423,14 +428,19 @@ def _collect(
     elif kind == "record" and isinstance(value, Mapping):
         for wrong, field, text in _wrong_fields(value, wanted, notation):
             found.append(ValueProblem((*path, *field), text, wrong, wanted, value))
-        for name, inner in wanted.fields.items():
-            if name in value:
-                _collect(value[name], inner, notation, (*path, name), found)
+        for name in filter(value.__contains__, wanted.fields):
+            _collect(value[name], wanted.fields[name], notation, (*path, name), found)
     elif kind != "any":
-        fault, text = _SCALARS.get(kind, _no_scalar)(value, wanted, notation)
-        if fault is not None:
-            told = shortened(text, MAX_TOLD) if notation is Notation.DATA else text
-            found.append(ValueProblem(path, told, fault, wanted, value))
+        found += _scalar_problems(value, wanted, notation, path)
+
+
+def _scalar_problems(
+    value: Any, wanted: Type, notation: Notation, path: tuple[str | int, ...]
+) -> Iterator[ValueProblem]:
+    fault, text = _SCALARS.get(wanted.kind, _no_scalar)(value, wanted, notation)
+    if fault is not None:
+        told = shortened(text, MAX_TOLD) if notation is Notation.DATA else text
+        yield ValueProblem(path, told, fault, wanted, value)
 
 
 def _wrong_fields(
@@ -473,28 +483,41 @@ def _bool(value: Any, wanted: Type, _: Notation) -> _Answer:
 
 
 def _number(value: Any, wanted: Type, notation: Notation) -> _Answer:
-    number = value
     if isinstance(value, str) and wanted.kind == "number" and notation is not Notation.DATA:
-        quantity = parse_quantity(value)
-        if quantity is None or quantity[1] != wanted.unit:
-            hint = number_hint(value, wanted)
-            fault = Fault.KIND if quantity is None else Fault.UNIT
-            return _expected(wanted, value, f"; {hint}" if hint else "", fault)
-        number = quantity[0]
-    if isinstance(number, bool) or not isinstance(number, (int, float)):
+        return _quantity(value, wanted)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
         return _expected(wanted, value)
-    if wanted.kind == "number" and not _is_finite(number):
+    if wanted.kind == "number" and not _is_finite(value):
         hint = "" if notation is Notation.DATA else f"; {_finite(wanted)}"
         return _expected(wanted, value, hint, Fault.NOT_FINITE)
-    if notation is Notation.FILE and wanted.unit and number is value:
+    if notation is Notation.FILE and wanted.unit:
         return Fault.NO_UNIT, f"{value!r} has no unit; write '{value!r} {wanted.unit}'"
-    if wanted.kind == "integer" and not isinstance(number, int):
+    if wanted.kind == "integer" and not isinstance(value, int):
         return _expected(wanted, value)
-    low, high = wanted.minimum, wanted.maximum
-    if (low is not None and number < low) or (high is not None and number > high):
-        return Fault.RANGE, f"expected {wanted} {_range(wanted, value)}, got {value!r}"
-    allowed = beyond(number, wanted)
+    return _in_range(value, value, wanted)
+
+
+def _quantity(value: str, wanted: Type) -> _Answer:
+    quantity = parse_quantity(value)
+    if quantity is None or quantity[1] != wanted.unit:
+        hint = number_hint(value, wanted)
+        fault = Fault.KIND if quantity is None else Fault.UNIT
+        return _expected(wanted, value, f"; {hint}" if hint else "", fault)
+    if not _is_finite(quantity[0]):
+        return _expected(wanted, value, f"; {_finite(wanted)}", Fault.NOT_FINITE)
+    return _in_range(quantity[0], value, wanted)
+
+
+def _in_range(number: float, value: Any, wanted: Type) -> _Answer:
+    """Say whether a number, which was written as a value, lies where its type allows."""
+    allowed = _range(wanted, value) if _is_outside(number, wanted) else beyond(number, wanted)
     return (Fault.RANGE, f"expected {wanted} {allowed}, got {value!r}") if allowed else _FINE
+
+
+def _is_outside(number: float, wanted: Type) -> bool:
+    """Tell whether a number is below the minimum of a type, or above its maximum."""
+    low, high = wanted.minimum, wanted.maximum
+    return (low is not None and number < low) or (high is not None and number > high)
 
 
 def number_hint(text: str, wanted: Type) -> str:

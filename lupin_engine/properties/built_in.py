@@ -286,8 +286,9 @@ def _resources_exclude(passage: Passage) -> str | None:
         return None
     using = [attempts[claim.attempt] for claim in passage.after.claims if claim.uses and not claim.waits]
     begun = {command.operation for command in passage.step.commands if isinstance(command, Start)}
-    for one in using:
-        for other in using if one.phase not in (Phase.CANCELLING, Phase.REFUSED) else ():
+    working = [one for one in using if one.phase not in (Phase.CANCELLING, Phase.REFUSED)]
+    for one in working:
+        for other in using:
             shared = [name for name in other.uses if name in one.uses or name == EVERYTHING]
             if other.phase is Phase.REFUSED and one.operation not in begun - _replacing(passage.chart):
                 continue  # it was lost when the other one began, or is replaced by that

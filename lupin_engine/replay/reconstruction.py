@@ -244,17 +244,23 @@ class _Happenings:
                 self._values.clear()
             if event == START and starts:
                 starts = False
-            elif step.accepted is not None:
-                found.append(self._when(step, {"request": self._request(event, data)}))
-            elif event == RESUMED:
-                away = float(data["away"])
-                found.append(self._when(step, {"restart": duration(away, self._digits)}, away))
-            elif event == CLOCK:
-                found.append(self._when(step, {"clock": self.clock(step)}))
-            elif event in self._catalog.events:
-                found.append(self._when(step, {"event": {event: dict(data)} if data else event}))
+            else:
+                found += self._happened(step)
             self._enter(step)
         return [*found, *self._values.values()]
+
+    def _happened(self, step: Step) -> Iterator[Mapping[str, Any]]:
+        """Yield what made a step, where it was a request, a restart, the clock or an event of a plugin."""
+        event, data = step.event.name, step.event.data
+        if step.accepted is not None:
+            yield self._when(step, {"request": self._request(event, data)})
+        elif event == RESUMED:
+            away = float(data["away"])
+            yield self._when(step, {"restart": duration(away, self._digits)}, away)
+        elif event == CLOCK:
+            yield self._when(step, {"clock": self.clock(step)})
+        elif event in self._catalog.events:
+            yield self._when(step, {"event": {event: dict(data)} if data else event})
 
     def _request(self, event: str, data: Mapping[str, Any]) -> Any:
         known = self.request(data) if event == START else dict(data)

@@ -71,6 +71,14 @@ def _columns(state: int, event: int, width: int) -> Columns:
     return Columns(state, event, command)
 
 
+def _commands(line: StepLine, columns: Columns) -> Iterator[tuple[str, str]]:
+    """Yield the lines of a step's commands, each with its tone."""
+    width = columns.command or columns.event
+    for command, rating in line.commanded:
+        for text in wrap(command, width, max_lines=_COMMAND_LINES, placeholder=" ..."):
+            yield text, rating or "command"
+
+
 def laid_out(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
     """Yield one line of a story in columns: the time, the state that it led to, the event, the commands."""
     now = f"{line.time:8.{columns.digits}f} s"
@@ -81,13 +89,7 @@ def laid_out(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
         return
     states = [(text, "state") for text in _wrapped(line.moved, max(1, columns.state))]
     events = [(text, "refused" if line.refused else "event") for text in wrap(line.event, columns.event)]
-    commands = [
-        (text, rating or "command")
-        for command, rating in line.commanded
-        for text in wrap(
-            command, columns.command or columns.event, max_lines=_COMMAND_LINES, placeholder=" ..."
-        )
-    ]
+    commands = list(_commands(line, columns))
     if not columns.command:
         events, commands = events + commands, []
     for index in range(max(len(states), len(events), len(commands))):
@@ -100,6 +102,11 @@ def laid_out(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
                 (*_at(commands, index), 0),
             ]
         )
+    yield from _remarks(line, columns)
+
+
+def _remarks(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
+    """Yield what is told below a step: its codes and notes."""
     room = columns.event + (columns.command + _GAP if columns.command else 0)
     told = [(text, _TONES[severity]) for text, severity in line.codes]
     for whole, tone in (*told, *((f"({note})", "note") for note in line.notes)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import zip_longest
 from typing import Any
 
 from lupin_engine.chart.model import Chart
@@ -166,9 +167,7 @@ class Comparison:
 
     def _refused(self) -> Iterator[ScenarioFailure]:
         wanted, refused = self._expect.refused, self._run.history.refused
-        for index in range(max(len(wanted), len(refused))):
-            node = wanted[index] if index < len(wanted) else None
-            step = refused[index] if index < len(refused) else None
+        for index, (node, step) in enumerate(zip_longest(wanted, refused)):
             if node is None or step is None or not _fits(node, step):
                 expected = _wanted_refusal(node) if node else "no further refusal"
                 actual = _refusal(step) if step else "no further refusal"

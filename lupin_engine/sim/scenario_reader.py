@@ -505,18 +505,24 @@ def _marks(model: type[Node]) -> Mapping[str, tuple[str, Sequence[NameOf | IsDur
     }
 
 
+def _check_marked(
+    node: Node, key: str, value: Any, mark: NameOf | IsDuration | IsClock, names: ScenarioNames
+) -> None:
+    if isinstance(mark, NameOf):
+        names.look_up(node, key, value, mark)
+    elif isinstance(mark, IsClock):
+        names.clock(node.at(key), key, value)
+    else:
+        names.duration(node.at(key), key, value)
+
+
 def check_names(node: Node, names: ScenarioNames) -> None:
     """Look up the names and read the durations that are marked in a node, and in the nodes below it."""
     fields = _marks(type(node))
     for field in node.model_fields_set:
         value, (key, marks) = getattr(node, field), fields[field]
         for mark in marks:
-            if isinstance(mark, NameOf):
-                names.look_up(node, key, value, mark)
-            elif isinstance(mark, IsClock):
-                names.clock(node.at(key), key, value)
-            else:
-                names.duration(node.at(key), key, value)
+            _check_marked(node, key, value, mark, names)
         for inner in value if isinstance(value, list) else [value]:
             if isinstance(inner, Node):
                 check_names(inner, names)

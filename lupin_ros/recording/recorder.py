@@ -153,6 +153,11 @@ class TopicRecorder:
 
     # -- topics -----------------------------------------------------------------------------------------
 
+    def _leave_out(self, name: str, problem: Exception) -> None:
+        reason = str(problem) if isinstance(problem, LupinError) else repr(problem)
+        self._left_out.add(name)
+        self._news.append((f"{name} is not recorded: {reason}", Severity.WARN))
+
     def _look(self) -> None:
         """Subscribe to what is new, and again to what has a publisher that offers less."""
         node = self._ros.node
@@ -170,9 +175,7 @@ class TopicRecorder:
                 except OSError:
                     raise
                 except Exception as problem:  # of packages by others: whatever it is, the rest is recorded
-                    reason = str(problem) if isinstance(problem, LupinError) else repr(problem)
-                    self._left_out.add(name)
-                    self._news.append((f"{name} is not recorded: {reason}", Severity.WARN))
+                    self._leave_out(name, problem)
             elif asks_more(topic.profile, wanted):
                 topic.profile = wanted
                 self._listen(topic)

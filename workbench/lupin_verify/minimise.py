@@ -1,47 +1,43 @@
 """A run that violates a property as a scenario that does so too, with as little in it as can be.
 
-The run is written as a scenario of what was recorded up to the violation. Then whatever can be left out is
-left out, as long as the same property is violated: targets, faults of servers, happenings, settings, digits.
+The run is written as a scenario of what was recorded up to the violation, and read once. Then whatever can be
+left out of what it says is left out, as long as the same property is violated: targets, faults of servers,
+happenings, settings, digits. What is left is written again.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import fields, replace
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.machine import Start, Step
 from lupin_engine.properties import INVARIANTS, STANDSTILL
-from lupin_engine.replay import RunRecord, duration, script_of, yaml_text
+from lupin_engine.replay import RunRecord, script_of, yaml_text
 from lupin_engine.sim import (
-    Ask,
-    ComeBack,
-    Effect,
-    End,
-    Happen,
-    Leave,
+    Happening,
     Missions,
-    Restart,
+    MockOutcome,
     Run,
+    Scenario,
     Script,
-    SetClock,
-    Tell,
     load_scenario_text,
     mission_name,
 )
+from lupin_verify.script_parts import DIGITS, NO_CLOCK, USUAL, parts_of, when_of
 
-#: To how many digits times are tried, and how many scenarios at most.
-_DIGITS, MOST_TRIES = (1, 3, 6, 12), 400
+#: How many scenarios are tried at most.
+MOST_TRIES = 400
 #: The same where each is a run of thousands of steps.
 _FEW_TRIES = 40
-#: What a simulation has of a mission: the parts of a scenario file.
-Parts = Mapping[str, Any]
-_SECONDS = re.compile(r"([0-9.]+) s")
+
+_Said = TypeVar("_Said", MockOutcome, Happening)
 
 
 class Minimiser:
@@ -62,8 +58,6 @@ class Minimiser:
         self._file = file
         self._mission = mission
         self._missions = missions
-        #: What the servers of a circle without time say to every attempt.
-        self._circle: list[dict[str, Any]] = []
         # A run in which time stands still is a long one.
         self._most = MOST_TRIES if name != STANDSTILL else _FEW_TRIES
         self.tries = 0
@@ -78,234 +72,255 @@ class Minimiser:
         Raises:
             UsageError: what was recorded does not violate it when it is run again.
         """
-        chart = self._missions.chart(self._mission)
-        name = mission_name(self._mission, self._file, self._missions)
-        for digits in _DIGITS:
-            parts = script_of(recording, name, self._promise, chart, digits)
-            when = list(_happened(script, recording.steps[-1].time, digits))
-            parts |= {"request": script.request, "when": when}
-            parts["limit"] = f"{math.ceil(recording.steps[-1].time) + 1} s"
-            parts.pop("start", None)
-            if self._name == STANDSTILL:
-                parts = self._standing(parts, recording.steps)
-            run = self._violating(parts)
-            if run is not None and run.unfired:
-                never = {one.number for one in run.unfired}
-                parts["when"] = [one for number, one in enumerate(when) if number not in never]
-                run = self._run(parts)
+        found = self._recorded(recording, script)
+        if found is not None:
+            written = parts_of(self._smaller(found))
+            run = self._run(self._read(written))
             if run is not None:
-                break
-        else:
-            raise UsageError(f"no scenario was written: as a scenario the run does not violate {self._name}")
-        parts = dict(self._smaller(parts))
-        run = self._run(parts)
-        assert run is not None, "what was kept violates the property"
-        written = {key: said for key, said in parts.items() if said}
-        if all(when.get("nth") != "every" for when in parts["when"]):
-            written.pop("limit")  # what is not begun again ends by itself
-        return self._text(written, _expected(run, self._name))
+                return yaml_text({**written, "expect": _expected(run, self._name)})
+        raise UsageError(f"no scenario was written: as a scenario the run does not violate {self._name}")
 
-    def _standing(self, parts: Parts, steps: Sequence[Step]) -> dict[str, Any]:
-        """Let the servers of a circle without time go on with what they said last, as long as it lasts."""
-        begun = [(step.time, c.operation) for step in steps for c in step.commands if isinstance(c, Start)]
-        circle = {operation for time, operation in begun if time == steps[-1].time}
-        self._circle, mocks = [], []
-        for mock in parts.get("mocks", ()):
-            then = mock["then"]
-            if mock["do"] in circle:
-                before = sum(1 for time, name in begun if name == mock["do"] and time < steps[-1].time)
-                usual, _ = Counter(map(repr, then[before:])).most_common(1)[0]
-                lasting = next(one for one in then[before:] if repr(one) == usual)
-                self._circle.append({"do": mock["do"], "then": lasting})
-                then = then[:before]
-            mocks += [{**mock, "then": then}] if then else []
-        return {**parts, "mocks": mocks}
+    # -- the scenario of a run ------------------------------------------------------------------------------
 
-    def _text(self, parts: Parts, expected: Parts) -> str:
-        mocks = [*(mock for mock in parts.get("mocks", ()) if mock["then"]), *self._circle]
-        kept = {key: said for key, said in parts.items() if key != "mocks"}
-        return yaml_text({**kept, **({"mocks": mocks} if mocks else {}), "expect": expected})
+    def _recorded(self, recording: RunRecord, script: Script) -> Scenario | None:
+        """Return a run as a scenario that violates the property, with as few digits as will do."""
+        for digits in DIGITS:
+            with suppress(LupinError):
+                found = self._read(self._parts(recording, script, digits))
+                run = self._violating(found)
+                if run is not None and run.unfired:
+                    found = _with(found, happenings=_fired(found, run))
+                    run = self._run(found)
+                if run is not None:
+                    return found
+        return None
 
-    def _run(self, parts: Parts) -> Run | None:
+    def _parts(self, recording: RunRecord, script: Script, digits: int) -> dict[str, Any]:
+        """Return a run as the parts of a scenario's file."""
+        chart, ended = self._missions.chart(self._mission), recording.steps[-1].time
+        name = mission_name(self._mission, self._file, self._missions)
+        parts = script_of(recording, name, self._promise, chart, digits)
+        happened = (one for one in script.happenings if one.after <= ended)
+        when = [when_of(replace(one, after=round(one.after, digits))) for one in happened]
+        parts |= {"request": script.request, "when": when, "limit": f"{math.ceil(ended) + 1} s"}
+        parts.pop("start", None)
+        if self._name == STANDSTILL:
+            parts["mocks"] = list(_standing(parts.get("mocks", ()), recording.steps))
+        return parts
+
+    def _read(self, parts: Mapping[str, Any]) -> Scenario:
+        """Read the parts of a scenario's file as it would be written; errors as for `load_scenario`."""
+        return load_scenario_text(yaml_text({**parts, "expect": {}}), self._file, self._missions)
+
+    # -- what is tried ---------------------------------------------------------------------------------------
+
+    def _run(self, scenario: Scenario) -> Run | None:
         """Run a scenario; None when it does not violate the property, or not everything in it happens."""
-        run = self._violating(parts)
+        run = self._violating(scenario)
         return run if run is not None and not run.unfired else None
 
-    def _violating(self, parts: Parts) -> Run | None:
+    def _violating(self, scenario: Scenario) -> Run | None:
         """Run a scenario; None when it does not violate the property, or cannot be run."""
         self.tries += 1
         with suppress(LupinError):
-            run = load_scenario_text(self._text(parts, {}), self._file, self._missions).run()
+            run = scenario.run()
             if any(name == self._name for _, name, _ in run.violated):
                 return run
         return None
 
-    def _smaller(self, parts: Parts) -> Parts:
-        before: Parts = {}
-        while parts != before and self.tries < self._most:
-            before = parts
-            parts = self._fewer_pieces(parts)
+    def _smaller(self, scenario: Scenario) -> Scenario:
+        before = None
+        while scenario is not before and self.tries < self._most:
+            before = scenario
+            scenario = self._fewer_pieces(scenario)
             for candidates in (_plainer, _earlier):
-                parts = self._first(parts, candidates)
-        return parts
+                scenario = self._first(scenario, candidates)
+        return scenario
 
-    def _first(self, parts: Parts, candidates: Callable[[Parts], Iterable[Parts]]) -> Parts:
+    def _first(self, scenario: Scenario, candidates: Callable[[Scenario], Iterable[Scenario]]) -> Scenario:
         """Take every candidate that does, one after the other; each is made of what was kept before."""
         index = 0
         while self.tries < self._most:
-            found = next(_after(candidates(parts), index), None)
+            found = next(islice(candidates(scenario), index, None), None)
             if found is None:
                 break
-            if found != parts and self._run(found) is not None:
-                parts = found
+            if _differs(found, scenario) and self._run(found) is not None:
+                scenario = found
             else:
                 index += 1
-        return parts
+        return scenario
 
-    def _fewer_pieces(self, parts: Parts) -> Parts:
+    def _fewer_pieces(self, scenario: Scenario) -> Scenario:
         """Leave out targets, faults and happenings, first many at once, then each (delta debugging)."""
-        size = max(1, len(_pieces(parts)) // 2)
+        size = max(1, len(_pieces(scenario)) // 2)
         while size and self.tries < self._most:
             at = 0
-            while at < len(_pieces(parts)) and self.tries < self._most:
-                fewer = _without(parts, _pieces(parts)[at : at + size])
-                if fewer != parts and self._run(fewer) is not None:
-                    parts = fewer
+            while at < len(_pieces(scenario)) and self.tries < self._most:
+                fewer = _without(scenario, _pieces(scenario)[at : at + size])
+                if _differs(fewer, scenario) and self._run(fewer) is not None:
+                    scenario = fewer
                 else:
                     at += size
             size //= 2
-        return parts
+        return scenario
 
 
-def _happened(script: Script, until: float, digits: int) -> Iterator[dict[str, Any]]:
-    """Yield what a script may let happen until a time (s), as scenarios write it."""
-    for one in script.happenings:
-        if one.after > until:
-            continue
-        nth = {"nth": one.nth or "every"} if one.nth != 1 else {}
-        start = {"on": one.state} if one.state else {"start_of": one.operation} if one.operation else None
-        after = {"after" if start else "at": duration(one.after, digits)}
-        yield {**(start or {}), **(nth if start else {}), **after, **_written(one.effect)}
+def _with(scenario: Scenario, **changes: Any) -> Scenario:
+    """Return a scenario with another script."""
+    return replace(scenario, script=replace(scenario.script, **changes))
 
 
-def _written(effect: Effect) -> dict[str, Any]:
-    match effect:
-        case Ask(event, data) | Happen(event, data):
-            word = "request" if isinstance(effect, Ask) else "event"
-            return {word: {event: dict(data)} if data else event}
-        case Tell(value, is_now):
-            return {"value": {value: is_now}}
-        case End(operation, code, detail, result):
-            told = {"do": operation, "code": code, "detail": detail, "done": dict(result)}
-            return {"fail" if code else "finish": {key: found for key, found in told.items() if found}}
-        case Leave(operation):
-            return {"server_gone": operation}
-        case ComeBack(operation):
-            return {"server_back": operation}
-        case SetClock(to):
-            return {"clock": to}
-        case Restart(after):
-            return {"restart": f"{after:g} s"}
-    raise AssertionError(f"no scenario says {effect}")
+def _differs(one: Scenario, other: Scenario) -> bool:
+    return (one.script, one.parameters) != (other.script, other.parameters)
 
 
-def _after(candidates: Iterable[Parts], index: int) -> Iterator[Parts]:
-    for number, candidate in enumerate(candidates):
-        if number >= index:
-            yield candidate
+def _fired(scenario: Scenario, run: Run) -> tuple[Happening, ...]:
+    """Return the happenings of a scenario that came to pass when it was run."""
+    never = {one.number for one in run.unfired}
+    return tuple(one for one in scenario.script.happenings if one.number not in never)
 
 
-#: An element of a list that is asked for, a fault of a mock, or something that happens: which part of a
-#: scenario, the name of the field or the number in the part, and the number of the element or outcome.
+def _turns(scenario: Scenario) -> dict[int, list[MockOutcome]]:
+    """Return what each server does in turn, by the number of its rule."""
+    return {
+        number: [one for one in rule.outcomes if isinstance(one, MockOutcome)]
+        for number, rule in enumerate(scenario.script.rules)
+        if rule.once
+    }
+
+
+def _with_turns(scenario: Scenario, turns: Mapping[int, Sequence[MockOutcome]]) -> Scenario:
+    """Return a scenario in which some servers do otherwise, as often as that is not what they usually do."""
+    rules = []
+    for number, rule in enumerate(scenario.script.rules):
+        turn = turns.get(number, ())
+        needed = max((at for at, one in enumerate(turn, start=1) if one != USUAL), default=0)
+        kept = rule if number not in turns else replace(rule, outcomes=tuple(turn[:needed]))
+        rules += [kept] if kept.outcomes else []
+    return _with(scenario, rules=tuple(rules))
+
+
+def _with_happening(scenario: Scenario, number: int, happening: Happening) -> Scenario:
+    known = scenario.script.happenings
+    return _with(scenario, happenings=(*known[:number], happening, *known[number + 1 :]))
+
+
+# -- pieces -------------------------------------------------------------------------------------------------
+
+#: An element of a list that is asked for, a fault of a server, or something that happens: which field of a
+#: script, the name or the number in it, and the number of the element or outcome.
 _Piece = tuple[str, str | int, int]
 
 
-def _pieces(parts: Parts) -> list[_Piece]:
-    lists = {name: given for name, given in parts.get("request", {}).items() if isinstance(given, list)}
+def _pieces(scenario: Scenario) -> list[_Piece]:
+    script = scenario.script
+    lists = {name: given for name, given in script.request.items() if isinstance(given, list)}
     elements = [("request", name, index) for name, given in lists.items() for index in range(len(given))]
-    mocks = [
-        ("mocks", number, index)
-        for number, mock in enumerate(parts.get("mocks", ()))
-        for index, outcome in enumerate(mock["then"])
-        if outcome != "done"
-    ]
-    return [*elements, *mocks, *(("when", number, 0) for number in range(len(parts.get("when", ()))))]
+    turns = [(n, index, one) for n, turn in _turns(scenario).items() for index, one in enumerate(turn)]
+    faults = [("rules", number, index) for number, index, one in turns if one != USUAL]
+    return [*elements, *faults, *(("happenings", number, 0) for number in range(len(script.happenings)))]
 
 
-def _without(parts: Parts, pieces: Sequence[_Piece]) -> Parts:
-    gone = set(pieces)
-    request = {
-        name: [one for i, one in enumerate(given) if ("request", name, i) not in gone] or given[:1]
-        if isinstance(given, list)
-        else given
-        for name, given in parts.get("request", {}).items()
+def _without(scenario: Scenario, pieces: Sequence[_Piece]) -> Scenario:
+    gone, script = set(pieces), scenario.script
+    turns = {
+        number: [USUAL if ("rules", number, at) in gone else one for at, one in enumerate(turn)]
+        for number, turn in _turns(scenario).items()
     }
-    mocks = []
-    for number, mock in enumerate(parts.get("mocks", ())):
-        then = ["done" if ("mocks", number, i) in gone else one for i, one in enumerate(mock["then"])]
-        while then and then[-1] == "done":
-            then.pop()
-        mocks += [{**mock, "then": then}] if then else []
-    when = [one for number, one in enumerate(parts.get("when", ())) if ("when", number, 0) not in gone]
-    return {**parts, "request": request, "mocks": mocks, "when": when}
+    return _with(
+        _with_turns(scenario, turns),
+        request={name: _left_of(name, given, gone) for name, given in script.request.items()},
+        happenings=tuple(one for n, one in enumerate(script.happenings) if ("happenings", n, 0) not in gone),
+    )
 
 
-def _plainer(parts: Parts) -> Iterator[Parts]:
+def _left_of(name: str, given: Any, gone: Container[_Piece]) -> Any:
+    """Return the value of a field of a request without what is gone of a list; that keeps one element."""
+    if not isinstance(given, list):
+        return given
+    return [one for i, one in enumerate(given) if ("request", name, i) not in gone] or given[:1]
+
+
+# -- what says less -----------------------------------------------------------------------------------------
+
+
+def _plainer(scenario: Scenario) -> Iterator[Scenario]:
     """Yield the scenario without a setting, and with one fault or time that says less."""
-    if parts.get("seed"):
-        yield {**parts, "seed": 0}
-    yield {key: said for key, said in parts.items() if key != "clock"}
-    for name in parts.get("parameters", {}):
-        yield {**parts, "parameters": {key: said for key, said in parts["parameters"].items() if key != name}}
-    yield {
-        **parts,
-        "mocks": [{**mock, "then": list(map(_untimed, mock["then"]))} for mock in parts.get("mocks", ())],
-    }
-    for number, mock in enumerate(parts.get("mocks", ())):
-        for index, outcome in enumerate(mock["then"]):
-            for plainer in _said_with_less(outcome) if isinstance(outcome, Mapping) else ():
-                then = [*mock["then"][:index], plainer, *mock["then"][index + 1 :]]
-                yield _exchanged(parts, "mocks", number, {**mock, "then": then})
-    for number, when in enumerate(parts.get("when", ())):
-        for plainer in _said_with_less(when, ("after", "nth", "at")):
-            yield _exchanged(parts, "when", number, plainer)
+    script = scenario.script
+    if script.seed:
+        yield _with(scenario, seed=0)
+    if script.clock != NO_CLOCK:
+        yield _with(scenario, clock=NO_CLOCK)
+    for name in scenario.parameters:
+        fewer = {key: said for key, said in scenario.parameters.items() if key != name}
+        yield replace(scenario, parameters=fewer)
+    yield from _plainer_turns(scenario)
+    for number, happening in enumerate(script.happenings):
+        for later in _with_less(happening, {"nth": 1, "after": 0.0}, happening.waits):
+            yield _with_happening(scenario, number, later)
 
 
-def _untimed(outcome: Any) -> Any:
-    """Return an outcome that takes as long as its plugin's mock does."""
-    kept = {word: said for word, said in outcome.items() if word != "after"} if outcome != "done" else {}
-    return kept or "done"
+def _plainer_turns(scenario: Scenario) -> Iterator[Scenario]:
+    """Yield the scenario with faults that take as long as they usually do, and with one that says less."""
+    turns = _turns(scenario)
+    yield _with_turns(scenario, {n: [replace(one, after=None) for one in turn] for n, turn in turns.items()})
+    for number, turn in turns.items():
+        for at, outcome in enumerate(turn):
+            for less in _less_of(outcome):
+                yield _with_turns(scenario, {number: [*turn[:at], less, *turn[at + 1 :]]})
 
 
-def _said_with_less(thing: Mapping[str, Any], words: Sequence[str] = ()) -> Iterator[Any]:
-    """Yield a mapping without one of its words, or with a number rounded."""
-    for word, value in thing.items():
-        least = len(thing) > 1 and word != "at"
-        if least and (not words or word in words):
-            yield {key: value for key, value in thing.items() if key != word}
-        found = _SECONDS.fullmatch(value) if isinstance(value, str) else None
-        for digits in (0, 1):
-            rounded = f"{round(float(found[1]), digits):g} s" if found else value
-            if rounded != value:
-                yield {**thing, word: rounded}
+def _less_of(outcome: MockOutcome) -> Iterator[MockOutcome]:
+    """Yield an outcome that says less, and still something."""
+    usual = {one.name: getattr(USUAL, one.name) for one in fields(outcome)}
+    said = {name: normal for name, normal in usual.items() if getattr(outcome, name) != normal}
+    return _with_less(outcome, said, droppable=len(said) > 1)
 
 
-def _earlier(parts: Parts) -> Iterator[Parts]:
+def _with_less(thing: _Said, usual: Mapping[str, Any], droppable: bool) -> Iterator[_Said]:
+    """Yield an outcome or happening with one of its fields as it usually is, or with a time rounded."""
+    for name, normal in usual.items():
+        value = getattr(thing, name)
+        plainer = [normal] if droppable else []
+        plainer += [round(value, digits) for digits in (0, 1)] if isinstance(value, float) else []
+        yield from (replace(thing, **{name: one}) for one in plainer if one != value)
+
+
+def _earlier(scenario: Scenario) -> Iterator[Scenario]:
     """Yield the scenario with a fault or a happening at one of the first chances that it has."""
-    for number, mock in enumerate(parts.get("mocks", ())):
-        if mock["then"][:1] == ["done"]:
-            yield _exchanged(parts, "mocks", number, {**mock, "then": mock["then"][1:]})
-    for number, when in enumerate(parts.get("when", ())):
-        if when.get("nth") == "every":
-            yield _exchanged(parts, "when", number, {key: said for key, said in when.items() if key != "nth"})
-        found = _SECONDS.fullmatch(when.get("at", ""))
-        for share in (0.1, 0.25, 0.5, 0.75) if found is not None and float(found[1]) > 1.0 else ():
-            sooner = duration(float(found[1]) * share if found else 0.0, 1)
-            yield _exchanged(parts, "when", number, {**when, "at": sooner})
+    for number, turn in _turns(scenario).items():
+        if turn[0] == USUAL:
+            yield _with_turns(scenario, {number: turn[1:]})
+    for number, happening in enumerate(scenario.script.happenings):
+        if happening.nth == 0:
+            yield _with_happening(scenario, number, replace(happening, nth=1))
+        for share in (0.1, 0.25, 0.5, 0.75) if not happening.waits and happening.after > 1.0 else ():
+            sooner = replace(happening, after=round(happening.after * share, 1))
+            yield _with_happening(scenario, number, sooner)
 
 
-def _exchanged(parts: Parts, key: str, number: int, new: Any) -> Parts:
-    return {**parts, key: [new if at == number else old for at, old in enumerate(parts[key])]}
+# -- of a run -----------------------------------------------------------------------------------------------
+
+
+def _standing(mocks: Iterable[Mapping[str, Any]], steps: Sequence[Step]) -> Iterator[dict[str, Any]]:
+    """Yield mocks in which the servers of a circle without time go on with what they said last."""
+    begun = [(step.time, c.operation) for step in steps for c in step.commands if isinstance(c, Start)]
+    earlier = Counter(operation for time, operation in begun if time < steps[-1].time)
+    circle = {operation for time, operation in begun if time == steps[-1].time}
+    lasting = []
+    for mock in mocks:
+        before = earlier[mock["do"]] if mock["do"] in circle else len(mock["then"])
+        first, then = mock["then"][:before], mock["then"][before:]
+        if first:
+            yield {**mock, "then": first}
+        if then:
+            lasting.append({**mock, "then": _most_often(then)})
+    yield from lasting
+
+
+def _most_often(said: Sequence[Any]) -> Any:
+    often = Counter(map(repr, said)).most_common(1)[0][0]
+    return next(one for one in said if repr(one) == often)
 
 
 def _expected(run: Run, name: str) -> dict[str, Any]:

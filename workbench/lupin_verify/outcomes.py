@@ -22,7 +22,17 @@ from typing import NamedTuple
 
 from lupin_engine.chart import ITINERARY, Chart, Expression, Findings, read_guard, scope_of, text_at
 from lupin_engine.errors import Place, Problems, UsageError, near, nearest
-from lupin_engine.machine import Act, Cancel, EvaluationScope, Phase, Report, Start, all_holds, reads_of
+from lupin_engine.machine import (
+    Act,
+    Cancel,
+    EvaluationScope,
+    Phase,
+    Refusal,
+    Report,
+    Start,
+    all_holds,
+    reads_of,
+)
 from lupin_engine.plugin import Publish
 from lupin_engine.properties import NOT_ABOUT, Passage, Property, Remembered, Verdict
 
@@ -161,14 +171,7 @@ class OutcomePage:
         """Yield what a step does else than a cell says."""
         step, refusal = passage.step, passage.step.refusal
         if text.startswith(_REFUSED) or refusal is not None:
-            told = "" if refusal is None else refusal.text
-            # What stands behind depends on the missions that are loaded.
-            why, told = text.removeprefix(_REFUSED).partition("; ")[0], told.partition("; ")[0]
-            wanted = re.escape(why).replace("STATE", "[A-Z_ ]+")
-            if refusal is None or not text.startswith(_REFUSED):
-                yield f"it is refused: {told}" if told else "it is not refused"
-            elif not re.search(rf"(^|\s){wanted}$", told):
-                yield f"the answer is {told}"
+            yield from _refused_otherwise(text, refusal)
             return
         said = self._said(text)
         wanted_row = said.pop("", {row})
@@ -377,3 +380,15 @@ class _OutcomeReader:
 
     def _wrong(self, place: Place, what: str, name: str, allowed: Iterable[str]) -> None:
         self._problems.add(f"{place.shown}: unknown {what} {name!r}; {nearest(name, allowed)}")
+
+
+def _refused_otherwise(text: str, refusal: Refusal | None) -> Iterator[str]:
+    """Yield what is else about a refusal than a cell says."""
+    told = "" if refusal is None else refusal.text
+    # What stands behind depends on the missions that are loaded.
+    why, told = text.removeprefix(_REFUSED).partition("; ")[0], told.partition("; ")[0]
+    wanted = re.escape(why).replace("STATE", "[A-Z_ ]+")
+    if refusal is None or not text.startswith(_REFUSED):
+        yield f"it is refused: {told}" if told else "it is not refused"
+    elif not re.search(rf"(^|\s){wanted}$", told):
+        yield f"the answer is {told}"

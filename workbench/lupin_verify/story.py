@@ -99,11 +99,16 @@ def failing_scenario(
             text = yaml_text({**parts, "mocks": asked} if asked else parts)
             run = _failing(broken, text, file, missions)
         if run is not None:
-            told = run.history.steps[: len(broken.steps) + _FOLLOW]
-            more = len(run.history.steps) - len(told)
-            told_run = replace(run, history=History(told), seconds=told[-1].time) if more else run
-            return FailingScenario(file, text, told_run, _breach(broken, run), more)
+            return _told(broken, len(broken.steps), file, text, run)
     return None
+
+
+def _told(broken: Proven, steps: int, file: Path, text: str, run: Run) -> FailingScenario:
+    """Return a scenario with as much of its run as tells how a property is broken after so many steps."""
+    told = run.history.steps[: steps + _FOLLOW]
+    more = len(run.history.steps) - len(told)
+    told_run = replace(run, history=History(told), seconds=told[-1].time) if more else run
+    return FailingScenario(file, text, told_run, _breach(broken, run), more)
 
 
 def _breach(broken: Proven, run: Run) -> StepLine:

@@ -213,13 +213,14 @@ class _Composer:
         drafts = self._forest.drafts.values()
         if not any(map(carries_something, drafts)):
             return Carried(self._findings)
-        carried = Carried(Findings(), {}, ANY)
+        untold = Findings()
+        carried = Carried(untold, {}, ANY)
         for _ in range(MAX_LEARNED):
             files = (self._lifecycle, self._missions, self._parts)
-            _Composer(*files, self._catalog, Findings(), carried).compose()
+            _Composer(*files, self._catalog, untold, carried).compose()
             if carried.found == carried.known:
                 break
-            carried = Carried(Findings(), carried.found, ANY)
+            carried = Carried(untold, carried.found, ANY)
         return Carried(self._findings, carried.found)
 
     # -- what the whole chart knows ------------------------------------------------------------------------
@@ -273,6 +274,15 @@ class _Composer:
             return [name for name in self._catalog.events if name.startswith(event[:-1])]
         return [event] if event in self._catalog.events else []
 
+    def _always_given(self) -> Iterator[str]:
+        """Yield the parameters that only one part declares, and that every use of it gives a value."""
+        for part in self._parts.values():
+            uses = self._bound.get(part.title, [])
+            others = [own for title, own in self._declared.by_file.items() if title != part.title]
+            for name in set.intersection(*uses) if uses else ():
+                if not any(name in own for own in others):
+                    yield name
+
     def _parameters(self, plugins: Iterable[str]) -> dict[str, Parameter]:
         """Return the settings of the chart, sorted by where they come from: plugins, then files.
 
@@ -281,14 +291,8 @@ class _Composer:
         found: dict[str, Parameter] = {}
         for plugin in plugins:
             found.update(self._catalog.plugins[plugin].parameters)
-        for part in self._parts.values():
-            uses = self._bound.get(part.title, [])
-            for name in set.intersection(*uses) if uses else ():
-                elsewhere = any(
-                    name in own for title, own in self._declared.by_file.items() if title != part.title
-                )
-                if not elsewhere:
-                    self._declared.parameters.pop(name, None)
+        for name in self._always_given():
+            self._declared.parameters.pop(name, None)
         if TIME_ZONE in self._usage.parameters:
             found[TIME_ZONE] = self._catalog.parameters[TIME_ZONE]
         if any(asked.type.kind == "list" for each in self._requests.values() for asked in each.values()):

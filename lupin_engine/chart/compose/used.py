@@ -81,14 +81,18 @@ class UsedMissionReader:
     def _using(self) -> Iterable[Draft]:
         return (draft for draft in self._forest.drafts.values() if draft.part is not None)
 
+    def _check_context(self, file: MissionNode, used: MissionNode) -> None:
+        """Refuse a variable of one name in a mission and in one that it uses."""
+        for name in (name for name in file.context if name in used.context):
+            at, where = file.key_at("context", name), used.key_at("context", name)
+            problem = f"the mission {used.name!r} is used here and has its own {name!r}, in {where}"
+            self._findings.add(at, "conflicting-definition", f"context.{name}", problem, "rename one")
+
     def _check_apart(self, draft: Draft, node: StateNode, mission: MissionNode, begun: Iterable[str]) -> None:
         """Refuse variables that begin anew while somebody else reckons with them."""
         rule, around = "conflicting-definition", list(draft.up())
         for file in each_once(above.file for above in around if isinstance(above.file, MissionNode)):
-            for name in (name for name in file.context if name in mission.context):
-                at, where = file.key_at("context", name), mission.key_at("context", name)
-                problem = f"the mission {mission.name!r} is used here and has its own {name!r}, in {where}"
-                self._findings.add(at, rule, f"context.{name}", problem, "rename one")
+            self._check_context(file, mission)
         for other in self._using():
             shared = [name for name in begun if other.part is not None and name in other.part.context]
             common = next(above for above in other.up() if above in around)

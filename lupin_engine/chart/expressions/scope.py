@@ -163,22 +163,25 @@ def insets(text: str) -> Iterator[Inset]:
     """Yield the expressions in a text; what stands in quotes or brackets ends none."""
     begin = text.find("${")
     while begin >= 0:
-        colon, depth, quote = -1, 0, ""
-        for at in range(begin + 2, len(text)):
-            sign = text[at]
-            if quote or sign in "'\"":
-                quote = "" if sign == quote else quote or sign
-            elif sign in "([)]":
-                depth += 1 if sign in "([" else -1
-            elif sign == ":" and depth == 0 and colon < 0:
-                colon = at
-            elif sign == "}":
-                yield Inset(begin, colon, at + 1)
-                begin = text.find("${", at)
-                break
-        else:
-            yield Inset(begin, colon, -1)
-            return
+        colon, end = _colon_and_end(text, begin + 2)
+        yield Inset(begin, colon, end)
+        begin = text.find("${", end) if end >= 0 else -1
+
+
+def _colon_and_end(text: str, begin: int) -> tuple[int, int]:
+    """Return where the colon of an expression stands, and behind its end; -1 for what is not there."""
+    colon, depth, quote = -1, 0, ""
+    for at in range(begin, len(text)):
+        sign = text[at]
+        if quote or sign in "'\"":
+            quote = "" if sign == quote else quote or sign
+        elif sign in "([)]":
+            depth += 1 if sign in "([" else -1
+        elif sign == ":" and depth == 0 and colon < 0:
+            colon = at
+        elif sign == "}":
+            return colon, at + 1
+    return colon, -1
 
 
 def fragment_of(text: Text) -> Fragment | None:

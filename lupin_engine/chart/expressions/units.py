@@ -141,6 +141,13 @@ def accepts(wanted: Type, got: Type) -> bool:
     return True
 
 
+def _join_lists(first: Type, second: Type) -> Type | None:
+    item = join(first.item or ANY, second.item or ANY)
+    limits = (first.maximum, second.maximum)
+    most = None if None in limits else max(limit for limit in limits if limit is not None)
+    return None if item is None else within(list_of(item), None, most)
+
+
 def join(first: Type, second: Type) -> Type | None:
     """Return the type that holds both, or None when they have nothing in common."""
     if "any" in (first.kind, second.kind):
@@ -150,10 +157,7 @@ def join(first: Type, second: Type) -> Type | None:
     if first.kind != second.kind:
         return None
     if first.kind == "list":
-        item = join(first.item or ANY, second.item or ANY)
-        limits = (first.maximum, second.maximum)
-        most = None if None in limits else max(limit for limit in limits if limit is not None)
-        return None if item is None else within(list_of(item), None, most)
+        return _join_lists(first, second)
     if first.kind == "record":
         return first if accepts(first, second) else second if accepts(second, first) else None
     if first.kind == "text":

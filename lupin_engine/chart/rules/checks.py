@@ -8,8 +8,9 @@ is never used only when everything that could use it was understood.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 from lupin_engine.chart.compose.compose import Composed
-from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.rules.choices import both_can_win, never_wins, regions_clash, unhandled_outcome
 from lupin_engine.chart.rules.events import event_field
 from lupin_engine.chart.rules.index import Index, Rule
@@ -33,6 +34,7 @@ from lupin_engine.chart.rules.ways import (
     waits_for_ever,
     waits_for_the_world,
 )
+from lupin_engine.errors import Diagnostic, Severity
 
 #: After one of these the ways through the chart are not known.
 _BROKEN_WAYS = (
@@ -90,21 +92,19 @@ GLOBAL: tuple[Rule, ...] = (
 UNUSED: tuple[Rule, ...] = (unheard_event, unused_code, unused_input, unused_variable, unused_field)
 
 
-def check_composed(composed: Composed, findings: Findings, whole: bool = True) -> None:
-    """Run every rule that still makes sense after what has been found so far.
+def check_composed(
+    composed: Composed, known: Iterable[Diagnostic] = (), whole: bool = True
+) -> Iterator[Diagnostic]:
+    """Yield what is found by every rule that still makes sense after what is `known` already.
 
     Where it is not the `whole` chart, something was left out of which nobody knows what it says.
     """
     rules = [*LOCAL]
-    if not whole:
-        findings.extend(found for rule in rules for found in rule(Index(composed)))
-        return
-    if not findings.has(*_BROKEN_WAYS):
-        rules += GLOBAL
-    if not findings.has(*_BROKEN_READS):
-        rules.append(unused_parameter)
-    if not findings.has(*_BROKEN_USES):
-        rules += UNUSED
+    if whole:
+        broken = {found.rule for found in known if found.severity is Severity.ERROR}
+        rules += GLOBAL if broken.isdisjoint(_BROKEN_WAYS) else ()
+        rules += (unused_parameter,) if broken.isdisjoint(_BROKEN_READS) else ()
+        rules += UNUSED if broken.isdisjoint(_BROKEN_USES) else ()
     index = Index(composed)
     for rule in rules:
-        findings.extend(rule(index))
+        yield from rule(index)

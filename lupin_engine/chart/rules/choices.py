@@ -40,12 +40,7 @@ _NEVER = "this can never be taken"
 # -- never-wins -------------------------------------------------------------------------------------------
 
 
-def never_wins(index: Index) -> Iterator[Diagnostic]:
-    """Find a transition whose turn never comes: its guard is never true, or another is always before it."""
-    hint = "mend the guard, or remove the transition"
-    for transition in index.guarded:
-        if _never_true(transition):
-            yield Diagnostic(transition.place, "never-wins", transition.id, "its guard is never true", hint)
+def _decided_beforehand(index: Index) -> Iterator[Diagnostic]:
     for call in index.calls:
         guard = call.action.guard
         known = constant(guard.source) if guard is not None and understood(guard) else None
@@ -53,6 +48,15 @@ def never_wins(index: Index) -> Iterator[Diagnostic]:
             problem = f"the guard of this 'if' is {'always' if known else 'never'} true"
             hint = "mend the guard, or write the actions without 'if'"
             yield Diagnostic(guard.place, "never-wins", f"{call.path}.if", problem, hint)
+
+
+def never_wins(index: Index) -> Iterator[Diagnostic]:
+    """Find a transition whose turn never comes: its guard is never true, or another is always before it."""
+    hint = "mend the guard, or remove the transition"
+    for transition in index.guarded:
+        if _never_true(transition):
+            yield Diagnostic(transition.place, "never-wins", transition.id, "its guard is never true", hint)
+    yield from _decided_beforehand(index)
     for group in index.groups:
         yield from _hidden_by_earlier(index, group)
     for state in index.states:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from functools import lru_cache
+from itertools import takewhile
 
 from lupin_engine.chart.compose.carried import end_of
 from lupin_engine.chart.expressions.evaluation import Constant, Expression
@@ -37,10 +38,16 @@ def event_field(index: Index) -> Iterator[Diagnostic]:
     for state in reading:
         for expression, by in _expressions(state):
             possible = causes[state.name] if by is None else _behind(index, by, causes[state.name])
-            for name in sorted(_fields_read(expression.source)):
-                lacking = next((t for t in possible.values() if _lacks(index, t, name)), None)
-                if lacking is not None and understood(expression):
-                    yield _told(expression, state, name, lacking)
+            for name, lacking in _missing(index, expression, possible):
+                yield _told(expression, state, name, lacking)
+
+
+def _missing(index: Index, expression: Expression, causes: Causes) -> Iterator[tuple[str, Transition]]:
+    """Yield the fields that are read of an event and that it may lack, with what hears it then."""
+    for name in sorted(_fields_read(expression.source)):
+        lacking = next((t for t in causes.values() if _lacks(index, t, name)), None)
+        if lacking is not None and understood(expression):
+            yield name, lacking
 
 
 def _told(expression: Expression, state: State, name: str, lacking: Transition) -> Diagnostic:
@@ -116,20 +123,22 @@ def _behind(index: Index, transition: Transition, causes: Causes) -> Causes:
 
 def _entered(index: Index, transition: Transition) -> set[str]:
     """Return the states that a transition may enter."""
-    states, target = index.chart.states, index.chart.states[transition.target or ""]
+    target = index.chart.states[transition.target or ""]
     domain = index.semantics.domain(transition, target.name)
     targets = [target.name] if target.kind is not Kind.HISTORY else list(_remembered(index, target))
     found: set[str] = set()
     for name in targets:
         found.update(index.entered(name))
-        for around in index.lineage[name][1:]:
-            if around == domain:
-                break
-            found.add(around)
-            if states[around].kind is Kind.PARALLEL:
-                for region in index.regions(states[around]):
-                    found.update(() if index.inside(name, region.name) else index.entered(region.name))
+        for around in takewhile(lambda one: one != domain, index.lineage[name][1:]):
+            found.update((around, *_beside(index, name, index.chart.states[around])))
     return found
+
+
+def _beside(index: Index, name: str, around: State) -> Iterator[str]:
+    """Yield what is entered in the other regions of a parallel state around one."""
+    if around.kind is Kind.PARALLEL:
+        for region in index.regions(around):
+            yield from () if index.inside(name, region.name) else index.entered(region.name)
 
 
 def _remembered(index: Index, history: State) -> Iterator[str]:

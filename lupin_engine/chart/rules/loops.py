@@ -54,19 +54,22 @@ def no_time(index: Index) -> Iterator[Diagnostic]:
     loops = _Loops(index, failing)
     failures = {t.id for t in failing}
     for part in components(loops.following):
-        if failures.isdisjoint(part):
-            continue
-        circles = cycles(loops.following, sorted(part, key=loops.place_of), MAX_STEPS)
-        found = next(
-            (c for c in circles if not failures.isdisjoint(c) and loops.never_ends(c, walks=True)), None
-        )
-        if found is not None:
-            circle = [loops.by_id[name] for name in found]
+        circle = _endless(loops, sorted(part, key=loops.place_of), failures)
+        if circle:
             first = next(t for t in circle if t.id in failures)
             way = " -> ".join(loops.name_of(t.source) for t in (*circle, circle[0]))
             problem = f"where every operation fails at once, this goes round for ever in no time: {way}"
             hint = "wait in between with 'after', or add a guard that going round makes false"
             yield warning(first.place, "always-loop", first.id, problem, hint)
+
+
+def _endless(loops: _Loops, part: Sequence[str], failures: set[str]) -> list[Transition]:
+    """Return a circle of some transitions in which something fails and that never ends; else nothing."""
+    if failures.isdisjoint(part):
+        return []
+    failing = (c for c in cycles(loops.following, part, MAX_STEPS) if not failures.isdisjoint(c))
+    found = next((c for c in failing if loops.never_ends(c, walks=True)), ())
+    return [loops.by_id[name] for name in found]
 
 
 def _fails_at_once(state: State) -> bool:
@@ -135,19 +138,19 @@ class _Loops:
         found: dict[str, None] = {}
         for leaf in self._leaves(transition.target):
             asked: list[Transition] = []
-            for name in self._index.lineage[leaf]:
-                candidates = self._of.get(name)
-                if candidates is None:
-                    continue
-                for candidate in candidates:
-                    if candidate.event == "error" and not self._begins(candidate, transition):
-                        continue
-                    found[candidate.id] = None
-                    self._before[transition.id, candidate.id] = list(asked)
-                    asked.append(candidate)
-                if any(always_taken(t) and not t.event for t in candidates):
-                    break
+            for candidate in self._asked_after(transition, leaf):
+                found[candidate.id] = None
+                self._before[transition.id, candidate.id] = list(asked)
+                asked.append(candidate)
         return list(found)
+
+    def _asked_after(self, transition: Transition, leaf: str) -> Iterator[Transition]:
+        """Yield what is asked in an innermost state right after a transition, up to what is always taken."""
+        for name in self._index.lineage[leaf]:
+            candidates = self._of.get(name, ())
+            yield from (t for t in candidates if t.event != "error" or self._begins(t, transition))
+            if any(always_taken(t) and not t.event for t in candidates):
+                break
 
     def _begins(self, failing: Transition, entering: Transition) -> bool:
         """Tell whether a transition enters the state of an operation, and the chart rests there."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lupin_engine.chart.findings import warning
-from lupin_engine.chart.model import Kind
+from lupin_engine.chart.model import Kind, State
 from lupin_engine.chart.rules.index import Index, Work, local
 from lupin_engine.errors import Diagnostic
 
@@ -53,19 +53,19 @@ def _told(work: Work, other: Work, resource: str) -> Diagnostic:
     return warning(work.invoke.place, "shared-resource", work.state.name, problem, hint)
 
 
+def _final_region(parallel: State, region: State) -> Diagnostic:
+    problem = (
+        f"the region {region.local_name!r} is a final state: {parallel.local_name!r} is over as"
+        " soon as it is entered, and its other regions with it"
+    )
+    hint = "remove it, or let it be a state with a final one inside: then the others are waited for"
+    return warning(region.place, "region-leak", region.name, problem, hint)
+
+
 def region_leak(index: Index) -> Iterator[Diagnostic]:
     """Find what leaves all regions of a parallel state at once: a way into another one, a final region."""
     for parallel in index.parallel:
-        for region in index.regions(parallel):
-            if region.kind is Kind.FINAL:
-                problem = (
-                    f"the region {region.local_name!r} is a final state: {parallel.local_name!r} is over as"
-                    " soon as it is entered, and its other regions with it"
-                )
-                hint = (
-                    "remove it, or let it be a state with a final one inside: then the others are waited for"
-                )
-                yield warning(region.place, "region-leak", region.name, problem, hint)
+        yield from (_final_region(parallel, one) for one in index.regions(parallel) if one.kind is Kind.FINAL)
     for name, around in index.region_of.items():
         for transition in index.chart.states[name].transitions:
             if transition.target is None:

@@ -209,16 +209,16 @@ class _VisitAnalysis:
         """Yield what may happen in an innermost state, up to the state that walks."""
         around = [self._inside[name] for name in self._index.lineage[leaf.name] if name in self._inside]
         restless = any(not t.event and always_taken(t) for state in around for t in state.transitions)
+        heard = (t for state in around for t in state.transitions if self._hears(leaf, t))
         sure: list[str] = []
-        for state in around:
-            for transition in state.transitions:
-                if (restless and transition.event) or not self._hears(leaf, transition):
-                    continue
-                if not any(matches(event, transition.event) for event in sure):
-                    step, known = self._step_from(leaf, transition), self._states_asked(leaf, transition)
-                    yield replace(step, when=(*known, *step.when)) if known else step
-                if always_taken(transition) and not transition.event.startswith(OF_ONE_STATE):
-                    sure.append(transition.event)
+        for transition in heard:
+            if restless and transition.event:
+                continue
+            if not any(matches(event, transition.event) for event in sure):
+                step, known = self._step_from(leaf, transition), self._states_asked(leaf, transition)
+                yield replace(step, when=(*known, *step.when)) if known else step
+            if always_taken(transition) and not transition.event.startswith(OF_ONE_STATE):
+                sure.append(transition.event)
 
     def _states_asked(self, leaf: State, transition: Transition) -> tuple[Condition, ...]:
         """Return what `in_state` is in an innermost state, as far as the guards beside a transition ask."""

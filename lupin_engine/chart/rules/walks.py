@@ -21,10 +21,9 @@ def begins_anew(index: Index) -> Iterator[Diagnostic]:
             if transition.event != "done" and _leaves_to_return(index, walker, transition):
                 hint = f"add 'internal: true' to go on, or name {local(walker.name)!r} to begin anew"
                 yield _begun(walker, transition, hint)
-        for state in _inside(index, walker):
-            for transition in state.transitions:
-                if transition.target == walker.name and _calls(transition, "itinerary.advance"):
-                    yield _begun(walker, transition, "name the state inside to go on with")
+        for transition in (each for state in _inside(index, walker) for each in state.transitions):
+            if transition.target == walker.name and _calls(transition, "itinerary.advance"):
+                yield _begun(walker, transition, "name the state inside to go on with")
 
 
 def _leaves_to_return(index: Index, walker: State, transition: Transition) -> bool:

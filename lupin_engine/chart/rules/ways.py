@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from lupin_engine.chart.expressions.evaluation import Constant
-from lupin_engine.chart.model import Chart, Kind, State
+from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.chart.rules.graph import components
 from lupin_engine.chart.rules.index import Index
 from lupin_engine.chart.semantics import FAULT, TIMERS
@@ -24,15 +24,18 @@ def never_happens(index: Index) -> Iterator[Diagnostic]:
             problem = "on_error without an invocation: nothing can fail here"
             yield Diagnostic(node.key_at("on_error"), "never-happens", state.name, problem, "remove it")
         if node.on_done and not _can_be_done(index.chart, state):
-            problem = "on_done, but nothing is invoked here and no state inside is final"
-            hint = "add 'type: final' to a state inside, or remove it"
-            if state.kind is Kind.PARALLEL:
-                regions = [region for region in index.regions(state) if region.kind is not Kind.FINAL]
-                endless = [r for r in regions if not _can_be_done(index.chart, r)]
-                names = ", ".join(repr(region.name.rpartition(".")[2]) for region in endless)
-                problem = f"on_done, but not every region can end: {names} has no final state"
-                hint = "add one, or remove it"
-            yield Diagnostic(node.key_at("on_done"), "never-happens", state.name, problem, hint)
+            yield Diagnostic(node.key_at("on_done"), "never-happens", state.name, *_endless(index, state))
+
+
+def _endless(index: Index, state: State) -> tuple[str, str]:
+    """Say why a state without an invocation cannot be done, and what to do."""
+    if state.kind is not Kind.PARALLEL:
+        problem = "on_done, but nothing is invoked here and no state inside is final"
+        return problem, "add 'type: final' to a state inside, or remove it"
+    regions = [region for region in index.regions(state) if region.kind is not Kind.FINAL]
+    endless = [region for region in regions if not _can_be_done(index.chart, region)]
+    names = ", ".join(repr(region.name.rpartition(".")[2]) for region in endless)
+    return f"on_done, but not every region can end: {names} has no final state", "add one, or remove it"
 
 
 def _can_be_done(chart: Chart, state: State) -> bool:
@@ -65,22 +68,23 @@ def waits_for_the_world(index: Index) -> Iterator[Diagnostic]:
     for state in index.states:
         if not state.mission or state.kind is not Kind.ATOMIC or _does_something(index, state):
             continue
-        if any(
-            t.target is not None and not _comes_from_the_world(t.event, raised) for t in state.transitions
-        ):
-            continue
-        around = [index.chart.states[name] for name in index.lineage[state.name]]
-        inner = [one for one in around if one.mission]
-        if any(_does_something(index, one) for one in inner):
-            continue
-        ways = [t for one in inner for t in one.transitions if t.target is not None]
-        # Nothing is invoked here, so an end can only be that of a state inside, and this is not final.
-        leading = [t for t in ways if t.event not in ("done", "error")]
+        leading = _ways_out_of_waiting(index, state)
         if leading and all(_comes_from_the_world(t.event, raised) for t in leading):
             problem = f"nothing ends the wait for {leading[0].event} should it never come"
             hint = "add 'after: {DURATION: STATE}'"
             place = leading[0].place
             yield Diagnostic(place, "no-deadline", state.name, problem, hint, Severity.WARN)
+
+
+def _ways_out_of_waiting(index: Index, state: State) -> list[Transition]:
+    """Return what leads out of a state of a mission that waits; nothing where a state around it works."""
+    around = [index.chart.states[name] for name in index.lineage[state.name]]
+    inner = [one for one in around if one.mission]
+    if any(_does_something(index, one) for one in inner):
+        return []
+    ways = [t for one in inner for t in one.transitions if t.target is not None]
+    # Nothing is invoked here, so an end can only be that of a state inside, and this is not final.
+    return [t for t in ways if t.event not in ("done", "error")]
 
 
 def _does_something(index: Index, state: State) -> bool:
@@ -200,16 +204,12 @@ class _Ways:
         above = self._handler[state.parent] if state.parent is not None else None
         ways = [above] if above is not None else []
         inside = self._slot is not None and bool(state.mission or state.slot)
-        handles = False
-        for transition in (*state.transitions, *state.resume_at):
-            target = transition.target
-            if target is None or (transition.event == "done" and state.invoke is None):
-                continue
-            handles = True
-            ways.append(self._entering(target))
-            if inside and self._slot not in self._index.lineage[target]:
-                self._ends.add(name)
-        self._handler[name] = name if handles else above
+        moves = (*state.transitions, *state.resume_at)
+        targets = [t.target for t in moves if t.target and (t.event != "done" or state.invoke is not None)]
+        ways += map(self._entering, targets)
+        if inside and any(self._slot not in self._index.lineage[target] for target in targets):
+            self._ends.add(name)
+        self._handler[name] = name if targets else above
         if state.kind is Kind.FINAL:
             ways.extend(self._after_end(state))
         elif name == FAULT:

@@ -14,6 +14,9 @@ from heapq import heappop, heappush
 #: Pivots after which the result is taken as it is; missions need some dozens.
 _MAX_PIVOTS = 4000
 
+#: A heap of edges by their slack: of those that lead out of the tree, and of those that lead into it.
+_LeadingOut = tuple[list[tuple[int, int]], list[tuple[int, int]]]
+
 
 @dataclass
 class Effort:
@@ -118,6 +121,11 @@ class _Network:
 
     # -- a feasible tight tree ---------------------------------------------------------------------------
 
+    def _push_leading_out(self, node: int, inside: list[bool], leading_out: _LeadingOut) -> None:
+        for index, other in self._incident[node]:
+            if not inside[other]:
+                heappush(leading_out[self._heads[index] == node], (self._slack(index), index))
+
     def _tight_tree(self) -> None:
         """Make a spanning tree of tight edges: the tree moves as a whole until one more edge is tight.
 
@@ -125,16 +133,14 @@ class _Network:
         by which the edges that lead out of it wait: those that the tree has the tail of, and the others.
         """
         inside = [False] * len(self._rank)
-        leading_out: tuple[list[tuple[int, int]], list[tuple[int, int]]] = ([], [])
+        leading_out: _LeadingOut = ([], [])
         moved, joined = 0, self._reach(0, inside)
         reached = len(joined)
         while True:
             for node in joined:
                 self._rank[node] -= moved
             for node in joined:
-                for index, other in self._incident[node]:
-                    if not inside[other]:
-                        heappush(leading_out[self._heads[index] == node], (self._slack(index), index))
+                self._push_leading_out(node, inside, leading_out)
             if reached == len(self._rank):
                 break
             slack, index, is_tail = self._tightest(leading_out, inside, moved)

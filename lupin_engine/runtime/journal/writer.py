@@ -163,12 +163,15 @@ class JournalWriter:
 
     # -- the thread -------------------------------------------------------------------------------------
 
+    def _wait_for_work(self) -> None:
+        is_woken = self._queue or self._waiting or self._ended or self._ready.wait(CHECK_S)
+        if is_woken and not (self._urgent or self._ended):
+            self._ready.wait_for(lambda: self._urgent or self._ended, LAZY_S)
+
     def _run(self) -> None:
         while True:
             with self._ready:
-                is_woken = self._queue or self._waiting or self._ended or self._ready.wait(CHECK_S)
-                if is_woken and not (self._urgent or self._ended):
-                    self._ready.wait_for(lambda: self._urgent or self._ended, LAZY_S)
+                self._wait_for_work()
                 queue, self._queue = self._queue, []
                 waiting, self._waiting = self._waiting, []
                 self._urgent, ended = False, self._ended

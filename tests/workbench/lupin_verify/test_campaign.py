@@ -27,9 +27,10 @@ from lupin_engine.plugin.contract import Operation
 from lupin_engine.plugin.types import BOOL, NUMBER, within
 from lupin_engine.properties.built_in import BUILT_IN, STANDSTILL
 from lupin_engine.runtime import engine
-from lupin_engine.sim.scenario import Missions, load_scenario
+from lupin_engine.sim.scenario import Missions, load_scenario, load_scenario_text
 from lupin_engine.sim.scripted import AnyOf, MockOutcome
 from lupin_engine.sim.simulation import Tell
+from lupin_verify import minimise
 from lupin_verify.campaign import Campaign, CampaignSum
 from lupin_verify.dealing import (
     BATCH,
@@ -246,7 +247,13 @@ def test_what_is_violated_becomes_a_small_scenario(tmp_path: Path, monkeypatch: 
         violation = found.first["all_closed"]
         file, missions = tmp_path / "all_closed.scenario.yaml", Missions(shipped.catalog())
         minimiser = Minimiser("all_closed", "All.", file, campaign.loaded.files[0], missions)
+        read: list[str] = []
+        defect.setattr(
+            minimise, "load_scenario_text", lambda *of: read.append(of[0]) or load_scenario_text(*of)
+        )
         text = minimiser.text(campaign.recorded(violation), campaign.script(violation.seed))
+        assert len(read) == 2, "what was recorded, and what is written"
+        assert minimiser.tries > 20
         file.write_text(text, encoding="utf-8")
         scenario = load_scenario(file, shipped.catalog())
         failed = [one.what for one in scenario.failures(scenario.run())]

@@ -60,6 +60,14 @@ def _text(found: Mapping[str, Any]) -> str:
     return "\n".join(lines(found, verbs))
 
 
+#: What is told of an orchestrator that is not there.
+_NOBODY = {"lifecycle": ""}
+
+
+def _text_of(found: Mapping[str, Any] | None) -> str:
+    return _text(found) if found else str(nobody())
+
+
 def _watch(orchestrator: Attendant, as_json: bool) -> None:
     """Show it again and again until Ctrl-C, also when the orchestrator goes and comes back."""
     from rich.console import Console
@@ -76,12 +84,12 @@ def _watch(orchestrator: Attendant, as_json: bool) -> None:
     with Interrupts() as interrupts, screen as live:
         while not interrupts.count:
             found = _look(orchestrator) if orchestrator.is_there() else None
-            text = _text(found) if found else str(nobody())
+            text = _text_of(found)
             news = _lasting(found) if live is None else text
             if news != shown and live is not None:
                 live.update(Text(text), refresh=True)
             elif news != shown:
-                click.echo(json.dumps(found or {"lifecycle": ""}) if as_json else f"{text}\n")
+                click.echo(json.dumps(found or _NOBODY) if as_json else f"{text}\n")
             shown = news
             orchestrator.spin(WATCH_PERIOD_S)
 

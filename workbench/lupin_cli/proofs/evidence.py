@@ -73,13 +73,20 @@ def _command(context: click.Context) -> str:
     """Return the command line with all that is not as usual."""
     words = ["lupin", str(context.info_name)]
     for parameter in context.command.params:
-        value = context.params.get(parameter.name or "")
-        if isinstance(parameter, click.Argument):
-            words += value or ()
-        elif value is not None and value is not False and value != parameter.default:
-            for one in value if isinstance(value, tuple) else (value,):
-                words += [parameter.opts[0], *([] if one is True else [str(one)])]
+        words += _words_of(parameter, context.params.get(parameter.name or ""))
     return shlex.join(words)
+
+
+def _words_of(parameter: click.Parameter, value: Any) -> list[str]:
+    """Return what a command line says of a parameter; nothing where it is as usual."""
+    if isinstance(parameter, click.Argument):
+        return list(value or ())
+    if value is None or value is False or value == parameter.default:
+        return []
+    words: list[str] = []
+    for one in value if isinstance(value, tuple) else (value,):
+        words += [parameter.opts[0], *([] if one is True else [str(one)])]
+    return words
 
 
 def _machine() -> str:

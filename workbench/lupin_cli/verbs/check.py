@@ -225,22 +225,30 @@ def _is_elsewhere(diagnostic: Diagnostic, lifecycle: Path, missions: Iterable[Pa
     return lent and diagnostic.severity < Severity.ERROR and diagnostic.place.file == str(lifecycle)
 
 
+def _missions_in(folder: Path, name: str) -> list[Path]:
+    """Return the missions of a folder that is called by name; none where it has a lifecycle only."""
+    from lupin_engine.missions import LOCAL
+    from lupin_engine.missions import folders as files
+
+    missions = files.mission_files(folder)
+    if not missions and not (folder / files.LIFECYCLE).is_file():
+        inside = folder / LOCAL
+        hint = f"; did you mean {str(inside)!r}?" if inside.is_dir() else ""
+        raise UsageError(f"there are no missions in {name!r}{hint}")
+    return missions
+
+
 def _meant_by(name: str) -> tuple[Path, list[Path]]:
     """Return the lifecycle and the missions to check for a path or a mission's name."""
     from lupin_engine.chart import head
-    from lupin_engine.missions import LOCAL, mission_folders
     from lupin_engine.missions import folders as files
+    from lupin_engine.missions import mission_folders
 
     path = Path(name)
     if path.name.endswith(SUFFIX):
         raise UsageError(f"{name!r} is a scenario; scenarios are read by lupin test")
     if path.is_dir():
-        missions = files.mission_files(path)
-        if not missions and not (path / files.LIFECYCLE).is_file():
-            inside = path / LOCAL
-            hint = f"; did you mean {str(inside)!r}?" if inside.is_dir() else ""
-            raise UsageError(f"there are no missions in {name!r}{hint}")
-        return files.lifecycle_in(path), missions
+        return files.lifecycle_in(path), _missions_in(path, name)
     if not path.is_file() or path.suffix == files.BUNDLE:
         mission = files.find_mission(name, mission_folders())
         return files.lifecycle_of(mission), [mission]

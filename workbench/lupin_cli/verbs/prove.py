@@ -128,15 +128,13 @@ def prove(
         for task in proof_tasks(one, name, given[name], every_class, outcomes)
     ]
     bounds = Bounds(targets, late, not no_restarts)
-    jobs = jobs or os.cpu_count() or 1
     shown = not (as_json or quiet) and sys.stderr.isatty()
     with _progress_of(tasks, loaded, shown) as told:
-        made = prove_tasks(tasks, loaded, bounds, jobs, seconds, told)
+        made = prove_tasks(tasks, loaded, bounds, jobs or os.cpu_count() or 1, seconds, told)
     proofs = []
     for task, proof in zip(tasks, made, strict=True):
         one = loaded[task.mission]
-        written = {} if no_scenarios else _write_scenarios(one, proof, task.parameters)
-        proofs.append((one, proof, written))
+        proofs.append((one, proof, _write_scenarios(one, proof, task.parameters, not no_scenarios)))
     if report is not None or as_json:
         made_by = origin(click.get_current_context())
     if report is not None:
@@ -149,9 +147,13 @@ def prove(
     else:
         for one, proof, written in proofs:
             _show(one, proof, written, quiet, not no_scenarios)
-    if any(proof.broken for _, proof, _ in proofs):
+    return _exit_code([proof for _, proof, _ in proofs])
+
+
+def _exit_code(proofs: Sequence[Proof]) -> int:
+    if any(proof.broken for proof in proofs):
         return BROKEN
-    return 0 if all(proof.complete for _, proof, _ in proofs) else NOT_PROVEN
+    return 0 if all(proof.complete for proof in proofs) else NOT_PROVEN
 
 
 def read_budget(option: str, budget: str | None) -> float | None:
@@ -244,9 +246,11 @@ def _is_same(one: Diagnostic, other: Diagnostic) -> bool:
 
 
 def _write_scenarios(
-    loaded: LoadedMissions, proof: Proof, parameters: Mapping[str, Any]
+    loaded: LoadedMissions, proof: Proof, parameters: Mapping[str, Any], wanted: bool
 ) -> dict[str, FailingScenario]:
-    """Write a scenario that fails for each property that is broken; return them by the property."""
+    """Write a scenario that fails for each property that is broken, if wanted; return them by property."""
+    if not wanted:
+        return {}
     from lupin_cli.files import write_text
     from lupin_engine.sim import Missions
     from lupin_verify import failing_scenario

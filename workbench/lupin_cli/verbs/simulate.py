@@ -18,6 +18,8 @@ from lupin_engine.errors import Problems, UsageError, nearest
 from lupin_engine.plugin import load_catalog
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from lupin_engine.chart import Chart
     from lupin_engine.machine import World
     from lupin_engine.missions import LoadedMissions
@@ -100,10 +102,9 @@ def simulate(
     with problems.collecting():
         _check_clock(clock)
     problems.tell()
-    if seed is not None:
-        subject = replace(subject, script=replace(subject.script, seed=seed))
-    if clock is not None:
-        subject = replace(subject, script=replace(subject.script, clock=clock))
+    said: dict[str, Any] = {"seed": seed, "clock": clock}
+    script = replace(subject.script, **{name: one for name, one in said.items() if one is not None})
+    subject = replace(subject, script=script)
     if hmi:
         return _serve(subject, speed, port)
     if interactive:
@@ -118,16 +119,24 @@ def simulate(
         click.echo(json.dumps(outcome.record(run, lanes, subject.script.seed), default=str))
         return outcome.verdict(run)
     console = outcome.make_console()
-    try:
-        if not quiet:
-            outcome.tell_story(run, console, _pacing(speed))
-    except KeyboardInterrupt:
-        console.print()
+    if not (quiet or _story_is_told(run, console, speed)):
         return INTERRUPTED
     if picture == TERMINAL:
         outcome.show_timeline(lanes, console)
     outcome.show_outcome(run, lanes, wall, console)
     return outcome.verdict(run)
+
+
+def _story_is_told(run: Run, console: Console, speed: float) -> bool:
+    """Tell a run; False where that was interrupted."""
+    from lupin_cli.terminal import outcome
+
+    try:
+        outcome.tell_story(run, console, _pacing(speed))
+    except KeyboardInterrupt:
+        console.print()
+        return False
+    return True
 
 
 # -- what is simulated ------------------------------------------------------------------------------------

@@ -75,23 +75,24 @@ def test(
     catalog = load_catalog()
     if recording is not None or output is not None:
         return _make_scenario(recording, output, paths, catalog)
-    problems = Problems(UsageError)
-    with problems.collecting():
-        files = _chosen(paths)
-    if drawing is not None and drawing.suffix != ".svg":
-        problems.add(f"{str(drawing)!r} must end in .svg")
-    problems.tell()
+    files = _checked(paths, drawing)
     counts = covers or min_coverage is not None or drawing is not None
-    results = []
     suite = Suite(catalog, CoverageObserver() if counts else None)
+    results = []
     for file in files:
-        result = suite.run(file, range(seed, seed + seeds))
-        results.append(result)
+        results.append(suite.run(file, range(seed, seed + seeds)))
         if not as_json:
-            _show(result, quiet)
+            _show(results[-1], quiet)
     coverage = add_up(results, Missions(catalog)) if counts else None
     if coverage is not None and drawing is not None:
         _draw(coverage, drawing)
+    return _verdict(results, coverage, min_coverage, as_json)
+
+
+def _verdict(
+    results: Sequence[ScenarioResult], coverage: Coverage | None, min_coverage: float | None, as_json: bool
+) -> int:
+    """Tell what came of all scenarios, and return the exit code."""
     if as_json:
         click.echo(json.dumps(_record(results, coverage), default=str))
     else:
@@ -100,6 +101,17 @@ def test(
     if not enough and not as_json:
         click.echo(f"less than {min_coverage:g} % was reached")
     return 0 if enough and all(result.holds for result in results) else 1
+
+
+def _checked(paths: Sequence[Path], drawing: Path | None) -> list[Path]:
+    """Return the chosen files, or tell all that is wrong with what was named."""
+    problems, files = Problems(UsageError), list[Path]()
+    with problems.collecting():
+        files = _chosen(paths)
+    if drawing is not None and drawing.suffix != ".svg":
+        problems.add(f"{str(drawing)!r} must end in .svg")
+    problems.tell()
+    return files
 
 
 def _chosen(paths: Sequence[Path]) -> list[Path]:

@@ -266,9 +266,7 @@ class Classes:
         if kind.kind == "bool":
             return number % 2 == 0
         if kind.kind in ("number", "integer"):
-            low = (kind.minimum if kind.minimum is not None else 0.0) + number - 1
-            low = low if kind.maximum is None else min(low, kind.maximum)
-            return int(low) if kind.kind == "integer" else float(low)
+            return _sample_number(kind, number)
         if kind.kind == "record":
             return {name: self._sample(of, number) for name, of in kind.fields.items()}
         if kind.kind == "list":
@@ -308,9 +306,7 @@ class Classes:
         for one in below:
             if read == ("event",) and one[1:2] and one[1] not in value:
                 continue  # it is a field of other results
-            inner = value
-            for name in one[len(read) :]:
-                inner = None if inner is None else part(inner, name)
+            inner = _part_of(value, one[len(read) :])
             if isinstance(value, list) and not self.compared.edges(one) and one == read:
                 inner = len(value)
             self._tried.setdefault(one, {})[repr(inner)] = inner
@@ -440,3 +436,16 @@ def _around(bounds: Iterable[float], kind: Type) -> list[Any]:
     inside = [edge for edge in edges if low <= edge <= high]
     between = [(one + other) / 2.0 for one, other in itertools.pairwise([low, *inside, high])]
     return sorted({*inside, *between})
+
+
+def _sample_number(kind: Type, number: int) -> float:
+    low = (kind.minimum if kind.minimum is not None else 0.0) + number - 1
+    low = low if kind.maximum is None else min(low, kind.maximum)
+    return int(low) if kind.kind == "integer" else float(low)
+
+
+def _part_of(value: Any, way: Iterable[Any]) -> Any:
+    """Return what stands in a value behind some steps; None where one of them leads nowhere."""
+    for name in way:
+        value = None if value is None else part(value, name)
+    return value

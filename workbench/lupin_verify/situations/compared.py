@@ -16,7 +16,7 @@ from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from lupin_engine.chart import Chart, Compiled, Expression, Value, to_function
+from lupin_engine.chart import Chart, Compiled, Expression, Input, Value, to_function
 from lupin_engine.machine import EvaluationScope, Memory, World
 from lupin_engine.plugin import Type
 from lupin_verify.situations.relevance import (
@@ -92,13 +92,18 @@ class Compared:
             read = ("input", spec.name)
             if self.read is not None and (spec.levels or spec.name in heard):
                 self.read.add(read)
-            for level in spec.levels:
-                margin = float(level.hysteresis.evaluate(self._env)) if level.hysteresis else 0.0
-                edge = level.below if level.below is not None else level.above
-                assert edge is not None
-                value = float(edge.evaluate(self._env))
-                other = value + margin if level.below is not None else value - margin
-                self.bounds.setdefault(read, set()).update((value, other))
+            for edge in self._edges_of(spec):
+                self.bounds.setdefault(read, set()).add(edge)
+
+    def _edges_of(self, spec: Input) -> Iterator[float]:
+        """Yield at which numbers the levels of an input become true, and at which they are false again."""
+        for level in spec.levels:
+            margin = float(level.hysteresis.evaluate(self._env)) if level.hysteresis else 0.0
+            edge = level.below if level.below is not None else level.above
+            assert edge is not None
+            value = float(edge.evaluate(self._env))
+            yield value
+            yield value + margin if level.below is not None else value - margin
 
     def _kept(self, relevance: Relevance) -> Iterator[Value]:
         """Yield what is kept in variables on which something depends, or goes on as an event."""
@@ -145,16 +150,9 @@ class Compared:
         source = getattr(value, "source", "")
         dealt_with = set(tree.asked)
         for node in ast.walk(tree.root):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id != "_known":
-                for key in map(id, node.args):
-                    if key in tree.reads:
-                        is_meant = _is_word if node.func.id == "len" else _is_list
-                        self._note(tree.reads[key], source, is_meant)
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Subscript):  # a function of a plugin
-                for read in {tree.reads[key] for key in tree.inside(node)}:
-                    if not (_is_of_itinerary(read) or self._is_target(read)):
-                        self._note(read, source, _is_open)
-            if isinstance(node, ast.Compare):
+            if isinstance(node, ast.Call):
+                self._call(node, tree, source)
+            elif isinstance(node, ast.Compare):
                 dealt_with |= tree.inside(node)
                 sides = [node.left, *node.comparators]
                 for operator, left, right in zip(node.ops, sides, sides[1:], strict=False):
@@ -165,15 +163,30 @@ class Compared:
             elif told and key not in dealt_with:
                 self._note(read, source, (lambda _: True) if ANY in read else _has_number)
 
+    def _compare_side(self, side: ast.expr, other: ast.expr, tree: _Tree, source: str) -> None:
+        """Take in with what one side is compared; what it reads is open where that is not known."""
+        bounds = self._constants(other, tree)
+        for bound in bounds or ():
+            self._carry(side, bound, tree, source)
+        for read in {tree.reads[key] for key in tree.inside(side)} if bounds is None else ():
+            self._note(read, source, _is_open)
+
+    def _call(self, node: ast.Call, tree: _Tree, source: str) -> None:
+        """Note what a function is called with."""
+        if isinstance(node.func, ast.Name) and node.func.id != "_known":
+            is_meant = _is_word if node.func.id == "len" else _is_list
+            for key in filter(tree.reads.__contains__, map(id, node.args)):
+                self._note(tree.reads[key], source, is_meant)
+        elif isinstance(node.func, ast.Subscript):  # a function of a plugin
+            for read in {tree.reads[key] for key in tree.inside(node)}:
+                if not (_is_of_itinerary(read) or self._is_target(read)):
+                    self._note(read, source, _is_open)
+
     def _compare(
         self, operator: ast.cmpop, left: ast.expr, right: ast.expr, tree: _Tree, source: str
     ) -> None:
-        for side, other in ((left, right), (right, left)):
-            bounds = self._constants(other, tree)
-            for bound in bounds or ():
-                self._carry(side, bound, tree, source)
-            for read in {tree.reads[key] for key in tree.inside(side)} if bounds is None else ():
-                self._note(read, source, _is_open)
+        self._compare_side(left, right, tree, source)
+        self._compare_side(right, left, tree, source)
         reads = [{tree.reads[key] for key in tree.inside(one)} for one in (left, right)]
         of_world = [{read for read in one if read[0] != "param"} for one in reads]
         if not all(of_world) or self._is_count(left, tree) or self._is_count(right, tree):
@@ -350,6 +363,12 @@ class _Tree:
         """Return the nodes inside of a node that read something."""
         return {id(one) for one in ast.walk(node) if id(one) in self.reads}
 
+    def _enter(self, loop: ast.comprehension) -> None:
+        """Remember what the elements of a loop are of."""
+        values = self._way(loop.iter)
+        if values is not None and isinstance(loop.target, ast.Name):
+            self._elements[loop.target.id] = (*values, ANY)
+
     def _find(self, node: ast.AST, asked: bool) -> None:
         way = self._way(node)
         read = None if way is None else self._read(way)
@@ -360,9 +379,7 @@ class _Tree:
             return
         if isinstance(node, (ast.ListComp, ast.GeneratorExp)):
             for loop in node.generators:  # one, says the checker
-                values = self._way(loop.iter)
-                if values is not None and isinstance(loop.target, ast.Name):
-                    self._elements[loop.target.id] = (*values, ANY)
+                self._enter(loop)
         asks = isinstance(node, ast.Call) and ast.unparse(node.func) in ("_known", "len")
         for child in ast.iter_child_nodes(node):
             self._find(child, asks or (asked and (isinstance(node, ast.Lambda) or _converts(node))))
@@ -377,14 +394,17 @@ class _Tree:
             inner = self._way(node.value)
             is_name = isinstance(node.slice, ast.Constant) and isinstance(node.slice.value, str)
             return None if inner is None else (*inner, ast.literal_eval(node.slice) if is_name else ANY)
-        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.args):
-            return None
-        inner = self._way(node.args[0])
-        if node.func.id == "_named" and inner is not None:
-            return (*inner, NamedStep(ast.literal_eval(node.args[1])))
-        if node.func.id == "_first" and inner is not None:
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.args:
+            return self._way_called(node.func.id, node.args)
+        return None
+
+    def _way_called(self, function: str, given: Sequence[ast.expr]) -> tuple[str | NamedStep, ...] | None:
+        inner = self._way(given[0])
+        if function == "_named" and inner is not None:
+            return (*inner, NamedStep(ast.literal_eval(given[1])))
+        if function == "_first" and inner is not None:
             return (*inner, ANY)
-        return inner if node.func.id == "_bounded" else None
+        return inner if function == "_bounded" else None
 
     def _read(self, way: tuple[str | NamedStep, ...]) -> Read | None:
         """Return what is read on a way; None for what no world tells."""
@@ -422,18 +442,26 @@ def side(value: float, edges: Sequence[float]) -> tuple[int, ...]:
 def _set_from(chart: Chart) -> dict[Read, list[Value]]:
     """Return from what variables are set, and the fields of the chart's own events and requests."""
     found: dict[Read, list[Value]] = {("context", name): [one.default] for name, one in chart.context.items()}
+    for read, value in itertools.chain(_set_by_actions(chart), _set_by_states(chart)):
+        found.setdefault(read, []).append(value)
+    return found
+
+
+def _set_by_actions(chart: Chart) -> Iterator[tuple[Read, Value]]:
     for call in actions_of(chart):
         for name, value in call.arguments.items() if call.name in KEEPING else ():
-            found.setdefault(("context", name), []).append(value)
+            yield ("context", name), value
         for name, value in call.data.items():
-            found.setdefault(("event", name), []).append(value)
+            yield ("event", name), value
+
+
+def _set_by_states(chart: Chart) -> Iterator[tuple[Read, Value]]:
     for state in chart.states.values():
         for name, value in state.result.items():
-            found.setdefault(("event", name), []).append(value)
+            yield ("event", name), value
         for name, field in state.use.request.items() if state.use is not None else ():
             if field.default is not None:
-                found.setdefault(("given", state.name, name), []).append(field.default)
-    return found
+                yield ("given", state.name, name), field.default
 
 
 def _declared(chart: Chart, read: Read) -> list[Type]:

@@ -87,21 +87,34 @@ def _deadlines(
             if now not in effect.fresh and now in (armed | frozen):
                 along[now] = one
                 continue
-            if name == fired:
-                one.fired = number
-            elif not one.stops or len(one.stops[-1]) == 2:
-                one.waits.append(number)
+            _end(one, number, name == fired)
             yield one
         for name, delay in (armed | frozen).items():
-            one = along.setdefault(name, Deadline(number, delay))
-            stopped = bool(one.stops) and len(one.stops[-1]) == 1
-            if name in frozen and not stopped:
-                one.stops.append([number])
-            elif name in armed and stopped:
-                one.stops[-1].append(number)
-            if not stopped and one.armed != number:
-                one.waits.append(number)
+            _go_on(along.setdefault(name, Deadline(number, delay)), number, name in frozen, name in armed)
     yield from along.values()
+
+
+def _end(one: Deadline, number: int, fired: bool) -> None:
+    """Note of a deadline that a step is the first without it."""
+    if fired:
+        one.fired = number
+    elif not _is_stopped(one):
+        one.waits.append(number)
+
+
+def _is_stopped(one: Deadline) -> bool:
+    return bool(one.stops) and len(one.stops[-1]) == 1
+
+
+def _go_on(one: Deadline, number: int, frozen: bool, armed: bool) -> None:
+    """Note of a deadline that there is at a step whether a hold stops it there."""
+    stopped = _is_stopped(one)
+    if frozen and not stopped:
+        one.stops.append([number])
+    elif armed and stopped:
+        one.stops[-1].append(number)
+    if not stopped and one.armed != number:
+        one.waits.append(number)
 
 
 def _by_name(timers: Sequence[Timer] | None) -> dict[TimerName, float]:

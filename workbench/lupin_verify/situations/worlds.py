@@ -248,14 +248,16 @@ class WorldMoves:
         return tuple(found)
 
     def _said(self, attempt: Attempt) -> Iterator[tuple[tuple[Any, ...], Mover, Event]]:
-        if attempt.phase is Phase.WAITING:
-            return
-        if is_orphan(attempt.id):
+        """Yield what a server may say of an attempt."""
+        if is_orphan(attempt.id) and attempt.phase is not Phase.WAITING:
             yield ("accepted",), Mover.ANSWER, events.accepted(attempt.id)
             yield ("done",), Mover.ANSWER, events.done(attempt.id, {})
             yield ("failed",), Mover.ANSWER, events.failed(attempt.id, CANCELLED_CODE)
             yield ("cancelled",), Mover.ANSWER, events.cancelled(attempt.id)
-            return
+        elif attempt.phase is not Phase.WAITING:
+            yield from self._said_of_known(attempt)
+
+    def _said_of_known(self, attempt: Attempt) -> Iterator[tuple[tuple[Any, ...], Mover, Event]]:
         if attempt.phase is not Phase.ACCEPTED:
             yield ("accepted",), Mover.ANSWER, events.accepted(attempt.id)
         speaks = attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED)
@@ -434,6 +436,20 @@ def _has_jitter(state: State) -> bool:
     return any(one is not None and one.retry is not None and one.retry.jitter is not None for one in invokes)
 
 
+def _left_of_properties(ranks: Iterable[Rank]) -> dict[TimerName, float]:
+    """Return how much is left at least of the deadlines of properties."""
+    left: dict[TimerName, float] = {}
+    for _, late, lead in ranks:
+        if late[0] == OF_PROPERTY:
+            left[late] = max(lead, left.get(late, lead))
+    return left
+
+
+def _lead(late: TimerName, least: float, early: float) -> float:
+    """Return how much later a deadline is at least that has so much left, where that is kept of it."""
+    return round(least - early, _DIGITS) if late[0] == OF_PROPERTY else 0.0
+
+
 def ranks_after(
     before: frozenset[Rank],
     deadlines: Deadlines,
@@ -458,11 +474,7 @@ def ranks_after(
     named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in _both(*deadlines)]
     stops = {name: stopped for name, _, stopped in named}
     old = stops.keys() - fresh
-    #: How much is left at least of the deadlines of which that is known.
-    left: dict[TimerName, float] = {}
-    for _, late, lead in before:
-        if late[0] == OF_PROPERTY:
-            left[late] = max(lead, left.get(late, lead))
+    left = _left_of_properties(before)
     left |= {
         name: timer[0]
         for name, timer, _ in named
@@ -475,8 +487,7 @@ def ranks_after(
         for early, early_timer, early_stopped in named:
             is_new = early != late and (late in fresh or early in fresh)
             if is_new and early_timer[:2] < (least, late_timer[1]) and (late_stopped or not early_stopped):
-                lead = round(least - early_timer[0], _DIGITS) if late[0] == OF_PROPERTY else 0.0
-                ranks.add((early, late, lead))
+                ranks.add((early, late, _lead(late, least, early_timer[0])))
     return frozenset(ranks)
 
 
