@@ -89,8 +89,8 @@ def rates() -> Mapping[str, str]:
         "/camera/tag_detections_json": frames,
         "/yolo/detections": frames,
         "/plan": f"every {robot.MOVE_S * robot.MOVES_PER_PLAN:g} s while it drives",
-        stops.PAGES_TOPIC: f"{stop.TELL_HZ:g} Hz, and on change",
-        stops.HMI_TOPIC: f"{stop.TELL_HZ:g} Hz while engaged, and on change",
+        stops.PAGES_TOPIC: f"{stop.PUBLISH_HZ:g} Hz, and on change",
+        stops.HMI_TOPIC: f"{stop.PUBLISH_HZ:g} Hz while engaged, and on change",
         "/lupin/arm/library/state": f"{1 / arm_library.TOLD_EVERY_S:g} Hz",
         "/joint_states": f"{1 / arm_sim.REST_S:g} Hz, {1 / arm_sim.MOVE_S:g} Hz while it moves",
     }

@@ -1,7 +1,7 @@
-"""What pages ask about the network itself: the services of `/rosapi/`, answered by the gateway.
+"""Answers the services of `/rosapi/`: pages' queries about nodes, topics, services and parameters.
 
-Only what pages of this robot use. Their types are not looked at: pages have called `get_time` with a wrong
-one for years, and what counts is the name.
+Only those that pages of this robot use. Their types are not checked: pages have called `get_time` with a
+wrong one for years, so only the name counts.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from lupin_gateway.encoding import as_json
 from lupin_gateway.node import types
 from lupin_gateway.node.calls import Services, action_type, service_type
 from lupin_gateway.node.topics import topic_types
+from lupin_gateway.ports import CallFailed
 from lupin_gateway.protocol import full_type
 from lupin_gateway.shapes import TEXT, Listed, MessageShape, NotCarried
-from lupin_gateway.sides import CallFailed
 from lupin_ros.adapter import RosNode
 
 #: Seconds that a node has to tell a parameter.
@@ -43,7 +43,7 @@ Done = Callable[[Any], None]
 
 
 class Rosapi:
-    """Answers questions; for the thread of ROS."""
+    """Answers queries; for the ROS thread."""
 
     def __init__(self, ros: RosNode, services: Services) -> None:
         self._ros = ros
@@ -63,7 +63,7 @@ class Rosapi:
         self.questions = frozenset({*self._questions, "get_param"})
 
     def answer(self, question: str, data: Any, done: Done) -> None:
-        """Answer: `done` gets the fields of the answer, or `CallFailed`."""
+        """Answer a query: `done` gets the fields of the response, or `CallFailed`."""
         try:
             if not isinstance(data, Mapping):
                 raise ValueError("its request is an object of fields")
@@ -116,7 +116,8 @@ class Rosapi:
 
 
 def _seen(found: list[tuple[str, list[str]]]) -> dict[str, str]:
-    """Return names with their types; what belongs to actions is left out, as ROS's own tools do."""
+    """Return names with their types; the hidden topics and services of actions are left out, as in ROS's
+    tools."""
     return {name: kinds[0] for name, kinds in sorted(found) if "/_" not in name}
 
 
@@ -136,7 +137,7 @@ def _absolute(name: str) -> str:
 
 
 def _message_details(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Describe a message, and all that it is made of."""
+    """Return the definition of a message, and of all types that it contains."""
     definitions: dict[str, dict[str, Any]] = {}
     _describe(types.shape(full_type(_text(data, "type"), "msg")), definitions)
     return {"typedefs": list(definitions.values())}
