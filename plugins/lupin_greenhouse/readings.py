@@ -1,4 +1,4 @@
-"""What sensors in the greenhouse measure: names and units, and the type of what one of them tells."""
+"""The sensors' vocabulary: names, units, and the type of a measured value."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ DEFECTS = (
         "calibration_willing",
         "a calibration begins under a stop",
         "lupin_arm.node.calibration.servos",
-        "Servos.tell_stopped = lambda self: None\nArm.claim = lambda self, owner, *_: None",
+        "Servos.publish_stopped = lambda self: None\nArm.claim = lambda self, owner, *_: None",
         "calibration",
         "stop_a",
         BEFORE,
