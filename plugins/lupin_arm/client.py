@@ -31,7 +31,7 @@ class ArmClient:
         return []
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        """Do nothing: this plugin has no operations."""
+        """Raise ValueError: this plugin has no operations."""
         raise ValueError(f"arm has no operation {operation!r}")
 
     def cancel(self, attempt: str) -> None:

@@ -1,4 +1,4 @@
-"""What the mobile base offers a mission, as data: loads without ROS, numpy or a file."""
+"""The catalog of the mobile base: operations, functions, values, parameters. Needs no ROS, numpy or file."""
 
 from __future__ import annotations
 

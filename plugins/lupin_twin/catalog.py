@@ -1,4 +1,4 @@
-"""What the digital twin offers: a node that listens, and to missions what it knows of every tag."""
+"""The catalog of the digital twin: its node, and the state of every tag as a live value."""
 
 from __future__ import annotations
 
