@@ -1,4 +1,4 @@
-"""The chart that runs as JSON data: for a display on another computer, which has none of the files."""
+"""Serializes the running chart to JSON, for displays on computers without its files."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from lupin_engine.missions import LoadedMissions
 
 
 def chart_record(loaded: LoadedMissions) -> dict[str, Any]:
-    """Return a chart with its hash, and the place of every state and transition in its files; no picture yet.
+    """Return a chart with its hash, and the source position of every state and transition; no picture yet.
 
-    Files are named as in the folder of the missions. `id` is what the picture calls a state (`data-state`);
-    transitions have their ids there as well (`data-transition`), except refusals, which are not drawn.
+    Files are named relative to the missions' folder. `id` is the picture's name of a state (`data-state`) or
+    a transition (`data-transition`); refusals are not drawn.
     """
     chart, names = loaded.chart, loaded.short_names
     words = ElementTexts(chart)
@@ -46,9 +46,9 @@ def chart_record(loaded: LoadedMissions) -> dict[str, Any]:
 
 
 def chart_picture(loaded: LoadedMissions) -> dict[str, str]:
-    """Return what the record of a chart says of its picture; that of a large one may take a minute.
+    """Return the picture's part of the record; for a large chart that may take a minute.
 
-    A chart that cannot be drawn has none, and `problem` says why: all the rest is of use without it.
+    If the chart cannot be drawn, `svg` is empty and `problem` says why: the other data is of use without it.
     """
     try:
         return {"svg": folded_svg(loaded.chart, frozenset()), "problem": ""}
@@ -57,7 +57,7 @@ def chart_picture(loaded: LoadedMissions) -> dict[str, str]:
 
 
 def check_chart(asked: str, loaded: LoadedMissions) -> None:
-    """Check that a chart that is asked about, by its hash, is the one that runs; '' is whichever runs.
+    """Check that a request's chart, by its hash, is the one that runs; '' is whichever runs.
 
     Raises:
         LupinError: it is another one.
