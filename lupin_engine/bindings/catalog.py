@@ -56,8 +56,7 @@ _UNREAD = _BindingFile(None, ())
 
 
 class _Same:
-    """A catalog as a cache key, compared by identity: comparing the content would take as long as
-    loading it."""
+    """A catalog as a cache key, compared by identity: comparing contents is as slow as loading."""
 
     def __init__(self, catalog: Catalog) -> None:
         self.catalog = catalog

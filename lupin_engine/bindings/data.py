@@ -132,8 +132,7 @@ class MessageHeard:
     fields: Mapping[str, Taken]
 
     def heard(self, message: Mapping[str, Any], around: Around) -> Mapping[str, Any] | None:
-        """Return the values of a message; None when its condition is false. Raises errors of the
-        expressions."""
+        """Return a message's values; None where its condition is false. Raises expressions' errors."""
         seen = _seeing({"message": message}, around)
         if self.when is not None and not self.when.evaluate(seen):
             return None

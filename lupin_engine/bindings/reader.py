@@ -216,8 +216,7 @@ class _ReadExpressions:
 
 
 def _kinds(kept: Type, unit: str | None) -> Kinds:
-    """Return a value's type in the engine and, with `unit`, on the wire; a wrong unit is reported
-    elsewhere."""
+    """Return a value's type in the engine and on the wire; a wrong `unit` is reported elsewhere."""
     of = innermost(kept)
     if unit is None or of.kind != "number" or unit not in units_of(of.unit):
         return Kinds(kept, kept)

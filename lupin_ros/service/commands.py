@@ -144,8 +144,7 @@ def _counts_however_late(asked: CommandRequest, chart: Chart) -> bool:
 
 
 def counts_however_late(event: str, chart: Chart) -> bool:
-    """Return whether an event is a request that is carried out even if it is old, except under a
-    full hold."""
+    """Return whether an event is a request that is carried out however late it comes."""
     request = chart.profile.requests.get(event.removeprefix("operator."))
     return request is not None and request.however_late
 

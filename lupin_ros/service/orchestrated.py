@@ -63,8 +63,7 @@ class VirtualOrchestrator:
         return max(self._published_at, self._began_ms + self.simulation.now * 1000.0)
 
     def _moment(self) -> float:
-        """Return a unique time for a message, in the order of publishing; a millisecond has room for a
-        thousand."""
+        """Return a unique time for a message, in the order of publishing (up to 1000 in a ms)."""
         self._published_at = max(self._published_at + 0.001, self.at)
         return self._published_at
 

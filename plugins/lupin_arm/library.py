@@ -382,8 +382,7 @@ class Library:
             self._persist(self._poses, self._sequences)
 
     def _recover(self, what: str) -> None:
-        """Read the newest usable backup; without one the library is empty, with a notice unless it was
-        missing."""
+        """Read the newest usable backup; without one the library is empty, noted unless missing."""
         for backup in self._backups():
             with contextlib.suppress(_CorruptLibrary, OSError):
                 if self._take_in(backup):
@@ -448,8 +447,7 @@ def _unknown(kind: str, name: str, entries: Iterable[str]) -> str:
 
 
 def _identity(path: Path) -> tuple[int, ...] | None:
-    """Return inode, size and mtime, which change when another process writes the file; None without
-    a file."""
+    """Return inode, size and mtime, to notice another process's writes; None without a file."""
     try:
         found = path.stat()
     except OSError:

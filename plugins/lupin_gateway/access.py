@@ -398,8 +398,7 @@ def open_problems(certificate: str, key: str, tokens: str) -> Iterator[str]:
 
 
 class Allowance:
-    """Rate limits of one client (a token bucket); each method returns why something is refused, '' where it
-    is not."""
+    """Rate limits of one client (token bucket); each method returns why something is refused, else ''."""
 
     def __init__(self) -> None:
         self._left = float(OPERATIONS_PER_S)
@@ -413,8 +412,7 @@ class Allowance:
         return f"the frame has {size} bytes, at most {LONGEST_FRAME} are taken; nothing of it was carried out"
 
     def long_frame(self, size: int, now: float) -> str:
-        """Check a long frame, at a time of the steady clock; its operation will count once for each 10,000
-        bytes."""
+        """Check a long frame, at a time of the steady clock; it counts once for each 10,000 bytes."""
         self._more = size // BYTES_AN_OPERATION
         return self.used_up(now)
 

@@ -48,8 +48,7 @@ def _reader(shape: MessageShape) -> Reader:
 
 
 def _aligned(codes: str) -> tuple[list[Callable[..., tuple[Any, ...]]], list[int]]:
-    """Return readers of consecutive numbers, and their sizes with padding, by the offset of the first modulo
-    8."""
+    """Return readers of consecutive numbers and their padded sizes, by the first one's offset modulo 8."""
     readers: list[Callable[..., tuple[Any, ...]]] = []
     sizes: list[int] = []
     for start in range(8):

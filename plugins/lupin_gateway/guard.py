@@ -157,8 +157,7 @@ class GatewayRules:
         self.publish_changes()
 
     def _paused(self, answer: Any, is_first: bool) -> None:
-        """Take the answer to a pause; without one the orchestrator may just be starting, so it is asked
-        again."""
+        """Take the answer to a pause; without one, ask again: the orchestrator may be starting."""
         is_answer = isinstance(answer, Mapping)
         if not is_answer:
             self._pause_at = self.clocks.steady() + PAUSE_AGAIN_S
@@ -175,8 +174,7 @@ class GatewayRules:
         self.settle_motion()
 
     def settle_motion(self) -> None:
-        """Evaluate the motion gate, end motion of pages that is no longer allowed, and publish changes of the
-        base."""
+        """Evaluate the motion gate, end motion that is no longer allowed, publish who has the base."""
         driver = self.motion.taken_by
         if self.motion.settle(self.stops.stopped, self.clocks.steady()):
             self._outputs.halt()
@@ -244,8 +242,7 @@ class Guard:
     # -- what it may ----------------------------------------------------------------------------------------
 
     def frame_refusal(self, frame: str | bytes) -> str:
-        """Return why a frame is dropped unread; '' where it is read. Rate limits apply to long frames only
-        here."""
+        """Return why a frame is dropped unread; '' where it is read. Short frames pass the rate limit."""
         size = len(frame) if isinstance(frame, bytes) or frame.isascii() else len(frame.encode())
         refused = self._allowance.frame(size)
         if not refused and size > STOP_FRAME:
@@ -367,8 +364,7 @@ class Guard:
             self._rules.write(self._who, "publish", operation.topic, operation.message, None)
 
     def answered(self, operation: protocol.Operation, answer: Any) -> None:
-        """Log a command with its answer, fields by name or an error text; calls that only read are not
-        logged."""
+        """Log a command with its answer: fields by name, or an error. Reading calls are not logged."""
         if named := _command(operation):
             what, name, _ = named
             is_call = what == "call_service"

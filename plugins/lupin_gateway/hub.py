@@ -68,8 +68,7 @@ class Outbox:
         self.held = 0
 
     def put(self, frame: FrameData, source: Subscriber | None = None) -> None:
-        """Queue a frame. A subscription's frame may be dropped later; one longer than the outbox becomes an
-        error."""
+        """Queue a frame. A subscription's may be dropped later; one too long becomes an error."""
         if source is not None and len(frame) > OUTBOX_BYTES:  # all others would be dropped for it, and it too
             frame = status("error", f"{source.topic}: a message of {len(frame)} bytes is too long", source.id)
         waiting = _WaitingFrame(frame, source)
@@ -156,8 +155,7 @@ class Subscriber:
         return self.queue or (WAITING_EVENTS if self.kept.events else WAITING_STATES)
 
     def offer(self, sample: Sample) -> None:
-        """Send a sample, or hold it until the throttle lets it pass; of held ones the newest is never
-        dropped."""
+        """Send a sample, or hold it for the throttle; of held ones the newest is never dropped."""
         if not self.throttle:
             self.outbox.put(sample.frame(self.compression), self)
             return
@@ -210,8 +208,7 @@ class _OpenTopic:
         self.ending: asyncio.TimerHandle | None = None
 
     def deliver(self, sample: Sample, latched: bool) -> None:
-        """Give a sample to all subscribers. A new ROS subscription delivers old ones again; those are
-        dropped."""
+        """Give a sample to all subscribers; repetitions of a new ROS subscription are dropped."""
         if latched or self.kept.events:
             if any(old.same(sample) for old in self.backlog):
                 return

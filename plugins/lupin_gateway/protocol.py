@@ -310,8 +310,7 @@ def _call(fields: _Fields) -> CallService:
 
 
 def _timeout(fields: _Fields) -> float:
-    """Return the client's limit; roslib sends a number that is not positive for "none", so the gateway's
-    applies."""
+    """Return the client's limit; 0 where it is not positive, which roslib sends for "none"."""
     wanted = fields.any("timeout")
     is_none = isinstance(wanted, (int, float)) and wanted <= 0
     return 0.0 if is_none else fields.number("timeout", 86_400)

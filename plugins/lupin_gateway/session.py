@@ -28,8 +28,7 @@ MOST_GOALS = 20
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of calls in seconds: `usual`, or `slow` for services whose name begins with one of
-    `slow_services`."""
+    """Limits of calls in seconds: `usual`, or `slow` for names that begin with a slow service's."""
 
     usual: float = 5.0
     slow: float = 15.0

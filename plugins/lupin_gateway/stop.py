@@ -53,8 +53,7 @@ class LeftStop:
 
 @dataclass(frozen=True)
 class KeptStops:
-    """The saved state for the next gateway: engaged stops with their browsers, and whether an operator was
-    there."""
+    """The saved state: engaged stops with their browsers, and whether an operator was connected."""
 
     stops: tuple[tuple[str, str], ...] = ()
     operator: bool = False

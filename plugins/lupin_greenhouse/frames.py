@@ -66,8 +66,7 @@ class Frames:
     def add(
         self, parent: str, child: str, pose: Pose, moment: float, *, static: bool = False, heard: float = 0.0
     ) -> bool:
-        """Add the pose of `child` in `parent`, arrived at `heard`; return False where there are too many
-        frames."""
+        """Add the pose of `child` in `parent`, arrived at `heard`; return False where it is full."""
         child, parent = frame_name(child), frame_name(parent)
         track = self._tracks.get(child)
         if track is None and len(self._tracks) >= MAX_FRAMES:
@@ -81,8 +80,7 @@ class Frames:
         return True
 
     def _exchanged(self, child: str, track: _Track, parent: str) -> _Track:
-        """Store a track aside, since its frame has changed its parent; return the one stored for
-        that parent."""
+        """Store a track whose frame has changed its parent; return the one stored for that parent."""
         if len(self._resting) >= MAX_FRAMES:
             self._resting.clear()
         self._resting[child, track.parent] = track
@@ -127,8 +125,7 @@ class Frames:
         return pose
 
     def gap(self, target: str, source: str, since: float = -math.inf) -> str:
-        """Return why `find` found nothing: a frame is not connected, is silent, or the times do not
-        overlap."""
+        """Return why `find` found nothing: a frame is unconnected or silent, or times do not overlap."""
         target, source = frame_name(target), frame_name(source)
         frames = self._chain(target, source)
         if frames is None:

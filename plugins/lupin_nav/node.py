@@ -88,8 +88,7 @@ class NavWatchdog:
         self._watchdog.heard(is_one)
 
     def _on_silent_gateway(self, reason: str) -> None:
-        """Cancel its pages' goals, unless a mission drives. A gateway that ended in order has left
-        the graph."""
+        """Cancel its pages' goals, unless a mission drives or the gateway ended in order."""
         if self._ros.node.count_publishers(PAGES_TOPIC) and not self._mission_drives:
             self._end_goals(reason)
 

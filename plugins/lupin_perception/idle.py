@@ -24,8 +24,7 @@ class Schedule:
         self._under_way: set[str] = set()
 
     def due(self, tags: Iterable[str], now: float) -> list[str]:
-        """Return the tags to read now; they stay pending until `done` or `failed`, at most `AT_ONCE` at a
-        time."""
+        """Return the tags to read now, pending until `done` or `failed`; at most `AT_ONCE` are."""
         room = AT_ONCE - len(self._under_way)
         wanted = [tag for tag in tags if tag not in self._under_way and self._due.get(tag, now) <= now]
         self._under_way.update(wanted[:room])

@@ -79,8 +79,7 @@ class Quality:
 
 @dataclass(frozen=True)
 class Registration:
-    """The result: boxes by the id of their tag, tags that hang elsewhere than in the layout, and why it is
-    unusable."""
+    """The result: boxes by tag id, tags that hang elsewhere, and why there are no boxes."""
 
     boxes: Mapping[str, PlanterBox]
     misplaced: tuple[str, ...] = ()

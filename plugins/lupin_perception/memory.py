@@ -26,8 +26,7 @@ NOWHERE = "none"
 
 @dataclass(frozen=True)
 class Past:
-    """The saved state: a mission's tags, the places of its pest reports, and the tag that was being
-    scanned."""
+    """The saved state: a mission's tags, the places of its pest reports, and the scanned tag."""
 
     mission_id: str
     tags: Sequence[Known] = ()

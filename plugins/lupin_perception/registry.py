@@ -26,8 +26,7 @@ _STILL_M, _STILL_TURN = 1e-3, 1.0 - 1e-6
 
 @dataclass
 class Known:
-    """A tag: its pose in `map` by the nearest view, that view's distance (m), sightings, and the last one
-    (s)."""
+    """A tag: its pose in `map` by the nearest view, with distance (m), sightings, last one (s)."""
 
     id: str
     pose: Pose
@@ -51,8 +50,7 @@ class Registry:
     """The tags of the present mission, in the order in which they were first seen."""
 
     def __init__(self, min_sightings: int, max_distance: float, freshness: float) -> None:
-        """Set the sightings of a discovery, their largest distance (m; 0: any), and a confirmation's
-        age (s)."""
+        """Set the sightings of a discovery, their range (m; 0: any), and a confirmation's age (s)."""
         self._enough = min_sightings
         self._reach = max_distance if max_distance > 0.0 else math.inf
         self._freshness = freshness
@@ -63,8 +61,7 @@ class Registry:
         self.revision = 0
 
     def begin(self, mission_id: str) -> bool:
-        """Take the published mission id; return whether it is a new one, which clears all. '' is no
-        mission."""
+        """Take the published mission id ('': none); return whether it is new, which clears all."""
         if mission_id in ("", self.mission_id):
             return False
         self.mission_id = mission_id

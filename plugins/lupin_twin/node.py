@@ -166,8 +166,7 @@ class TwinNode:
         )
 
     def _keep(self, write: Callable[[], bool]) -> bool:
-        """Write to the store; return True also where that fails, for the record is applied in memory all the
-        same."""
+        """Write to the store; return True also on failure: the record counts in memory."""
         try:
             new = write()
         except StoreError as problem:

@@ -81,8 +81,7 @@ class NoPicture(LupinError):
 
 @dataclass(frozen=True)
 class _PictureContent:
-    """The content of a picture: a sensor's readings, interpolated within `reach` metres of their tags, on a
-    map."""
+    """A sensor's readings, interpolated within `reach` metres of their tags, on a map."""
 
     record: MissionRecord
     sensor: str

@@ -120,8 +120,7 @@ _RECORDS: TypeAdapter[Record] = TypeAdapter(Annotated[Record, Field(discriminato
 
 
 def to_json(record: Record) -> str:
-    """Return a record as one line of JSON (with NaN, which strict JSON lacks); equal records give equal
-    lines."""
+    """Return a record as one line of JSON, NaN included; equal records give equal lines."""
     return json.dumps(asdict(record), separators=(",", ":"))
 
 

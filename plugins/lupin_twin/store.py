@@ -91,8 +91,7 @@ class StoredRecord(NamedTuple):
 
 @dataclass(frozen=True)
 class StoreContent:
-    """The content of a store: records in the order of arrival, the latest map, and descriptions of damaged
-    rows."""
+    """Records in the order of arrival, the latest map, and descriptions of damaged rows."""
 
     rows: list[StoredRecord]
     map: OccupancyMap | None

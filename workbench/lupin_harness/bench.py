@@ -157,8 +157,7 @@ def last_words(log: str) -> str:
 
 
 def _time_of_ours() -> float:
-    """Return the time without this thread's waits for a processor, which the driver is not
-    responsible for."""
+    """Return the time without this thread's waits for a processor, no fault of the driver."""
     try:
         waited = int(SCHEDULED.read_text().split()[1])
     except (OSError, IndexError, ValueError):  # another system, or a kernel that does not count

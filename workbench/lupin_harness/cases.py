@@ -45,8 +45,7 @@ def _subject(plugin: str, arguments: Given = MappingProxyType({})) -> PluginUnde
 
 
 class CatalogContract:
-    """The rules of every catalog. `arguments` are by operation, action or function; missing ones are
-    generated."""
+    """The rules of every catalog. `arguments` are by operation, action or function, else examples."""
 
     plugin: ClassVar[str]
     arguments: ClassVar[Given] = {}

@@ -17,8 +17,7 @@ _MAX_PIVOTS = 4000
 
 @dataclass
 class Effort:
-    """A budget for better ranks, in edges that pivots look at; counted, not timed, so that it is
-    deterministic."""
+    """A budget for better ranks, in edges looked at: counted, not timed, so deterministic."""
 
     left: int
 

@@ -20,8 +20,7 @@ _NAMES = frozenset((*(joint.state_name for joint in ARM), JAW))
 
 
 class Feedback:
-    """The last angles of the arm's joints and of the jaw; other joints, and impossible angles, are
-    ignored."""
+    """The last angles of the arm's joints and of the jaw; impossible angles are ignored."""
 
     def __init__(self, ros: RosNode, topic: str) -> None:
         self._ros = ros

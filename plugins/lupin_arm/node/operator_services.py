@@ -35,8 +35,7 @@ MOST_WAITING = 8
 
 
 def serve_presets(ros: RosNode, arm: Arm, duration: float) -> None:
-    """Offer `/lupin/arm/preset`; a motion takes `duration` seconds, or longer where a joint would be too
-    fast."""
+    """Offer `/lupin/arm/preset`; a motion takes `duration` seconds, or longer for a long way."""
 
     def go(request: SetArmPreset.Request, response: SetArmPreset.Response) -> SetArmPreset.Response:
         try:

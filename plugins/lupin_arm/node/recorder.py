@@ -249,8 +249,7 @@ class Recorder:
         return True
 
     def stop(self, then: Done) -> bool:
-        """Discard a recording by hand; return whether there was one. `then` is called when the arm has
-        torque."""
+        """Discard a recording by hand; return whether there was one. `then` comes with the torque."""
         if self._phase is not _RecorderPhase.RECORDING or self.mode != BY_HAND:
             return False
 

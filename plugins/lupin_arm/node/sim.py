@@ -228,8 +228,7 @@ class ArmSimNode:
 
 
 def _point(message: JointTrajectoryPoint, order: Sequence[int]) -> Point | None:
-    """Return a point of a trajectory with its angles in our order; None where a controller would
-    refuse it."""
+    """Return a point with its angles in our order; None where a controller would refuse it."""
     numbers = len(message.positions) == len(order) and all(map(math.isfinite, message.positions))
     # The servos are said to refuse a velocity of zero.
     if not numbers or any(velocity == 0.0 for velocity in message.velocities):

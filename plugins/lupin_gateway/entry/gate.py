@@ -46,8 +46,7 @@ class Places:
 
 
 def places() -> Places:
-    """Return the quotas that this process has file descriptors for, after raising its limit as far as
-    allowed."""
+    """Return the quotas for this process's file descriptors, after raising its limit if allowed."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = WANTED_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(WANTED_DESCRIPTORS, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:

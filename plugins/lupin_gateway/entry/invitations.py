@@ -48,8 +48,7 @@ class GatewayAddress:
 
     @classmethod
     def read(cls, folder: Path) -> GatewayAddress | None:
-        """Return the address that the last gateway of the folder wrote; None where there is none that can be
-        read."""
+        """Return the address that the folder's last gateway wrote; None where none can be read."""
         try:
             return cls(**json.loads(cls._file(folder).read_text(encoding="utf-8")))
         except (OSError, ValueError, TypeError):

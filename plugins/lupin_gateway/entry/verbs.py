@@ -87,8 +87,7 @@ def _certified(served: GatewayAddress) -> list[tuple[str, str]]:
 
 
 def _hosts(certified: list[tuple[str, str]]) -> Iterator[str]:
-    """Yield the certified hosts that can stand in a link: addresses of this machine, then names; no
-    wildcards."""
+    """Yield the certified hosts for a link: addresses of this machine, then names; no wildcards."""
     yield from (name for kind, name in certified if kind == "IP Address" and _is_here(name))
     yield from (name for kind, name in certified if kind == "DNS" and "*" not in name)
 

@@ -100,7 +100,7 @@ class Rosapi:
         if not parameter:
             raise ValueError("'name' is written NODE:PARAMETER, such as /lupin_twin:frame_id")
 
-        def told(answer: Any) -> None:
+        def done_with(answer: Any) -> None:
             values = [] if isinstance(answer, CallFailed) else answer["values"]
             field = _VALUES.get(values[0]["type"]) if values else None
             if field is not None:
@@ -112,12 +112,11 @@ class Rosapi:
             done({"value": data.get("default_value", ""), "successful": False, "reason": reason})
 
         service = f"{_absolute(node)}/get_parameters"
-        self._services.call(service, {"names": [parameter]}, PARAMETER_WITHIN_S, told)
+        self._services.call(service, {"names": [parameter]}, PARAMETER_WITHIN_S, done_with)
 
 
 def _seen(found: list[tuple[str, list[str]]]) -> dict[str, str]:
-    """Return names with their types; the hidden topics and services of actions are left out, as in ROS's
-    tools."""
+    """Return names with their types, without the hidden ones of actions, as ROS's tools do."""
     return {name: kinds[0] for name, kinds in sorted(found) if "/_" not in name}
 
 
@@ -147,17 +146,19 @@ def _describe(shape: MessageShape, definitions: dict[str, dict[str, Any]]) -> No
     if shape.name in definitions:
         return
     constants = _constants(types.class_of(shape.name))
-    told: dict[str, Any] = {
+    described: dict[str, Any] = {
         "type": _short(shape.name), "fieldnames": [], "fieldtypes": [], "fieldarraylen": [], "examples": [],
         "constnames": list(constants), "constvalues": [str(value) for value in constants.values()],
     }  # fmt: skip
-    definitions[shape.name] = told
+    definitions[shape.name] = described
     for name, kind in shape.fields.items():
         of = kind.of if isinstance(kind, Listed) else kind
-        told["fieldnames"].append(name)
-        told["fieldtypes"].append(_short(of.name) if isinstance(of, MessageShape) else _WRITTEN.get(of, of))
-        told["fieldarraylen"].append((kind.length or 0) if isinstance(kind, Listed) else -1)
-        told["examples"].append(_example(kind))
+        described["fieldnames"].append(name)
+        described["fieldtypes"].append(
+            _short(of.name) if isinstance(of, MessageShape) else _WRITTEN.get(of, of)
+        )
+        described["fieldarraylen"].append((kind.length or 0) if isinstance(kind, Listed) else -1)
+        described["examples"].append(_example(kind))
         if isinstance(of, MessageShape):
             _describe(of, definitions)
 

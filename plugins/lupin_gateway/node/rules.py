@@ -202,8 +202,7 @@ def _stop_publisher(ros: RosNode, shared_false: bool, is_taken_over: bool) -> Ca
 
 
 def _own(ros: RosNode, catalog: Catalog, values: Mapping[str, Any]) -> Iterator[Access]:
-    """Yield the access that no catalog declares: the gateway's own names, the engine's, bindings, and
-    settings."""
+    """Yield the access that no catalog declares: of the gateway, the engine, bindings, settings."""
     yield names.ACCESS
     yield OWN_ACCESS
     kinds = ("viewer", "operator", "engineer", "motion")
@@ -263,8 +262,7 @@ def _kept_stops(ros: RosNode, file: StateFile) -> KeptStops:
 
 
 def _people(ros: RosNode, folder: Path, audit_file: Path) -> People:
-    """Return the people, with the notifications and commands that an earlier gateway of this domain has
-    saved."""
+    """Return the people, with saved notifications and commands of this domain's last gateway."""
     file = StateFile(ros, folder / "notifications.json", "notifications")
     publishers = {
         topic: ros.publisher(String, topic, Qos.LATCHED) for topic in (PEOPLE_TOPIC, NOTIFICATIONS_TOPIC)

@@ -248,8 +248,7 @@ class Publishers:
             publisher.close()
 
     def publish(self, topic: str, data: Any) -> str:
-        """Publish; a topic without a publisher gets the network's type. Return the error, '' where there is
-        none."""
+        """Publish, with the network's type if no page advertised one; return the error, else ''."""
         publisher = self._all.get(topic)
         if publisher is None:
             known = topic_types(self._ros, topic)
@@ -268,8 +267,7 @@ class Publishers:
         return ""
 
     def halt(self, moving: MotionNames) -> None:
-        """Drop waiting messages that move the robot, and publish zero on each topic of velocities that was
-        used."""
+        """Drop waiting messages that move the robot; publish zero on each used topic of velocities."""
         used, self._used = self._used, set()
         for topic in used & self._all.keys():
             if moving.published(topic, None):

@@ -77,8 +77,7 @@ class Notifications:
                 self._all[one.id] = replace(one, over=at)
 
     def acknowledge(self, ids: Collection[int], who: str, at: float) -> str:
-        """Mark as acknowledged by a person; return why not, '' where that is done. One unknown id refuses
-        all."""
+        """Mark all as acknowledged by a person; return '', or why none is: an unknown id."""
         unknown = sorted(set(ids) - self._all.keys())
         if unknown or not ids:
             listed = ", ".join(map(str, unknown)) or "nothing was named"

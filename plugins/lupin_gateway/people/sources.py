@@ -59,8 +59,7 @@ class NodeNotices:
         self._heard: dict[str, float] = {}
 
     def take(self, status: Mapping[str, Any], at: float, now: float) -> None:
-        """Take a status of /diagnostics, `now` of the steady clock; statuses of other things than nodes are
-        ignored."""
+        """Take a status of /diagnostics, `now` of the steady clock; only those of nodes count."""
         name, level, machine = str(status["name"]), int(status["level"]), str(status["hardware_id"])
         if not name.startswith("/"):
             return

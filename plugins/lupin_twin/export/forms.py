@@ -13,7 +13,7 @@ _LAST_S = (datetime(9999, 12, 31, tzinfo=timezone.utc) - _EPOCH).total_seconds()
 
 
 def utc(seconds: float) -> str:
-    """Return a time as RFC 3339, in UTC with microseconds; clamped to its range; NaN and infinity are 1970."""
+    """Return a time as RFC 3339, in UTC with microseconds, clamped; NaN and infinity become 1970."""
     bounded = min(max(seconds, 0.0), _LAST_S) if math.isfinite(seconds) else 0.0
     return (_EPOCH + timedelta(seconds=bounded)).isoformat(timespec="microseconds").replace("+00:00", "Z")
 

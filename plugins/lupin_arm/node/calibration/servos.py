@@ -227,8 +227,7 @@ class Servos:
         self._ask(attempt, self._writes(dict.fromkeys(HOMES, 0)), lambda _: self._done(attempt))
 
     def _write_offsets(self, attempt: str, arguments: Mapping[str, Any]) -> None:
-        """Write all offsets back; a servo that does not answer fails the attempt after the others
-        are done."""
+        """Write all offsets back; a silent servo fails the attempt after the others are done."""
         calls = self._writes(_offsets(arguments["offsets"]))
 
         def written(answers: list[Any]) -> None:
