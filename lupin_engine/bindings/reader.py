@@ -1,4 +1,8 @@
-"""Compiles a binding: from its file to a plugin and its calls; reports all errors."""
+"""Compiles a binding: from its file to a plugin and its calls; reports all errors.
+
+`read_binding` needs no ROS and knows no types of fields; `check_definition` runs where interfaces are
+installed.
+"""
 
 from __future__ import annotations
 
@@ -88,7 +92,10 @@ def read_binding(node: BindingNode, catalog: Catalog, findings: Findings) -> Bin
 
 
 def check_definition(binding: Binding, definitions: Definitions, findings: Findings) -> None:
-    """Compile a binding again with its interfaces' types, and report mismatches."""
+    """Compile a binding again with its interfaces' types, and report mismatches.
+
+    An unknown interface is an error; one that is not installed here a warning, and stays unchecked.
+    """
     params = _parameter_types(binding.node, binding.plugin)
     for bound in _bound(binding.node):
         definition = _definition(bound, definitions, findings)

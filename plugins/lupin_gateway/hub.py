@@ -234,7 +234,7 @@ class Hub:
         self._last: dict[str, Sample] = {}
 
     def subscribe(self, subscriber: Subscriber, type_: str) -> None:
-        """Send the backlog, then every new sample; `type_` '' means the topic's own type."""
+        """Send the backlog (latched and event topics have one), then new samples; `type_` '': the topic's."""
         channel = self._channels.get((subscriber.topic, type_)) or self._open(subscriber.topic, type_)
         if channel.ending is not None:
             channel.ending.cancel()

@@ -1,4 +1,9 @@
-"""The driver of plugin `perception`: polls ConfirmTag until a tag is seen, and reports discovered tags."""
+"""The driver of plugin `perception`: polls ConfirmTag until a tag is seen, and reports discovered tags.
+
+An attempt polls for `within` seconds, then fails with `visual_confirm_missed`; a failed call ends it at once
+(`confirm_failed`). Discovered tags without a pose, or in another frame than `map`, are dropped with a
+warning.
+"""
 
 from __future__ import annotations
 
