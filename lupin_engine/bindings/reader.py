@@ -109,7 +109,7 @@ def _definition(bound: _Bound, definitions: Definitions, findings: Findings) -> 
     endpoint, path = bound.endpoint, f"{bound.path}.{bound.key}"
     place = endpoint.at("type")
     if not _is_type(endpoint):
-        return None  # that has been told
+        return None  # reported already
     try:
         definition = definitions(endpoint.type)
     except LookupError as error:
@@ -489,7 +489,7 @@ class _BindingReader:
                 kind = within(kind, low, high)
             else:
                 default = None
-        # A default that is wrong has been told; missions are not blamed for relying on it.
+        # A default that is wrong has been reported; missions are not blamed for relying on it.
         return Argument(kind or ANY, written.summary, default, optional=written.default is not None)
 
     def _result(self, node: BoundOperationNode | BoundEventNode, key: str, path: str) -> dict[str, Type]:

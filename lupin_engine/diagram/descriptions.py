@@ -26,7 +26,7 @@ from lupin_engine.plugin.types import in_unit
 WIDTH = 44
 #: What an action is about -> the argument that says it.
 _ABOUT = {"raise": "event", "itinerary.close": "status", "itinerary.close_rest": "status"}
-#: Units of long durations, and the shortest one, in seconds, that is told in each.
+#: Units of long durations, and the shortest one, in seconds, that is shown in each.
 _LONG = {"h": 3600.0, "min": 120.0}
 _PREFIXES = ("operator.", "mission.", "answer.")
 _CANNOT = (KeyError, TypeError, ValueError, ArithmeticError, UnknownValue)

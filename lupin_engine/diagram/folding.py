@@ -9,7 +9,7 @@ from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.svg import svg
 from lupin_engine.errors import UsageError, meant, shortened
 
-#: Unknown states that are told of.
+#: The most unknown states that are named.
 _MOST_NAMED = 3
 
 

@@ -445,7 +445,7 @@ def _refusals_have_reasons(passage: Passage) -> str | None:
     return "" if is_reasoned else f"{step.event.name} is refused without a reason"
 
 
-#: All of them, in the order in which they are told.
+#: All of them, in the order of reports.
 BUILT_IN: tuple[Property, ...] = tuple(_found)
 
 

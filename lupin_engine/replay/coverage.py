@@ -27,7 +27,7 @@ from lupin_engine.sim.scenario import Missions
 from lupin_engine.sim.simulation import Run
 from lupin_engine.sim.suite import Counts, ScenarioResult
 
-#: What can be reached, in the order in which it is told.
+#: The kinds of items, in the order of reports.
 STATES, TRANSITIONS, OUTCOMES, GUARDS = KINDS = ("states", "transitions", "outcomes", "guard branches")
 #: How the end of an operation is called that its timeout brings about.
 TIMEOUT = "timeout"

@@ -25,7 +25,7 @@ _LEAST_COMMAND = 40
 #: A command is cut after so many lines.
 _COMMAND_LINES = 2
 _GAP = 2
-#: Times are told with at most so many digits behind the point.
+#: Times are shown with at most so many digits behind the point.
 _MOST_DIGITS = 3
 #: The tone of a code.
 _TONES = {Severity.INFO: "dim", Severity.WARN: "note", Severity.ERROR: "refused"}

@@ -10,7 +10,7 @@ from lupin_engine.replay.timeline import Lane, Timeline
 from lupin_engine.runtime.history import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT
 from lupin_engine.sim.simulation import Run
 
-#: In this order they are told.
+#: In the order of reports.
 OUTCOMES = (DONE, FAILED, TIMED_OUT, CANCELLED, OPEN)
 
 

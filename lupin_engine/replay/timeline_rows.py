@@ -23,7 +23,7 @@ STATE, PHASE, TARGET, OPERATION, HOLD, FLAG, CURVE = (
 #: Distances between two marks of the axis, in seconds.
 _STEPS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400)
 _DAY = 86400
-#: Up to here a time is told in seconds, in minutes.
+#: Up to here a time is shown in seconds, in minutes.
 _IN_SECONDS, _IN_MINUTES = 180.0, 3 * 3600.0
 
 

@@ -20,7 +20,7 @@ from lupin_engine.plugin.profile import Publish
 from lupin_engine.runtime.history import History
 from lupin_engine.sim.narration import StepLine, short_name, shorten, tell
 
-#: How many causes are told, one behind the other, when nobody says otherwise.
+#: The default length of a causal chain.
 USUAL_DEPTH = 5
 
 
@@ -287,7 +287,7 @@ class Inquiry:
             now = one.step.trail[-1].target if one.step.trail else now
             yield within - {""}
 
-    # -- how they are told ----------------------------------------------------------------------------
+    # -- formatting ----------------------------------------------------------------------------------
 
     def _is_news(self, index: int) -> bool:
         step = self._lived[index].step

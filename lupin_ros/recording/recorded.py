@@ -21,7 +21,7 @@ from lupin_ros.recording.reader import Recording
 from lupin_ros.service import names
 from lupin_ros.service.drawn import drawn, shown
 
-#: Of a topic of sensors at most one message of a frame is told in so many nanoseconds.
+#: Of a topic of sensors at most one message of a frame is sent to pages in so many nanoseconds.
 THINNED_NS = 100_000_000
 
 

@@ -264,7 +264,7 @@ def answered(asked: CommandRequest, step: Step) -> CommandAnswer:
     if not step.accepted:
         return refused(step.refusal or Refusal("", f"{asked.verb} refused"), step.sequence)
     mission_id = str(step.event.data.get("mission_id", "")) if step.event.name == START else ""
-    # A request has a name and a verb: it is told by the one that it was asked by.
+    # A request has a name and a verb: the answer names the one that was used.
     word = step.event.name.removeprefix(ANSWER) if step.event.name.startswith(ANSWER) else asked.verb
     said = f"{asked.mission} {mission_id} started" if mission_id else f"{word} accepted"
     return CommandAnswer(True, "", said, mission_id, step.sequence)

@@ -45,7 +45,7 @@ LOOK_PERIOD_S = 1.0
 #: its file system's clock.
 SETTLED_S = 2.0
 
-#: What tells that files have changed: by name, when that was last, in nanoseconds, and their size.
+#: To notice changes: each file's change time in nanoseconds, and its size.
 _Marks = Mapping[Path, tuple[int, int]]
 
 

@@ -40,7 +40,7 @@ class VirtualOrchestrator:
         stepped: Callable[[Step], None],
     ) -> None:
         self.boot = uuid.uuid4().hex
-        #: How many steps were told.
+        #: How many steps were published.
         self.published = 0
         self._loaded = loaded
         self._wire = messages.wire_of(loaded.chart.profile)
@@ -106,7 +106,7 @@ class VirtualOrchestrator:
 
         return shown(self._loaded, arguments, "explanation", explained)
 
-    # -- what is told -----------------------------------------------------------------------------------
+    # -- published messages -----------------------------------------------------------------------------
 
     def _stepped(self, step: Step) -> None:
         if step.event.name == START and step.accepted:

@@ -34,13 +34,13 @@ from lupin_ros.service.chart_record import chart_picture, chart_record
 from lupin_ros.service.orchestrated import VirtualOrchestrator
 from lupin_ros.service.pace import Pace
 
-#: The topic that tells how the simulation stands, as JSON, and the service that does something to it.
+#: The topic with the simulation's state, as JSON, and the service that controls it.
 SIMULATION_TOPIC, SIMULATION_SERVICE = "/simulation/state", "/simulation/do"
 TEXT_TYPE = "std_msgs/msg/String"
 #: The longest that one turn of work may take, and the time between two states that say nothing new, in
 #: real seconds.
 TURN_S, REPEAT_S = 0.01, 0.2
-#: Happenings in which nothing is told are one step, up to so many.
+#: Events that publish nothing are skipped by a step, up to so many.
 SILENT = 100
 #: Messages that are kept for pages that come later.
 KEPT = 200_000
@@ -288,7 +288,7 @@ class SimulatedPages:
         if self._until and any(is_named(name, self._until) for name in step.entered):
             self._stand(f"{self._until} was entered")
 
-    # -- what is told ---------------------------------------------------------------------------------------
+    # -- published messages ---------------------------------------------------------------------------------
 
     def _keep(self, message: PageMessage) -> None:
         self._kept.append(message)

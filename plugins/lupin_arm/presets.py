@@ -19,7 +19,7 @@ def _degrees(pan: float, lift: float, elbow: float, wrist: float) -> Pose:
 
 #: The least load on the servo of the shoulder: where the arm rests, and how it drives.
 _REST = (0.04, -0.01, 0.01, -1.57)
-#: Over a plant in front of the robot; the jaw is what tells picking from having picked.
+#: Over a plant in front of the robot; only the jaw differs before and after picking.
 _PICK = _degrees(1.0, -58.0, -38.0, -2.0)
 
 PRESETS: Mapping[str, Pose] = MappingProxyType(

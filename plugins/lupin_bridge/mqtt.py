@@ -59,7 +59,7 @@ AHEAD_S = 60.0
 #: Characters that no host has: the setting is a URL.
 _NO_HOST = re.compile(r"[/\s]")
 
-#: How many topics with a mistake are told one by one.
+#: The most topics whose mistakes are reported one by one.
 MAX_REPORTED = 100
 
 

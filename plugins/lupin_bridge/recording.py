@@ -32,7 +32,7 @@ NO_SENSORS = {TAG, STAMP, OBSERVED_AT, KIND, "mission_id", "source", "x", "y", "
 NO_SENSORS |= {"species_confidence", "pest", "blooms", "description", "severity"}
 SENSOR_PREFIX = "sensor "
 
-#: How many mistakes are told one by one.
+#: The most mistakes that are reported one by one.
 MAX_REPORTED = 100
 
 

@@ -25,7 +25,7 @@ from lupin_engine.plugin import Access
 from lupin_gateway.motion.names import MotionNames
 from lupin_greenhouse import HMI_TOPIC
 
-#: The topic on which each page tells its software stop. Everybody who may come in may tell it: `stop` judges.
+#: The topic on which pages publish their software stops. Every visitor may publish there: `stop` judges.
 STOP_TOPIC = HMI_TOPIC
 #: The cookie that carries a token.
 TOKEN_COOKIE = "lupin_token"

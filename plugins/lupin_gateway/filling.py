@@ -18,7 +18,7 @@ from lupin_gateway.shapes import BYTES, NUMBERS, TEXT, Listed, MessageShape
 
 #: The largest value of a float32.
 _LARGEST_FLOAT = 3.4028234663852886e38
-#: How many problems of one message are told; in a long list every number may be wrong.
+#: The most problems of one message that are reported; in a long list every number may be wrong.
 MOST_PROBLEMS = 10
 
 

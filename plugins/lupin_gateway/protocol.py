@@ -299,7 +299,7 @@ def _level(fields: _Fields) -> SetLevel:
 def _call(fields: _Fields) -> CallService:
     if fields.number("fragment_size", 1e12):
         raise _WrongField("'fragment_size' is not offered: every answer comes in one frame")
-    # A page calls /rosapi with types that no installation has; what is no type at all is told by the call.
+    # A page calls /rosapi with types that no installation has; the call reports one that is no type at all.
     return CallService(
         fields.name("service"),
         fields.any("args"),

@@ -100,7 +100,7 @@ class Session:
         for cancel in list(self._goals.values()):
             cancel()
 
-    # --- what is told
+    # --- status frames
 
     def send_status(self, level: str, text: str, about: str | None = None) -> None:
         """Send a status frame, unless it is below the client's level."""

@@ -60,7 +60,7 @@ class Frames:
     def __init__(self) -> None:
         """Begin empty."""
         self._tracks: dict[str, _Track] = {}
-        #: Tracks of frames in another parent than the one that was told last: a tag that two cameras see.
+        #: Tracks of frames in another parent than the latest one: a tag that two cameras see.
         self._resting: dict[tuple[str, str], _Track] = {}
 
     def add(

@@ -48,7 +48,7 @@ def pose_of(position: Iterable[float], rotation: Iterable[float]) -> Pose | None
     length = math.hypot(*turn)  # does not overflow where a sum of squares would
     if not all(map(math.isfinite, (*place, *turn, length))) or length < _SHORTEST:
         return None
-    # Plain numbers until here: numpy takes ten times as long for so few, and robots tell a hundred a second.
+    # Plain numbers until here: for so few numpy takes ten times as long, and there are a hundred a second.
     return Pose(np.array(place, dtype=float), np.array([part / length for part in turn], dtype=float))
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 ROBOT, PAGES, HMI = "robot", "pages", "hmi"
 #: The topic of the gateway's pages, of which the gateway is the only writer, and the one that all HMIs share.
 PAGES_TOPIC, HMI_TOPIC = "/lupin/gateway/stop", "/lupin/hmi/estop"
-#: Seconds without a true after which a stop that several may have told is over.
+#: Seconds without a true after which a stop that several may have published is over.
 QUIET_S = 2.0
 #: The same for a source that stays engaged when its writer dies: the middleware remembers a dead writer for
 #: up to 20 s, and only of writers that all live silence is a release.
@@ -57,7 +57,7 @@ class _Source:
     engaged: bool = False
     silent: bool = False
     last_true: float = -math.inf
-    #: Who may have told the last true.
+    #: Who may have published the last true.
     writers: frozenset[str] = field(default_factory=frozenset)
     last_heard: float = -math.inf
     #: Since when it speaks without a gap.

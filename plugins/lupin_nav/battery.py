@@ -27,7 +27,7 @@ class Charges:
         """A source that was heard and is silent for `timeout` s counts as unknown, or as empty; 0: never."""
         self._silent_is_empty = silent_is_empty
         self._timeout = timeout or math.inf
-        #: By source: its charge, and when it told that; when it was heard or reported last.
+        #: By source: its charge, and when it reported that; when it was last heard or reported silent.
         self._reports: dict[str, tuple[float, float]] = {}
         self._reported: dict[str, float] = {}
 

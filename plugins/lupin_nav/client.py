@@ -37,7 +37,7 @@ from lupin_ros.adapter import (
     WarnOnce,
 )
 
-#: What people are told when the robot does not stop.
+#: The text for people when the robot does not stop.
 REFUSES = "the robot may be moving: navigation refuses to stop"
 #: How often a map is searched again while a frontier is waited for, in seconds; each new map is, too.
 SEARCH_PERIOD_S = 1.0

@@ -125,7 +125,7 @@ def _box_of(layout: Layout, tag_id: str, motion: RigidMotion, plate: Pose) -> Pl
     table = nearest_table(layout.tables, tag)
     if table is None:
         return None
-    # The plate's normal as the layout would tell it; without one the way from the table to the tag.
+    # The plate's normal by the layout; without one the direction from the table to the tag.
     normal = _rotation(motion.turn).T @ matrix(plate.rotation)[:2, 2]
     return box_of(table, tag, normal, motion)
 

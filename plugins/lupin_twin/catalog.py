@@ -32,7 +32,7 @@ TWIN_TAG = Type(
     },
 )
 
-#: The twin tells its state every second; older than this, in seconds, it is not known any more.
+#: Seconds after which a published state, sent every second, is unknown.
 FRESH_S = 10.0
 
 PLUGIN = Plugin(

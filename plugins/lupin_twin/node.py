@@ -123,7 +123,7 @@ class TwinNode:
         ros.on_stop(self.close)
         self._publish()
 
-    # --- what is told to the twin -------------------------------------------------------------------------
+    # --- messages to the twin -------------------------------------------------------------------------
 
     def _on_observation(self, message: Observation) -> None:
         record = wire.observed(message, self._frame, self._ros.now())
@@ -198,7 +198,7 @@ class TwinNode:
             self._complaints[text] = now
             self._ros.log.warning(text)
 
-    # --- what the twin tells ------------------------------------------------------------------------------
+    # --- messages of the twin ------------------------------------------------------------------------------
 
     def _tick(self) -> None:
         if self._store.waiting:

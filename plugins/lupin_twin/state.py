@@ -45,7 +45,7 @@ NEAR_M = 2.0
 #: Metres by which a better place must differ from the one that is known.
 MOVED_M = 0.05
 
-#: What is told as the age of a tag that was never observed, in seconds: nobody takes it for fresh, and unlike
+#: The published age of a tag that was never observed, in seconds: nobody takes it for fresh, and unlike
 #: an infinite number every reader of JSON reads it.
 NEVER_S = 1e9
 

@@ -43,7 +43,7 @@ LEAST_ROOM = 65_536
 #: Seconds to wait for a program that reads or copies the file.
 BUSY_S = 2.0
 
-#: `digest` tells an observation that arrives again, which latecomers' backlogs cause, from a new one.
+#: `digest` identifies repeated observations, which latecomers' backlogs cause.
 _TABLE = f"""
     BEGIN;
     CREATE TABLE record (
@@ -56,7 +56,7 @@ _TABLE = f"""
     COMMIT;
 """
 
-#: The latest map, if one was told; `cells` are compressed, row by row, one signed byte each.
+#: The latest map, if any; `cells` are compressed, row by row, one signed byte each.
 _MAP = """
     CREATE TABLE IF NOT EXISTS map (
         number INTEGER PRIMARY KEY CHECK (number = 1),

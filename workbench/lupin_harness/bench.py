@@ -27,7 +27,7 @@ from lupin_ros.launch import Death, Patience, Supervisor
 PATIENCE_S = 30.0
 #: Seconds that a call of a driver may take; it should be far less, but the machine may be busy.
 AT_ONCE_S = 1.0
-#: Where Linux tells of a thread how long it has run and waited for a processor, in nanoseconds.
+#: Linux's file with how long a thread has run and waited for a processor, in nanoseconds.
 SCHEDULED = Path("/proc/thread-self/schedstat")
 #: Seconds between two looks at the network while a driver misses somebody.
 LOOK_S = 1.0

@@ -13,7 +13,7 @@ from lupin_harness.referee import ContractBroken
 if TYPE_CHECKING:
     from lupin_harness.bench import Bench, Lab
 
-#: Seconds that an operation must take, for a cancel that changes nothing to be told from one that is late.
+#: Seconds that an operation must take, to distinguish a cancel without effect from a late one.
 NOTICEABLE_S = 0.3
 #: How often it is looked: on a busy machine one attempt may be late for no fault of its driver.
 LOOKS = 3

@@ -105,7 +105,7 @@ class Events:
             for descriptor in split(rule):
                 if rule.parent is not None:
                     self.listening[self.name(descriptor)].add(rule.parent)
-        #: States whose end is heard elsewhere than in them and around them, and the event that tells of it.
+        #: States to whose end another state reacts that is not around them, and the event for it.
         self.end_events = {} if own else dict(self._ends_heard_elsewhere(root))
         for state, event in self.end_events.items():
             self._sources[event] += [data for final in state.all("final") for data in final.all("donedata")]

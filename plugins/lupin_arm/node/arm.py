@@ -287,7 +287,7 @@ class Arm:
             self.must_be_known()
         self._torque.set(on, done)
 
-    # --- what is told -------------------------------------------------------------------------------------
+    # --- feedback and stop --------------------------------------------------------------------------------
 
     def _on_feedback(self, _stamp: float, _pose: Pose, _jaw: float | None) -> None:
         now = self._ros.elapsed()

@@ -37,7 +37,7 @@ from lupin_ros.adapter import Qos, RosNode
 #: The name under which saved poses move the arm.
 OWNER = "library"
 BASE = "/lupin/arm/library"
-#: Seconds that a move to a saved pose takes, longer where it is far; and between two states that are told.
+#: Seconds that a move to a saved pose takes, longer where it is far; and between two published states.
 MOVE_S, PUBLISH_EVERY_S = 3.0, 0.2
 
 #: The exceptions whose text is the answer to a request.

@@ -69,7 +69,7 @@ class Recorder:
         arm.listen(self._on_feedback)
         ros.on_stop(self._close)
 
-    # --- what is told -------------------------------------------------------------------------------------
+    # --- its state ----------------------------------------------------------------------------------------
 
     @property
     def recording(self) -> bool:

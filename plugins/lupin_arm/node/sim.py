@@ -197,7 +197,7 @@ class ArmSimNode:
         result = GripperCommand.Result(position=self._arm.jaw, reached_goal=reached, stalled=how == "abort")
         {"succeed": served.succeed, "abort": served.abort, "cancel": served.cancel}[how](result)
 
-    # --- what is told -------------------------------------------------------------------------------------
+    # --- published state ----------------------------------------------------------------------------------
 
     def _go_on(self) -> None:
         """Publish more often while something moves."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from lupin_gateway.motion.names import absolute, any_of
 
-#: The service by which a page takes the base of a mission that is held, and the topic that tells who has it.
+#: The service by which a page takes the base of a mission that is held, and the topic with who has it.
 TAKE_BASE, BASE_TOPIC = "/lupin/hmi/take_base", "/lupin/hmi/base"
 #: What is said of motion that is refused under a stop: the orchestrator says the same of a resume.
 STOPPED = "refused: e-stop engaged"

@@ -20,7 +20,7 @@ from lupin_gateway.protocol import full_type
 from lupin_gateway.shapes import TEXT, Listed, MessageShape, NotCarried
 from lupin_ros.adapter import RosNode
 
-#: Seconds that a node has to tell a parameter.
+#: Seconds that a node has to answer about a parameter.
 PARAMETER_WITHIN_S = 5.0
 
 #: Fields of a ParameterValue by its type.

@@ -47,7 +47,7 @@ from lupin_ros.service import MissionsFolder, names
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 #: The request that `on_link_lost: pause` sends, and how long its answer may take, in seconds.
 PAUSE, PAUSE_S = "pause", 5.0
-#: Seconds for which a stop that an earlier gateway has left is told at least. Others take a dead gateway for
+#: Seconds for which a stop left by an earlier gateway is published at least. Others take a dead gateway for
 #: alive for up to 3 s (the discovery lease).
 TAKEN_OVER_S = 4.0
 

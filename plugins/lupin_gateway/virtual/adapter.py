@@ -45,7 +45,7 @@ class SourceAdapter:
         self._count = 0
         self._stopped = False
         self._asked = asyncio.Event()
-        #: Called when nothing is to be kept any more of what was told.
+        #: Called when the source's messages are to be dropped.
         self.forgotten: Callable[[], None] = lambda: None
 
     @property

@@ -43,9 +43,9 @@ HEAR_S, RECALL_S = 2.0, 10.0
 #: Without a mission the tag that flowers belong to changes when another one is nearer by so much (m): what is
 #: measured of two tags at one distance changes from frame to frame.
 NEARER_M = 0.1
-#: Without a mission a scan has no end: what was not seen for so many seconds is not told any more.
+#: Without a mission a scan has no end: detections older than so many seconds are dropped.
 IDLE_MEMORY_S = 30.0
-#: A box that has moved (m) or turned (rad) by more is told again with its flowers.
+#: A box that has moved (m) or turned (rad) by more is published again with its flowers.
 MOVED_M, TURNED = 0.05, 0.1
 
 
@@ -80,7 +80,7 @@ class Aggregator:
         self._begun = ros.elapsed()
         self._pan = 0.0
         self._since = ros.stamp()
-        #: The box that the flowers of this scan were told in; None before they were.
+        #: The box with which this scan's flowers were published; None before.
         self._published_box: PlanterBox | None = None
         self._has_published = False
         self._warn = WarnOnce(ros.log)
@@ -242,7 +242,7 @@ class Aggregator:
                 self._publish_flowers()  # seen already, and there may be no further frame
 
     def _tick(self) -> None:
-        # A list without what is remembered would tell the mission that its finds are gone.
+        # A list without the restored tags would mean to the mission that its finds are gone.
         patience = RECALL_S if math.isinf(self._mission_heard) else HEAR_S
         if self._past is None or self._ros.elapsed() - self._begun > patience:
             self._keep()

@@ -341,7 +341,7 @@ class SimNode:
         feedback.distance_remaining = self._robot.remaining
         return feedback
 
-    # --- what everybody is told ---------------------------------------------------------------------------
+    # --- published messages ------------------------------------------------------------------------------
 
     def _beat(self) -> None:
         self._advance()
