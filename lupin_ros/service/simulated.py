@@ -1,7 +1,8 @@
 """A simulation for pages: an orchestrator's topics and services, in virtual time.
 
 A further topic publishes the simulation's own state, and a service controls it: pause, run, step, speed, run
-until a state, restart, and every fault that the catalogs declare. Of history the last `KEPT` messages stay.
+until a state, restart, and every fault that the catalogs declare. Only the last `KEPT` messages are kept as
+history. A standstill pauses it, with its reason as a note.
 """
 
 from __future__ import annotations

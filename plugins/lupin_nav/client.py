@@ -1,6 +1,7 @@
 """The driver of the mobile base over ROS: Nav2's action server, localizer, battery and emergency stop.
 
-All callbacks run on the node's one thread, so nothing is locked.
+A robot that still moves after a cancel is reported (`cancel_refused`), as is a battery source that falls
+silent. Poses in another frame than the map are ignored. All callbacks run on the node's one thread.
 """
 
 from __future__ import annotations
