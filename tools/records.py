@@ -26,8 +26,8 @@ from lupin_gateway.motion import BaseRecord
 from lupin_gateway.people import NotificationsRecord, PeopleRecord
 from lupin_gateway.stop import StopsRecord
 from lupin_ros.service.chart_record import ChartRecord
+from lupin_ros.service.reports import PublishedPossible, StepRecord
 from lupin_ros.service.simulated import SimulationRecord
-from lupin_ros.service.told import PossibleTold, StepRecord
 
 HEAD = """\
 // Made by tools/records.py from the classes of the engine. Do not edit it: make it anew.
@@ -36,7 +36,7 @@ HEAD = """\
 // an earlier version, because recordings are kept for long."""
 #: What is told on a topic, or answered to a page.
 ROOTS: Sequence[type] = (
-    *(StepRecord, PossibleTold, MissionsRecord, ChartRecord, ExplanationRecord, SimulationRecord),
+    *(StepRecord, PublishedPossible, MissionsRecord, ChartRecord, ExplanationRecord, SimulationRecord),
     *(StopsRecord, BaseRecord, PeopleRecord, NotificationsRecord),
 )
 

@@ -21,7 +21,7 @@ export interface StepRecord {
 }
 
 /** What each request would do after a step of a start of the orchestrator. */
-export interface PossibleTold {
+export interface PublishedPossible {
   readonly boot: string;
   readonly chart: string;
   readonly sequence: number;
@@ -182,7 +182,7 @@ export interface View {
   readonly [other: string]: unknown;
 }
 
-/** Who commanded a step and by which id, as far as that was told. */
+/** Who commanded a step and by which id, if known. */
 export interface CommandOrigin {
   readonly by?: string;
   readonly command_id?: string;
@@ -307,10 +307,10 @@ export interface PersonRecord {
 }
 
 /**
- * One thing: what kind of thing (`code`, `stop`, `node`, ...), what it is about, and what it says.
+ * A notification: its kind (`code`, `stop`, `node`, ...), subject (`about`) and text.
  *
- * `first` and `last` are when it was so first and last, of so many `times`; `over` is since when it is not
- * so any more, None while it is, or where nobody can tell. `by` is who acknowledged it, `acknowledged` when.
+ * `first` and `last` are when it occurred first and last, of so many `times`; `over` is when it ended, None
+ * while it lasts, or where an end is never reported. `by` is who acknowledged it, `acknowledged` when.
  */
 export interface Notification {
   readonly id: number;

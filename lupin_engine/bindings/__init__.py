@@ -1,4 +1,4 @@
-"""The second language: a plugin that is written down, for what somebody offers over ROS already."""
+"""Bindings: YAML files that make a plugin of existing ROS services, actions and topics."""
 
 import lazy_loader
 

@@ -1,10 +1,10 @@
-"""What bindings may reach: what plugins offer, and what the robot's `lupin.yaml` allows.
+"""Access control of bindings: plugins offer names, and the robot's `lupin.yaml` allows more.
 
-To call, to send goals, to publish and to subscribe are separate rights. What a plugin publishes, and what
-people command, no pattern of `lupin.yaml` opens: the owner has to write the name itself.
+Calling, sending goals, publishing and subscribing are separate rights. Wildcards of `lupin.yaml` never cover
+topics that a plugin publishes, or that carry people's commands: the owner must write such a name in full.
 
-The file stands above the folder of the missions, so who may only put missions there cannot allow himself
-more; where there is none, one in that folder counts.
+The file is in the parent of the missions' folder, so that writing missions does not grant rights; only where
+there is none, one in that folder counts.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class RobotNode(Node):
 
 
 def check_allowed(bindings: Iterable[Binding], catalog: Catalog, findings: Findings) -> None:
-    """Report the endpoints that are no plugin's and that nobody has allowed."""
+    """Report the endpoints that no plugin offers and `lupin.yaml` does not allow."""
     for binding in bindings:
         file = lupin_file(Path(binding.node.place.file).parent.parent)
         allowed = _read(file, findings) if file.is_file() else {}
@@ -69,17 +69,19 @@ def check_allowed(bindings: Iterable[Binding], catalog: Catalog, findings: Findi
             continue  # what is wrong with it has been told
         for key, path, endpoint in _endpoints(binding.node):
             name = _absolute(endpoint.name)
-            told = _told(key, name, allowed.get(key, []), file, catalog)
-            if told:
-                findings.add(endpoint.at("name"), "not-allowed", path, *told)
+            refusal = _refusal(key, name, allowed.get(key, []), file, catalog)
+            if refusal:
+                findings.add(endpoint.at("name"), "not-allowed", path, *refusal)
             if key == "subscribe" and (plugin := _old_owner(name, catalog)):
                 problem = f"plugin {plugin!r} declares the topic {name!r} under 'serves', among services"
                 hint = f"write publishes=({name!r},) in its catalog"
                 findings.warn(endpoint.at("name"), "not-allowed", path, problem, hint)
 
 
-def _told(key: str, name: str, patterns: list[str], file: Path, catalog: Catalog) -> tuple[str, str] | None:
-    """Return what is told of a name that no plugin offers and nobody has allowed, and what to write."""
+def _refusal(
+    key: str, name: str, patterns: list[str], file: Path, catalog: Catalog
+) -> tuple[str, str] | None:
+    """Return the problem with a name that no plugin offers and nobody has allowed, and a hint; else None."""
     if _is_offered(key, name, catalog):
         return None
     owner = _owner(key, name, catalog)
@@ -93,7 +95,7 @@ def _told(key: str, name: str, patterns: list[str], file: Path, catalog: Catalog
 
 
 def _is_offered(key: str, name: str, catalog: Catalog) -> bool:
-    """Say whether a plugin has a name for whoever wants to do this with it."""
+    """Return whether a plugin offers a name for this kind of use."""
     for plugin in catalog.plugins.values():
         heard = (*plugin.publishes, *plugin.serves)  # catalogs of before have topics among the services
         offered = {"publish": plugin.accepts, "subscribe": heard}.get(key, plugin.serves)
@@ -103,13 +105,13 @@ def _is_offered(key: str, name: str, catalog: Catalog) -> bool:
 
 
 def _old_owner(name: str, catalog: Catalog) -> str:
-    """Return the plugin that declares a topic among what it serves, as all did once; '' where none does."""
+    """Return the plugin that declares a topic in `serves`, as older plugins do; '' for none."""
     plugins = catalog.plugins.items()
     return next((owner for owner, plugin in plugins if name in map(_absolute, plugin.serves)), "")
 
 
 def _owner(key: str, name: str, catalog: Catalog) -> str:
-    """Return who else publishes a topic, or whose commands are given by it; '' for what is free."""
+    """Return who else publishes a topic, or takes commands by it; '' for a free name."""
     if key == "subscribe":
         return ""
     profile = catalog.profile
@@ -144,7 +146,7 @@ def _read(file: Path, findings: Findings) -> Mapping[str, list[str]] | None:
 
 
 def _endpoints(node: BindingNode) -> Iterator[tuple[str, str, EndpointNode]]:
-    """Yield all that a binding talks to, with the key of `allow` and its path in the file."""
+    """Yield all endpoints of a binding, with the key of `allow` and its path in the file."""
     for name, operation in node.operations.items():
         for key, called in (("services", operation.service), ("actions", operation.action)):
             if called is not None:

@@ -1,7 +1,7 @@
-"""What a folder of missions can use: the installed plugins, and the bindings in the folder `bindings` there.
+"""Adds the bindings of a missions' folder to the catalog of installed plugins.
 
-All bindings of a folder count, whether a mission uses them or not, like plugins that are installed. As with
-missions, files are looked at every time and understood once.
+All bindings of a folder count, used or not, like installed plugins. Files are read every time, and parsed
+once (cached by content).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ MAX_CATALOGS = 32
 
 @dataclass(frozen=True, eq=False)
 class BoundCatalog:
-    """A catalog with the bindings in it. The same files with the same catalog are the same one.
+    """A catalog with bindings. The same files with the same catalog give the same object.
 
     `sources` are the bytes of each binding's file, as they were read.
     """
@@ -46,7 +46,7 @@ class BoundCatalog:
 
 @dataclass(frozen=True, eq=False)
 class _BindingFile:
-    """What one file comes to: nothing when it has not even the shape of a binding."""
+    """The result for one file; without a binding where the file is not even of that form."""
 
     binding: Binding | None
     found: tuple[Diagnostic, ...]
@@ -57,7 +57,7 @@ _UNREAD = _BindingFile(None, ())
 
 
 class _Same:
-    """A catalog as a key: equal to itself only, for to compare two would take as long as to load a chart."""
+    """A catalog as a cache key, compared by identity: comparing contents is as slow as loading."""
 
     def __init__(self, catalog: Catalog) -> None:
         self.catalog = catalog
@@ -70,7 +70,7 @@ class _Same:
 
 
 def forget() -> None:
-    """Forget what was read before."""
+    """Clear the caches."""
     _file.cache_clear()
     _join.cache_clear()
 
@@ -81,7 +81,7 @@ def binding_files(folder: Path) -> list[Path]:
 
 
 def lupin_file(folder: Path) -> Path:
-    """Return the `lupin.yaml` that counts for a folder of missions, or where it should stand."""
+    """Return the `lupin.yaml` that applies to a folder of missions, or where it should be."""
     above = (folder.parent if folder.name not in ("", "..") else folder / "..") / LUPIN_FILE
     if above.is_symlink():  # of a bundle that was unpacked
         return above.readlink()
@@ -92,10 +92,10 @@ def lupin_file(folder: Path) -> Path:
 def bound_catalog(
     folders: Iterable[Path], catalog: Catalog, texts: Mapping[Path, bytes], findings: Findings
 ) -> BoundCatalog | None:
-    """Return what missions of these folders can use; None when a binding cannot be used at all.
+    """Return the catalog for missions of these folders; None when a binding cannot be used at all.
 
-    `texts` are read in place of what is saved in their files. Bindings that `catalog` has already, of a chart
-    that was loaded before, do not count.
+    `texts` replace the content of their files. Bindings in `catalog` itself, from an earlier load, are
+    ignored.
     """
     key, files = _Same(catalog.installed), []
     for path in _paths({folder.resolve(): folder for folder in folders}.values(), texts):
@@ -130,15 +130,15 @@ def _file(name: str, stem: str, raw: bytes, key: _Same) -> _BindingFile:
     if node.binding != stem:
         problem = f"the binding calls itself {node.binding!r}, its file {stem!r}"
         findings.add(node.at("binding"), "bad-name", "binding", problem, f"write 'binding: {stem}'")
-    told = findings.all
+    earlier = findings.all
     binding = read_binding(node, key.catalog, findings)
-    found = tuple(each for each in findings.all if each in told or not follows(each, left_out))
+    found = tuple(each for each in findings.all if each in earlier or not follows(each, left_out))
     return _BindingFile(binding, found, raw)
 
 
 @lru_cache(maxsize=MAX_CATALOGS)
 def _join(files: tuple[_BindingFile, ...], key: _Same) -> BoundCatalog:
-    """Join what the bindings offer to the catalog; those that contradict it are told and left out."""
+    """Add bindings to the catalog; those that contradict it are reported and left out."""
     bindings: dict[str, Binding] = {}
     sources: dict[str, bytes] = {}
     catalog, found = key.catalog, list[Diagnostic]()
@@ -164,7 +164,7 @@ def _join(files: tuple[_BindingFile, ...], key: _Same) -> BoundCatalog:
 
 
 def _contradictions(binding: Binding, catalog: Catalog) -> Iterator[Diagnostic]:
-    """Yield where a code means something else in a plugin: there is one `last_error` for all."""
+    """Yield codes that a plugin declares differently: there is one `last_error` for all."""
     codes = {code.name: code for operation in binding.plugin.operations.values() for code in operation.codes}
     others = {name for name, code in codes.items() if catalog.codes.get(name, code) != code}
     for name in sorted(others):

@@ -1,13 +1,12 @@
-"""Bindings: what a file says of services, actions and topics, as a plugin and as what is sent and understood.
+"""Compiled bindings: a plugin, and the expressions that build requests and interpret answers.
 
-Reading needs no ROS: the types of fields on the wire are not known here, so what is read of an answer or a
-message fits everywhere. Where the definition is known, `binding_reader.check_definition` reads the same
-expressions again with its types. Fields on the wire have no units; they carry what the engine keeps (seconds,
-metres, radians), or what the binding says with `unit`: expressions see the number of an argument or parameter
-in that unit, and the number that they make of an answer or message is taken to be in it.
+Needs no ROS: field types on the wire are unknown here, so an answer's fields fit everywhere. Where the
+definition is known, `reader.check_definition` compiles the expressions again with its types. Fields on the
+wire have no units: they are in the engine's (seconds, metres, radians), or in the binding's `unit`, to and
+from which arguments, parameters and results are converted.
 
-What expressions see besides the arguments or the answer is handed over as `around`: `param` (the binding's
-parameters), `constant` (of the interface, by name) and `now` (seconds).
+Besides arguments or answer, expressions see `around`: `param` (the binding's parameters), `constant` (of the
+interface, by name) and `now` (seconds).
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ Around = Mapping[str, Any]
 
 
 class Outcome(NamedTuple):
-    """What an answer means: the result, or None with a code and a text that says why not."""
+    """The interpretation of an answer: the result, or None with a code and a text."""
 
     result: Mapping[str, Any] | None
     code: str = ""
@@ -41,7 +40,7 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Endpoint:
-    """What something talks to: `kind` is srv, action or msg; `deadline` is in seconds."""
+    """A service, action or topic: `kind` is srv, action or msg; `deadline` is in seconds."""
 
     kind: str
     name: str
@@ -52,14 +51,14 @@ class Endpoint:
 
 
 class Kinds(NamedTuple):
-    """How a value is kept, and how expressions about the wire see it: its numbers perhaps in another unit."""
+    """The engine's type of a value, and its type in wire expressions: its numbers may have another unit."""
 
     kept: Type
     wire: Type
 
 
 class Taken(NamedTuple):
-    """What is read of an answer or a message."""
+    """A value that is read from an answer or a message."""
 
     kinds: Kinds
     value: Value
@@ -67,18 +66,18 @@ class Taken(NamedTuple):
 
 @dataclass(frozen=True)
 class Sending:
-    """What is sent to an endpoint, worked out from arguments."""
+    """The fields of a request, goal or message, as expressions over arguments."""
 
     fields: Fields
 
     def sent(self, arguments: Mapping[str, Any], around: Around) -> dict[str, Any]:
-        """Return the fields as plain data; raises what their expressions raise."""
+        """Return the fields as plain data; raises errors of their expressions."""
         return _sent(self.fields, _seeing(arguments, around))
 
 
 @dataclass(frozen=True)
 class OperationCall:
-    """What an attempt of an operation sends, and what the answer means."""
+    """The request of an operation, and the interpretation of its answer."""
 
     endpoint: Endpoint
     sending: Sending
@@ -89,17 +88,17 @@ class OperationCall:
     unavailable: str
     rejected: str
     detail: Value | None
-    told: Mapping[str, Value]
+    progress_values: Mapping[str, Value]
     moves: bool
     cut_short: bool
     watched: bool
 
     def given(self, answer: Mapping[str, Any], around: Around) -> Mapping[str, Any] | None:
-        """Return what a goal that was cancelled comes to, if it is said that it comes to anything."""
+        """Return the result of a cancelled goal, if it is declared to have one."""
         return _taken(self.result, _seeing(answer, around)) if self.cut_short else None
 
     def outcome(self, answer: Mapping[str, Any], around: Around) -> Outcome:
-        """Return what `response`, or `status` and `result`, mean; raises what the expressions raise."""
+        """Interpret `response`, or `status` and `result`; raises errors of the expressions."""
         seen = _seeing(answer, around)
         if self.done_when is not None and self.done_when.evaluate(seen):
             return Outcome(_taken(self.result, seen))
@@ -107,15 +106,15 @@ class OperationCall:
         return Outcome(None, code, str(self.detail.evaluate(seen)) if self.detail is not None else "")
 
     def progress(self, feedback: Mapping[str, Any], around: Around) -> str:
-        """Return what people are told of feedback; raises what the expressions raise."""
+        """Return the progress text of feedback; raises errors of the expressions."""
         seen = _seeing({"feedback": feedback}, around)
-        said = ((name, _shown(value.evaluate(seen))) for name, value in self.told.items())
+        said = ((name, _shown(value.evaluate(seen))) for name, value in self.progress_values.items())
         return ", ".join(f"{name} {value}".strip() for name, value in said)
 
 
 @dataclass(frozen=True)
 class MessageSent:
-    """An action: a message that is published."""
+    """An action: a message to publish."""
 
     endpoint: Endpoint
     sending: Sending
@@ -123,7 +122,7 @@ class MessageSent:
 
 @dataclass(frozen=True)
 class MessageHeard:
-    """A live value or an event: what is read of the messages of a topic.
+    """A live value or an event: the values read from a topic's messages.
 
     `fields` are those of the event, or the one field `value`.
     """
@@ -133,7 +132,7 @@ class MessageHeard:
     fields: Mapping[str, Taken]
 
     def heard(self, message: Mapping[str, Any], around: Around) -> Mapping[str, Any] | None:
-        """Return what a message tells; None when it is passed over. Raises what the expressions raise."""
+        """Return a message's values; None where its condition is false. Raises expressions' errors."""
         seen = _seeing({"message": message}, around)
         if self.when is not None and not self.when.evaluate(seen):
             return None
@@ -142,10 +141,10 @@ class MessageHeard:
 
 @dataclass(frozen=True, eq=False)
 class Binding:
-    """A plugin made of a file. Equal only to itself.
+    """A plugin made of a file. Compared by identity.
 
     `calls` are its operations, `sends` its actions, `events` its events by local name; `values` its live
-    values by their own.
+    values by their own names.
     """
 
     plugin: Plugin

@@ -1,9 +1,8 @@
-"""Reading the expressions of a binding: what is sent, and what is made of what comes back.
+"""Compiles the expressions of a binding, each with the names of its place.
 
-Each place sees its own things: `with` the arguments and `now`, what is about an answer or a message only
-that. `param` and `constant` are seen everywhere. Where the definition of the interface is known, names and
-types of its fields are those of the definition; otherwise they may be anything. Numbers of arguments and
-parameters are seen in the unit that the binding says.
+`with` sees the arguments and `now`; expressions about an answer or a message see only that; `param` and
+`constant` are seen everywhere. Where the interface's definition is known, its fields have its names and
+types; else they may be anything. Numbers of arguments and parameters are in the binding's unit.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ _NOW = "now"
 
 
 class Seen(NamedTuple):
-    """What some expressions are about, and the names that it has there."""
+    """The subject of some expressions, and its names there."""
 
     what: str
     names: tuple[str, ...]
@@ -57,10 +56,10 @@ TAKEN = ROOTS.union(BUILTIN_CALLS, WORDS, _OF_THE_WIRE, (*_AROUND, _NOW))
 
 @dataclass(frozen=True)
 class WireExpressions:
-    """Reads the expressions about one endpoint.
+    """Compiles the expressions about one endpoint.
 
-    `sends` is the part of the definition that `with` fills: request, goal or message. `answer` is what
-    expressions about what comes back are about.
+    `sends` is the part of the definition that `with` fills: request, goal or message. `answer` is the subject
+    of expressions about answers.
     """
 
     path: str
@@ -75,7 +74,7 @@ class WireExpressions:
     # -- what is seen where --------------------------------------------------------------------------------
 
     def sending(self) -> Scope:
-        """Return what the values of a request, goal or message see: arguments. An answer comes later."""
+        """Return the scope of a request, goal or message: arguments, without the answer."""
         later = "the answer is there in 'done_when', 'result' and 'detail'"
         later = "nothing has been heard yet, this is sent" if self.sends == "message" else later
         names = {name: kind for name, kind in self.arguments.items() if name not in TAKEN}
@@ -84,7 +83,7 @@ class WireExpressions:
         return self._scope({**names, _NOW: q.number("s")}, absent)
 
     def hearing(self, seen: Seen) -> Scope:
-        """Return what expressions see that are about what came over the wire."""
+        """Return the scope of expressions about received data."""
         only = ("unknown-name", f"only the {seen.what} is seen here, {seen}")
         handed = ("unknown-name", f"it is handed over by 'with'; the {seen.what} is {seen}")
         absent = dict.fromkeys((*_OF_THE_WIRE, *sorted(ROOTS), _NOW), only)
@@ -105,7 +104,7 @@ class WireExpressions:
     # -- what is sent --------------------------------------------------------------------------------------
 
     def sent(self, node: Node) -> Fields:
-        """Read `with`; where the definition is known, each field must be of its type."""
+        """Compile `with`; where the definition is known, each field must be of its type."""
         raw = node.mapping("with")
         wanted = ANY if self.definition is None else self.definition[self.sends]
         return {} if raw is None else self._fields(raw, wanted, self.sending(), f"{self.path}.with")
@@ -135,12 +134,12 @@ class WireExpressions:
     # -- what is heard -------------------------------------------------------------------------------------
 
     def condition(self, node: Node, key: str, seen: Seen) -> Expression | None:
-        """Read the condition under a key; None when there is none."""
+        """Compile the condition under a key; None when there is none."""
         raw, path = getattr(node, key), f"{self.path}.{key}"
         return read_guard(raw, node.at(key), self.hearing(seen), self.findings, path)
 
     def conditions(self, node: Node, key: str, seen: Seen) -> dict[str, Value]:
-        """Read the conditions in the mapping under a key, by name."""
+        """Compile the conditions in the mapping under a key, by name."""
         found: dict[str, Value] = {}
         scope = self.hearing(seen)
         for name, raw in getattr(node, key).items():
@@ -151,14 +150,14 @@ class WireExpressions:
         return found
 
     def text(self, node: Node, key: str, seen: Seen) -> Value | None:
-        """Read the text under a key; None when there is none."""
+        """Compile the text under a key; None when there is none."""
         raw, path = getattr(node, key), f"{self.path}.{key}"
         if raw is None:
             return None
         return read_value(raw, node.at(key), TEXT, self.hearing(seen), self.findings, path)
 
-    def told(self, node: Node, key: str, seen: Seen) -> dict[str, Value]:
-        """Read what people are told: one value, or several by what they are called."""
+    def progress_values(self, node: Node, key: str, seen: Seen) -> dict[str, Value]:
+        """Compile the values of a progress text: one, or several by their labels."""
         raw, path, scope = getattr(node, key), f"{self.path}.{key}", self.hearing(seen)
         written = node.mapping(key)
         if written is None:
@@ -172,7 +171,7 @@ class WireExpressions:
         return {name: value for name, value in read.items() if value is not None}
 
     def taken(self, node: ResultNode | BoundValueNode, kinds: Kinds, path: str) -> Taken | None:
-        """Read what is under `from`: where a field of a result or an event, or a live value comes from."""
+        """Compile `from`: the source of a field of a result or an event, or of a live value."""
         raw, place = node.from_, node.at("from")
         value = self._fitting(raw, place, kinds.kept, self.hearing(self.answer), path, is_read=True)
         if isinstance(value, Expression) and not self._has_unit(value, kinds.wire, path):
@@ -180,7 +179,7 @@ class WireExpressions:
         return None if value is None else Taken(kinds, value)
 
     def _has_unit(self, found: Expression, wanted: Type, path: str) -> bool:
-        """Refuse a number that is known to be in another unit: a parameter, or a time."""
+        """Refuse a number with another known unit: a parameter, or a time."""
         unit, got = innermost(wanted).unit, innermost(found.type).unit
         if not unit or got in ("", "*", unit):
             return True
@@ -194,7 +193,7 @@ class WireExpressions:
     def _fitting(
         self, raw: Any, place: Place, kind: Type, scope: Scope, path: str, *, is_read: bool
     ) -> Value | None:
-        """Read a value of a type; units do not count, because the fields on the wire have none."""
+        """Compile a value of a type; units are ignored, since fields on the wire have none."""
         if not is_expression(raw):
             wanted = DURATION if kind.name in TIMES else kind
             return read_constant(raw, place, wanted, self.findings, path)
@@ -216,7 +215,7 @@ class WireExpressions:
 
 
 def _instead(kind: Type, found: Expression) -> str:
-    """Return what to write where a message needs more than a value, or a time its seconds."""
+    """Return a hint where a message needs more than a value, or a time its seconds."""
     if kind.name in TIMES and UNITS.get(found.type.unit, ("", 0.0))[0] == "s":
         return "a time is sent in s: leave 'unit' out, or divide by '1 s'"
     inner = [name for name, each in kind.fields.items() if _fits(each, found.type)]
@@ -224,7 +223,7 @@ def _instead(kind: Type, found: Expression) -> str:
 
 
 def _fits(wanted: Type, got: Type) -> bool:
-    """Tell whether a value can stand for another, one of the two on the wire: units do not count there."""
+    """Return whether a value can stand for another, one of them on the wire: units are ignored."""
     if wanted.kind == "list" and got.kind == "list":
         return _fits(wanted.item or ANY, got.item or ANY)
     if wanted.name in TIMES and q.is_number(got):
@@ -240,7 +239,7 @@ def _bare(kind: Type) -> Type:
 
 
 def on_the_wire(kind: Type) -> Type:
-    """Return what expressions see of a message: numbers of any unit, times as seconds."""
+    """Return the type of a message's field in expressions: numbers of any unit, times as seconds."""
     if kind.name in TIMES:
         return q.number("s")
     return _NUMBERS.get(kind.kind) or _inside(kind, on_the_wire)

@@ -1,4 +1,8 @@
-"""Reading a binding: from its words to a plugin, and to what its calls send and mean."""
+"""Compiles a binding: from its file to a plugin and its calls; reports all errors.
+
+`read_binding` needs no ROS and knows no types of fields; `check_definition` runs where interfaces are
+installed.
+"""
 
 from __future__ import annotations
 
@@ -80,7 +84,7 @@ Definitions = Callable[[str], "Definition | None"]
 
 
 def read_binding(node: BindingNode, catalog: Catalog, findings: Findings) -> Binding:
-    """Read what a file says; after findings it has holes, but missions can be checked against it.
+    """Compile a binding; with findings it is incomplete, but missions can be checked against it.
 
     `catalog` has the types that arguments, results and values may have.
     """
@@ -88,7 +92,10 @@ def read_binding(node: BindingNode, catalog: Catalog, findings: Findings) -> Bin
 
 
 def check_definition(binding: Binding, definitions: Definitions, findings: Findings) -> None:
-    """Read a binding again with the types of its interfaces, and tell what does not fit them."""
+    """Compile a binding again with its interfaces' types, and report mismatches.
+
+    An unknown interface is an error; one that is not installed here a warning, and stays unchecked.
+    """
     params = _parameter_types(binding.node, binding.plugin)
     for bound in _bound(binding.node):
         definition = _definition(bound, definitions, findings)
@@ -102,7 +109,7 @@ def _definition(bound: _Bound, definitions: Definitions, findings: Findings) -> 
     endpoint, path = bound.endpoint, f"{bound.path}.{bound.key}"
     place = endpoint.at("type")
     if not _is_type(endpoint):
-        return None  # that has been told
+        return None  # reported already
     try:
         definition = definitions(endpoint.type)
     except LookupError as error:
@@ -125,7 +132,7 @@ def _is_type(endpoint: EndpointNode) -> bool:
 
 @dataclass(frozen=True)
 class _Bound:
-    """Something of a binding that talks to something: `key` says under which word."""
+    """A part of a binding with an endpoint; `key` is the word of that (service, action, topic)."""
 
     path: str
     name: str
@@ -135,13 +142,13 @@ class _Bound:
 
     @property
     def endpoint(self) -> EndpointNode:
-        """What it talks to."""
+        """Its endpoint."""
         found: EndpointNode = getattr(self.node, self.key)
         return found
 
     @property
     def seen(self) -> Seen:
-        """What its expressions are about."""
+        """The subject of its expressions."""
         return {"service": RESPONSE, "action": RESULT}.get(self.key, MESSAGE)
 
     def meaning(
@@ -152,7 +159,7 @@ class _Bound:
         findings: Findings,
         usage: Usage | None = None,
     ) -> WireExpressions:
-        """Return what reads its expressions."""
+        """Return the compiler of its expressions."""
         sends = {"service": "request", "action": "goal"}.get(self.key, "message")
         arguments = self._arguments(plugin)
         return WireExpressions(
@@ -160,7 +167,7 @@ class _Bound:
         )
 
     def _arguments(self, plugin: Plugin) -> dict[str, Type]:
-        """Return what its expressions know its arguments as, by name."""
+        """Return its arguments' types in expressions, by name."""
         node = self.node
         if not isinstance(node, BoundOperationNode | BoundActionNode):
             return {}
@@ -169,7 +176,7 @@ class _Bound:
         return {name: _kinds(declared[name].type, each.unit).wire for name, each in node.arguments.items()}
 
     def fields(self, plugin: Plugin) -> dict[str, tuple[ResultNode | BoundValueNode, Kinds, str]]:
-        """Return by name what is made of what it hears: where that is written, its types, and its path."""
+        """Return the values it reads, by name: where they are written, their types, and their paths."""
         node, path = self.node, self.path
         if isinstance(node, BoundValueNode):
             return {"value": (node, _kinds(plugin.values[self.name].type, node.unit), f"{path}.from")}
@@ -185,7 +192,7 @@ class _Bound:
         }
 
     def read(self, meaning: WireExpressions, plugin: Plugin) -> _ReadExpressions:
-        """Read all its expressions."""
+        """Compile all its expressions."""
         node = self.node
         found = _ReadExpressions()
         if isinstance(node, BoundOperationNode | BoundActionNode):
@@ -195,7 +202,7 @@ class _Bound:
             found.code_when = meaning.conditions(node, "code_when", self.seen)
             found.detail = meaning.text(node, "detail", self.seen)
             if self.key == "action":
-                found.told = meaning.told(node, "progress", FEEDBACK)
+                found.progress_values = meaning.progress_values(node, "progress", FEEDBACK)
         elif isinstance(node, BoundEventNode | BoundValueNode):
             found.condition = meaning.condition(node, "when", self.seen)
         read = {name: meaning.taken(*each) for name, each in self.fields(plugin).items()}
@@ -211,12 +218,12 @@ class _ReadExpressions:
     condition: Any = None
     code_when: Mapping[str, Any] = field(default_factory=dict)
     detail: Any = None
-    told: Mapping[str, Any] = field(default_factory=dict)
+    progress_values: Mapping[str, Any] = field(default_factory=dict)
     fields: Mapping[str, Taken] = field(default_factory=dict)
 
 
 def _kinds(kept: Type, unit: str | None) -> Kinds:
-    """Return the types of something that is kept so, and has perhaps a unit; one that is wrong was told."""
+    """Return a value's type in the engine and on the wire; a wrong `unit` is reported elsewhere."""
     of = innermost(kept)
     if unit is None or of.kind != "number" or unit not in units_of(of.unit):
         return Kinds(kept, kept)
@@ -224,12 +231,12 @@ def _kinds(kept: Type, unit: str | None) -> Kinds:
 
 
 def _parameter_types(node: BindingNode, plugin: Plugin) -> dict[str, Type]:
-    """Return what expressions see of the parameters: like arguments in the unit that is written beside."""
+    """Return the parameters' types in expressions: in the unit that is written with them."""
     return {n: _kinds(each.type, node.params[n].unit).wire for n, each in plugin.parameters.items()}
 
 
 def _bound(node: BindingNode) -> Iterator[_Bound]:
-    """Yield everything in a file that talks to something."""
+    """Yield every part of a file with an endpoint."""
     for family in ("operations", "actions", "values", "events"):
         for name, each in getattr(node, family).items():
             key = "topic"
@@ -243,7 +250,7 @@ def _bound(node: BindingNode) -> Iterator[_Bound]:
 
 
 class _BindingReader:
-    """Reads one file."""
+    """Compiles one file."""
 
     def __init__(self, node: BindingNode, catalog: Catalog, findings: Findings) -> None:
         self._node = node
@@ -252,7 +259,7 @@ class _BindingReader:
         self._declarer = Declarer(catalog, findings, self._usage)
 
     def read(self) -> Binding:
-        """Read everything, and tell everything that is wrong."""
+        """Compile everything, and report all errors."""
         node = self._node
         self._good_name(NAME, "binding", node.binding, node.at("binding"), "binding")
         parameters = dict(self._parameters())
@@ -273,7 +280,7 @@ class _BindingReader:
         return binding
 
     def _talking(self, plugin: Plugin) -> Binding:
-        """Read what everything sends, and what it makes of what it hears."""
+        """Compile all requests and interpretations of answers."""
         found: dict[str, dict[str, Any]] = {"operations": {}, "actions": {}, "values": {}, "events": {}}
         params = _parameter_types(self._node, plugin)
         self._one_type_each()
@@ -287,7 +294,7 @@ class _BindingReader:
         )
 
     def _one_type_each(self) -> None:
-        """Tell names over ROS that stand for two types: there would be one server, or topic, for both."""
+        """Report names over ROS with two types: there would be one server, or topic, for both."""
         known: dict[tuple[str, str], EndpointNode] = {}
         for bound in _bound(self._node):
             endpoint = bound.endpoint
@@ -310,7 +317,7 @@ class _BindingReader:
                 node.unavailable or node.code,
                 node.rejected or node.code,
                 read.detail,
-                read.told,
+                read.progress_values,
                 moves=node.on_hold == "cancel",
                 cut_short=node.cut_short,
                 watched=node.watch is not None,
@@ -482,7 +489,7 @@ class _BindingReader:
                 kind = within(kind, low, high)
             else:
                 default = None
-        # A default that is wrong has been told; missions are not blamed for relying on it.
+        # A default that is wrong has been reported; missions are not blamed for relying on it.
         return Argument(kind or ANY, written.summary, default, optional=written.default is not None)
 
     def _result(self, node: BoundOperationNode | BoundEventNode, key: str, path: str) -> dict[str, Type]:
@@ -517,9 +524,9 @@ class _BindingReader:
             if name not in mock.result:
                 problem, hint = f"the mock has no {name!r}", f"add '{name}: ...'"
                 self._findings.add(mock.at("result"), "missing-key", f"{path}.result", problem, hint)
-        told = self._mocked(mock, "values", values, path, "live value of this binding")
+        values_given = self._mocked(mock, "values", values, path, "live value of this binding")
         if not mock.when:
-            return Mock(after, given, told)
+            return Mock(after, given, values_given)
         kinds = {name: argument.type for name, argument in arguments.items()}
         for_results, for_values = [], []
         for index, case in enumerate(mock.when):
@@ -528,7 +535,7 @@ class _BindingReader:
             for_results.append((wanted, self._mocked(case, "result", result, at, "field of the result")))
             changed = self._mocked(case, "values", values, at, "live value of this binding")
             for_values.append((wanted, changed))
-        return Mock(after, MockCases(given, tuple(for_results)), MockCases(told, tuple(for_values)))
+        return Mock(after, MockCases(given, tuple(for_results)), MockCases(values_given, tuple(for_values)))
 
     def _mocked(
         self, mock: Node, key: str, kinds: Mapping[str, Type], path: str, what: str
@@ -568,7 +575,7 @@ class _BindingReader:
         path: str,
         taken: frozenset[str] = frozenset(),
     ) -> bool:
-        """Tell whether a thing can be called that; a finding otherwise."""
+        """Return whether a name is valid; else report it."""
         if form.fullmatch(name) and name not in taken:
             return True
         problem = f"{name!r} cannot be used as the name of {one(what)}"
@@ -577,7 +584,7 @@ class _BindingReader:
         return False
 
     def _duration(self, node: Node, key: str, path: str, zero: str = "") -> float | None:
-        """Read a duration; `zero` says what none at all would come to, where that makes no sense."""
+        """Compile a duration; `zero` is the problem with 0 s, where that makes no sense."""
         raw = getattr(node, key)
         if raw is None:
             return None
@@ -589,7 +596,7 @@ class _BindingReader:
 
 
 def _codes_of(node: BoundOperationNode) -> Iterator[tuple[str, str]]:
-    """Yield every code that an operation names, with the key that names it."""
+    """Yield every code of an operation, with the key that names it."""
     yield node.code, "code"
     for name in node.code_when:
         yield name, "code_when"

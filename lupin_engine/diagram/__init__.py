@@ -1,4 +1,4 @@
-"""A chart as a picture: Mermaid and SCXML as text, SVG and PNG drawn without any other program."""
+"""Draws a chart: Mermaid and SCXML as text, SVG and PNG without any other program."""
 
 import lazy_loader
 

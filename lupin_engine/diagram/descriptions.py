@@ -1,4 +1,4 @@
-"""The words of a picture: values, events and actions, short enough for a label."""
+"""The texts of a picture: values, events and actions, shortened to fit a label."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from lupin_engine.plugin.types import in_unit
 WIDTH = 44
 #: What an action is about -> the argument that says it.
 _ABOUT = {"raise": "event", "itinerary.close": "status", "itinerary.close_rest": "status"}
-#: Units of long durations, and the shortest one, in seconds, that is told in each.
+#: Units of long durations, and the shortest one, in seconds, that is shown in each.
 _LONG = {"h": 3600.0, "min": 120.0}
 _PREFIXES = ("operator.", "mission.", "answer.")
 _CANNOT = (KeyError, TypeError, ValueError, ArithmeticError, UnknownValue)
@@ -43,8 +43,8 @@ class ElementTexts:
         """Return the label of a transition."""
         guard = f"[{_cut(rule.guard.source)}]" if rule.guard else ""
         event = self._event(rule) or ("" if guard else "always")
-        told = ", ".join(filter(None, (f"code {rule.code}" if rule.code else "", _actions(rule.actions))))
-        return Label(event, _cause(rule.event), guard, told, frozenset({rule.id}))
+        actions = ", ".join(filter(None, (f"code {rule.code}" if rule.code else "", _actions(rule.actions))))
+        return Label(event, _cause(rule.event), guard, actions, frozenset({rule.id}))
 
     def lines(self, state: State) -> Iterator[TextLine]:
         """Yield the lines of a state, without its transitions."""
@@ -65,7 +65,7 @@ class ElementTexts:
             yield TextLine(f"result / {_cut(given)}", LineRole.ACTION)
 
     def duration(self, value: Value) -> str:
-        """Return a duration as the parameters' defaults make it, else as it is written."""
+        """Return a duration with the parameters' defaults; as written where it cannot be computed."""
         try:
             seconds = float(value.evaluate(self._defaults))
         except _CANNOT:
@@ -96,7 +96,7 @@ class ElementTexts:
             yield f"sweeps: {'without end' if sweeps == '0' else sweeps}"
 
     def _use(self, use: UsedMission) -> str:
-        """Return which mission stands in a state, with what its user gives it."""
+        """Return the mission embedded in a state, with the fields that its user gives."""
         given = [
             f"{name} {self.duration(field.default) if field.type.unit == 's' else self._short(field.default)}"
             for name, field in use.request.items()
@@ -122,16 +122,16 @@ class ElementTexts:
 
     def _short(self, value: Value) -> str:
         if isinstance(value, Constant):
-            return _cut(_told(value.value))
+            return _cut(_written(value.value))
         try:
             found = value.evaluate(self._defaults)
         except _CANNOT:
             return _cut(value.source)
-        return _cut(_told(found))
+        return _cut(_written(found))
 
 
 def plain_event(event: str) -> str:
-    """Return an event as a person would call it: `operator.abort` is `abort`."""
+    """Return an event in a person's words: `operator.abort` is `abort`."""
     if event.startswith("input."):
         return event.removeprefix("input.").replace(".", " ")
     for prefix in _PREFIXES:
@@ -140,7 +140,7 @@ def plain_event(event: str) -> str:
 
 
 def hold_line(hold: Hold) -> TextLine:
-    """Return what engages and what releases a hold."""
+    """Return the events that engage and release a hold."""
     release = " or ".join(plain_event(event) for event in hold.release)
     return TextLine(f"hold {hold.name}: from {plain_event(hold.engage)} until {release}", LineRole.NOTE)
 
@@ -166,35 +166,35 @@ def _actions(actions: Iterable[ActionCall]) -> str:
 
 
 def _action(action: ActionCall) -> str:
-    """Return an action with its main argument where that is a constant."""
+    """Return an action with its main argument, if that is a constant."""
     if action.guard is not None:
         other = f", else: {_actions(action.otherwise)}" if action.otherwise else ""
         return f"if {action.guard.source}: {_actions(action.then)}{other}"
     if action.name in WRITING:
         return ", ".join(_write(action.name, *written) for written in action.arguments.items())
-    told = action.arguments.get(_ABOUT.get(action.name, ""))
+    main = action.arguments.get(_ABOUT.get(action.name, ""))
     name = action.name.removeprefix("itinerary.")
-    return f"{name} {told.value}" if isinstance(told, Constant) else name
+    return f"{name} {main.value}" if isinstance(main, Constant) else name
 
 
 def _write(action: str, name: str, value: Value) -> str:
     known = isinstance(value, Constant)
     written = value.value if isinstance(value, Constant) else None
-    told = repr(written) if isinstance(written, str) else _told(written)
+    shown = repr(written) if isinstance(written, str) else _written(written)
     if action == "set":
-        return f"{name} = {told}" if known else f"set {name}"
-    return f"{action}{f' {told}' * known} {'to' if action == 'add' else 'from'} {name}"
+        return f"{name} = {shown}" if known else f"set {name}"
+    return f"{action}{f' {shown}' * known} {'to' if action == 'add' else 'from'} {name}"
 
 
-def _told(value: Any) -> str:
+def _written(value: Any) -> str:
     """Return a value as missions write it, without its quotes and units."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{name}: {_told(inner)}" for name, inner in value.items()) + "}"
-    return f"[{', '.join(map(_told, value))}]" if isinstance(value, (list, tuple)) else str(value)
+        return "{" + ", ".join(f"{name}: {_written(inner)}" for name, inner in value.items()) + "}"
+    return f"[{', '.join(map(_written, value))}]" if isinstance(value, (list, tuple)) else str(value)
 
 
 def _cut(text: str) -> str:

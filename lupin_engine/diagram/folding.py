@@ -1,4 +1,4 @@
-"""Drawings of a chart with some of its states folded, as displays ask for them."""
+"""Draws a chart with some states collapsed, on a display's request; the last few drawings are cached."""
 
 from __future__ import annotations
 
@@ -9,24 +9,22 @@ from lupin_engine.diagram.outline import outline
 from lupin_engine.diagram.svg import svg
 from lupin_engine.errors import UsageError, meant, shortened
 
-#: Unknown states that are told of.
-_MOST_TOLD = 3
+#: The most unknown states that are named.
+_MOST_NAMED = 3
 
 
 @lru_cache(maxsize=16)
 def folded_svg(chart: Chart, folded: frozenset[str]) -> str:
-    """Return the whole chart as SVG; of the states `folded`, by their full names, the inside is left out.
-
-    The last few are kept: who folds a state unfolds it again.
+    """Return the whole chart as SVG, with the states `folded` (full names) collapsed.
 
     Raises:
-        UsageError: there is no such state; all that are unknown are told.
+        UsageError: some states do not exist; up to three are named.
     """
     states = list(filter(None, chart.states))
     unknown = sorted(folded.difference(states))
     if unknown:
-        hints = {name: meant(name, states) for name in unknown[:_MOST_TOLD]}
-        told = [shortened(repr(name)) + (f" ({hint})" if hint else "") for name, hint in hints.items()]
-        more = len(unknown) - _MOST_TOLD
-        raise UsageError(f"no state {', '.join(told)}" + (f" and {more} more" if more > 0 else ""))
+        hints = {name: meant(name, states) for name in unknown[:_MOST_NAMED]}
+        named = [shortened(repr(name)) + (f" ({hint})" if hint else "") for name, hint in hints.items()]
+        more = len(unknown) - _MOST_NAMED
+        raise UsageError(f"no state {', '.join(named)}" + (f" and {more} more" if more > 0 else ""))
     return svg(outline(chart, folded=folded, whole=True))

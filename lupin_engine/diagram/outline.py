@@ -1,9 +1,9 @@
-"""The picture of a chart: what is shown and what is left out.
+"""Selects the content of a chart's picture: which states, arrows and lines of text are drawn.
 
-The state that wraps a mission is left out where it is the only one: it would be a box within a box. Refusals
-are left out as well: they answer and lead nowhere. A transition that would make no good arrow (between a box
-and one within it, between two regions, or without a target) is a line of text in the box of its source.
-Everything keeps the order of the file, so a picture changes only where the chart does.
+A state that wraps a single mission is left out: it would be a box within a box. Refusals are too: they lead
+nowhere. A transition between a box and one within it, between two regions, or without a target makes no good
+arrow, and becomes a line of text in its source's box. Everything keeps the order of the file, so a picture
+changes only where the chart does.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ def outline(
     folded: Collection[str] = (),
     whole: bool = False,
 ) -> Picture:
-    """Return what a picture of `chart` shows.
+    """Return the picture of `chart`.
 
     Args:
         chart: The chart.
-        focus: Show this state with all within it, and greyed what leads there and where it leads.
+        focus: Show this state with its inside, and greyed neighbours that lead there or follow.
         depth: Show so many levels of boxes; deeper states are collapsed.
         folded: Full names of states that are collapsed as well.
         whole: Show the state that wraps a single mission, too.
 
     Raises:
-        UsageError: there is no such state, or several are called so.
+        UsageError: there is no such state, or several have this name.
     """
     centre = None if focus is None else find_state(chart, focus)
     return _Outliner(chart, centre, depth, folded, whole).picture()
 
 
 def readable_depth(picture: Picture) -> int | None:
-    """Return how many levels of a picture one can read at once; None for all of them."""
+    """Return the greatest depth with at most `READABLE` boxes; None for all levels."""
     totals = list(accumulate(_levels(picture.boxes)))
     if not totals or totals[-1] <= READABLE:
         return None
@@ -53,7 +53,7 @@ def readable_depth(picture: Picture) -> int | None:
 
 
 def find_state(chart: Chart, name: str) -> str:
-    """Return the full name of a state that is named in full, or by the last parts of its name.
+    """Return the full name of a state, given in full or by the last parts of its name.
 
     Raises:
         UsageError: there is none, or there are several.

@@ -10,7 +10,7 @@ from lupin_engine.chart.model import Chart, Kind, State
 
 
 class TransitionCause(enum.Enum):
-    """What triggers a transition; arrows are coloured by it."""
+    """The kind of event that triggers a transition; arrows are coloured by it."""
 
     DONE = "done"
     ERROR = "error"
@@ -139,9 +139,9 @@ class Arrow:
 
 @dataclass(frozen=True)
 class Picture:
-    """Boxes at the top, the one that is entered first, arrows, and notes about the whole.
+    """Top-level boxes, the initial one, arrows, and notes about the whole.
 
-    `run` says what a coloured picture was coloured by; '' for a plain one.
+    `run` is the origin of a coloured picture's counts; '' for a plain one.
     """
 
     title: str

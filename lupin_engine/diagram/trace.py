@@ -1,4 +1,4 @@
-"""A picture coloured by runs: how often each state was entered and each transition taken."""
+"""Colours a picture by the counts of runs: how often each state was entered and each transition taken."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from lupin_engine.errors import UsageError
 
 @dataclass(frozen=True)
 class Counts:
-    """How often states were entered and transitions taken, by full name and by id; absent is never.
+    """Counts of entered states and taken transitions, by full name and by id; missing means never.
 
-    `title` says what was counted; a coloured picture shows it. Of counts that are no more than flags a
-    picture shows no numbers: not `counted`.
+    `title` is the text about them in a picture. Without `counted` they are flags, and no numbers are shown.
     """
 
     states: Mapping[str, int]
@@ -24,7 +23,7 @@ class Counts:
 
 
 def coloured(picture: Picture, counts: Counts) -> Picture:
-    """Return a picture in which what was visited stands out, with how often, and the rest is pale."""
+    """Return a picture with visited elements emphasized and counted, and the rest pale."""
     boxes = tuple(_box(box, counts) for box in picture.boxes)
     arrows = tuple(_arrow(arrow, counts) for arrow in picture.arrows)
     notes = tuple(_line(line, counts) for line in picture.notes)

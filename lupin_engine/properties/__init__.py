@@ -1,4 +1,4 @@
-"""Properties of every step: those that always hold, and those that the author of a mission wrote."""
+"""Properties of every step: the built-in ones, and those that a mission's author wrote."""
 
 import lazy_loader
 

@@ -1,8 +1,8 @@
-"""Properties that the author of a mission wrote, as watchers of the same kind as the built-in ones.
+"""Compiles the author's temporal properties (`always`, `never`, `eventually`, `after`, `until`) to monitors.
 
-What one of them remembers (`properties.Remembered`): nothing as long as it asks for nothing; the time at
-which `eventually` must have come true; `(math.inf,)` for an `always` or `never` that an `after` has begun,
-and for an `eventually` without `after` that has come true.
+A monitor's state (`properties.Remembered`): empty while nothing is pending; the deadline of a pending
+`eventually`; `(math.inf,)` for an `always` or `never` that an `after` has activated, and for an `eventually`
+without `after` that has come true. A condition that cannot be evaluated counts as false.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ _ROUNDING = 1e-9
 
 
 def properties_of(chart: Chart, more: Mapping[str, TemporalProperty] | None = None) -> tuple[Property, ...]:
-    """Return all that is watched of a chart: what always holds, what its author wrote, and `more`."""
+    """Return all properties of a chart: built-in ones, its author's, and `more`."""
     written = {**chart.properties, **(more or {})}
     return (*BUILT_IN, *map(watched, written.values()))
 
 
 def watched(rule: TemporalProperty) -> Property:
-    """Return a property as a watcher."""
+    """Return a property as a monitor."""
 
     def watch(state: Remembered, passage: Passage) -> tuple[Remembered, Verdict]:
         if rule.mission and passage.after.mission != rule.mission:
@@ -52,11 +52,11 @@ def watched(rule: TemporalProperty) -> Property:
             return NOT_ABOUT
         return Verdict(True, _late(rule))
 
-    return Property(rule.name, rule.summary or told(rule), watch, (), end)
+    return Property(rule.name, rule.summary or sentence(rule), watch, (), end)
 
 
-def told(rule: TemporalProperty) -> str:
-    """Return a property in a sentence, with the conditions as they are written."""
+def sentence(rule: TemporalProperty) -> str:
+    """Return a property as a sentence, with its conditions as written."""
     kind, that = next(
         (kind, that)
         for kind in ("always", "never", "eventually")
@@ -114,7 +114,7 @@ def _late(rule: TemporalProperty) -> str:
 
 
 def _within(rule: TemporalProperty) -> str:
-    """Return the time that something has to come true, as it is written."""
+    """Return the deadline as written."""
     return rule.within.source if isinstance(rule.within, Expression) else f"{_constant(rule.within):g} s"
 
 
@@ -128,7 +128,7 @@ def _named(rule: TemporalProperty) -> str:
 
 
 def _holds(condition: Expression | None, env: Environment) -> bool:
-    """Say whether a condition is true; one that cannot be worked out, or that nobody wrote, is not."""
+    """Return whether a condition is true; a missing one, or one that cannot be evaluated, is not."""
     try:
         return condition is not None and bool(condition.evaluate(env))
     except Exception:

@@ -1,19 +1,19 @@
-"""Properties that hold in every step of every machine, each with a name and a sentence.
+"""Built-in safety properties: monitors that judge every step of every machine.
 
-One interface for whoever makes steps, in whatever order: exploration, random runs, scenarios, a recorded run.
+One interface for exploration, random runs, scenarios and recorded runs:
 
     seen = glance(machine.memory)                     # before the step
     step = machine.handle(event, now)
     passage = Passage(seen, step, machine.scope)      # its memory is the one after the step
     for each property: state, verdict = property.watch(state, passage)
 
-A property of `BUILT_IN` is a pure function of a passage: its state is `()` for ever. One that an author wrote
-may remember something: its state is a tuple of numbers, each a time of the machine's clock at which it is
-due, `math.inf` where nothing is. So states can be compared, hashed, shifted to another time, and ordered
-together with the deadlines of the memory. `due(state)` says when a breach can come of time alone; who makes
-steps should look again then. A watcher reads of the passage only: of `before` what `Glance` has, of the
-memory after the step `held`, `attempts`, `invocations`, `timers`, `frozen`, `itineraries`, `asked`, `broken`,
-`mission_id`, `configuration` (an author's conditions: what they read), of the step all but its `sequence`.
+A built-in property is a pure function of a passage: its state is `()` for ever. An author's may have a state:
+a tuple of times of the machine's clock at which something is due, `math.inf` where nothing is. So states can
+be compared, hashed, shifted in time, and ordered together with the memory's deadlines. `due(state)` is when
+time alone can breach it, and a step should be made then. A monitor may read only: of `before` the fields of
+`Glance`; of the memory after the step `held`, `attempts`, `invocations`, `timers`, `frozen`, `itineraries`,
+`asked`, `broken`, `mission_id`, `configuration` (and whatever an author's conditions read); of the step all
+but its `sequence`.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ _T = TypeVar("_T")
 
 
 class Glance(NamedTuple):
-    """What properties must know of a memory as it was before a step; hashable, a function of the memory.
+    """The part of the memory before a step that properties read; hashable.
 
-    `speaking` are the attempts that somebody listens to, `over` the invocations whose operation has ended for
-    good, `closed` how many visits of the mission `mission_id` have their outcome, over all sweeps,
-    `begun` the itineraries under way.
+    `speaking` are the attempts that a state waits for, `over` the invocations whose operation has ended for
+    good, `closed` the number of visits of mission `mission_id` with an outcome, over all passes, `begun` the
+    active itineraries.
     """
 
     held: Collection[str] = ()
@@ -63,9 +63,9 @@ class Glance(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """One step as it is judged: what was before, the step, and the scope with the memory after it.
+    """One step to judge: the glance before it, the step, and the scope with the memory after it.
 
-    `was` makes the scope with the memory before it, where whoever makes steps still has that.
+    `was` makes the scope with the memory before it, where the caller still has that.
     """
 
     before: Glance
@@ -85,9 +85,9 @@ class Passage(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What a property says of a step: whether it was about it, and how it was broken, '' if it was not.
+    """A property's verdict on a step: whether it applies, and the breach, '' for none.
 
-    `about` are the parts of the property that it was about, where it has parts.
+    `about` are the parts of the property that apply, where it has parts.
     """
 
     relevant: bool
@@ -102,10 +102,10 @@ _HOLDS: tuple[Remembered, Verdict] = ((), HOLDS)
 
 @dataclass(frozen=True)
 class Property:
-    """Something that always holds: `says` is the sentence for people.
+    """A property: `says` is the sentence for people.
 
-    `watch` gives what is remembered from now on and the verdict; `first` is what is remembered before the
-    first step. `end` judges what is still open when a run is over at a time, where nothing follows.
+    `watch` returns the next state and the verdict; `first` is the state before the first step. `end` judges
+    pending obligations when a run is over.
     """
 
     name: str
@@ -116,12 +116,12 @@ class Property:
 
 
 def due(state: Remembered) -> float:
-    """Return when a property can be broken by time alone; `math.inf`: never."""
+    """Return when time alone can breach a property; `math.inf`: never."""
     return min(state, default=math.inf)
 
 
 def glance(memory: Memory) -> Glance:
-    """Return what properties must know of a memory before a step is made with it."""
+    """Return the glance of a memory, to be taken before a step."""
     return Glance(
         tuple(memory.held),
         frozenset(name for name in memory.attempts if is_speaking(memory, name)),
@@ -133,16 +133,16 @@ def glance(memory: Memory) -> Glance:
 
 
 def touched(entries: Mapping[str, _T]) -> Collection[_T]:
-    """Return the entries of a field that a step may have changed: all, or those that it has looked at.
+    """Return the entries of a field that a step may have changed: all, or only those it has read.
 
-    A memory that looks its entries up when they are asked for (see `situations.situation`) holds only those.
+    A memory that decodes its entries lazily (see `situations.situation`) holds only the latter.
     """
     assert isinstance(entries, dict)
     return dict.values(entries)
 
 
 def is_speaking(memory: Memory, name: str) -> bool:
-    """Say whether somebody listens to an attempt."""
+    """Return whether a state waits for an attempt."""
     attempt = memory.attempts.get(name)
     if attempt is None or attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED):
         return attempt is not None
@@ -151,12 +151,12 @@ def is_speaking(memory: Memory, name: str) -> bool:
 
 
 def begun(memory: Memory) -> tuple[str, ...]:
-    """Return the states whose itineraries are under way."""
+    """Return the states with an active itinerary."""
     return tuple(name for name, walk in memory.itineraries.items() if walk.begun)
 
 
 def closed(memory: Memory) -> int:
-    """Return how many visits have their outcome, over all sweeps."""
+    """Return the number of visits with an outcome, over all passes."""
     count = 0
     for walk in memory.itineraries.values():
         count += sum(walk.past.values()) if walk.past else 0
@@ -166,7 +166,7 @@ def closed(memory: Memory) -> int:
 
 
 def is_over(invocation: Invocation, memory: Memory) -> bool:
-    """Say whether an operation has ended and none of its tries will follow."""
+    """Return whether an operation has ended and will not be retried."""
     if not invocation.begun or invocation.attempt is not None or invocation.cut is not None:
         return False
     timers = (*memory.timers, *memory.frozen)
@@ -174,9 +174,9 @@ def is_over(invocation: Invocation, memory: Memory) -> bool:
 
 
 class Monitor:
-    """Watches the steps of one machine: `breaches` has the first of each property, with its step.
+    """Watches the steps of one machine: `breaches` has the first breach of each property, with its step.
 
-    What has been broken once is not told again: one breach is one story.
+    Later breaches of the same property are dropped.
     """
 
     def __init__(self, properties: tuple[Property, ...]) -> None:
@@ -188,7 +188,7 @@ class Monitor:
         self._relevant = [0] * len(properties)
 
     def take(self, step: Step, scope: EvaluationScope) -> None:
-        """Judge a step that has just been made by the machine with this scope."""
+        """Judge a step that the machine with this scope has just made."""
         passage, states = Passage(self._before, step, scope), self._states
         for index, watch in enumerate(self._watches):
             states[index], verdict = watch(states[index], passage)
@@ -200,16 +200,16 @@ class Monitor:
 
     @property
     def relevant(self) -> dict[str, int]:
-        """How many steps each property was about, those left out that were about none."""
+        """The number of steps that each property applied to, without zeros."""
         return {one.name: n for one, n in zip(self.properties, self._relevant, strict=True) if n}
 
     @property
-    def told(self) -> list[tuple[str, str, Step | None]]:
-        """Name, text and step of each breach, in the order in which they came."""
+    def found(self) -> list[tuple[str, str, Step | None]]:
+        """Name, text and step of each breach, in order."""
         return [(name, text, step) for name, (step, text) in self.breaches.items()]
 
     def end(self, now: float) -> None:
-        """Judge what is open when the run is over."""
+        """Judge pending obligations at the end of the run."""
         for one, state in zip(self.properties, self._states, strict=True):
             verdict = one.end(state, now)
             if verdict.breach:
@@ -226,8 +226,8 @@ _found: list[Property] = []
 def _built_in(name: str, says: str) -> Callable[[_Rule], _Rule]:
     def add(rule: _Rule) -> _Rule:
         def watch(state: Remembered, passage: Passage) -> tuple[Remembered, Verdict]:
-            told = rule(passage)
-            return _NOT_ABOUT if told is None else _HOLDS if not told else (state, Verdict(True, told))
+            breach = rule(passage)
+            return _NOT_ABOUT if breach is None else _HOLDS if not breach else (state, Verdict(True, breach))
 
         _found.append(Property(name, says, watch))
         return rule
@@ -252,9 +252,9 @@ def _hold_starts_nothing(passage: Passage) -> str | None:
 
 
 def _was_held(passage: Passage) -> bool:
-    """Say whether one hold was engaged all through the step."""
-    told = (note.removeprefix("hold ").rpartition(" ") for note in passage.step.notes)
-    released = {name for name, _, what in told if what == "released"}
+    """Return whether one hold was active throughout the step."""
+    noted = (note.removeprefix("hold ").rpartition(" ") for note in passage.step.notes)
+    released = {name for name, _, what in noted if what == "released"}
     return not released >= {*passage.before.held} & {*passage.after.held}
 
 
@@ -301,7 +301,7 @@ def _resources_exclude(passage: Passage) -> str | None:
 
 
 def _replacing(chart: Chart) -> set[str]:
-    """Return the operations that begin beside an earlier one which refuses to end."""
+    """Return the operations that may begin beside an earlier one which refuses to end."""
     return {name for name, operation in chart.catalog.operations.items() if operation.replaces}
 
 
@@ -321,20 +321,22 @@ def _no_false_start(passage: Passage) -> str | None:
 
 @_built_in("closed_once", "Each visit of a target is reported exactly once, when it is closed.")
 def _closed_once(passage: Passage) -> str | None:
-    memory, told = passage.after, [c for c in passage.step.commands if isinstance(c, Publish)]
-    if not told and not (memory.itineraries and passage.step.taken):
+    memory, published = passage.after, [c for c in passage.step.commands if isinstance(c, Publish)]
+    if not published and not (memory.itineraries and passage.step.taken):
         return None
     same = passage.step.event.name != START and passage.before.mission_id == memory.mission_id
     newly = max(0, closed(memory) - (passage.before.closed if same else 0))  # another mission has fewer
-    if not told:
+    if not published:
         return f"{newly} closed, but none reported" if newly else None
     visits = [(name, v) for name in begun(memory) for v in memory.itineraries[name].visits]
     visits += [(name, v) for name in begun(memory) for v in memory.itineraries[name].earlier.values()]
     visited = {visit.target for name, visit in visits if visit.closed or name in passage.before.begun}
     # What is published outside of a visit is about a target that has none.
-    if not sum(1 for command in told if command.target in visited) <= newly <= len(told):
-        beside = "; what has a visit is published by closing that, not beside it" if newly < len(told) else ""
-        return f"{', '.join(c.target for c in told)} reported, but {newly} closed{beside}"
+    if not sum(1 for command in published if command.target in visited) <= newly <= len(published):
+        beside = (
+            "; what has a visit is published by closing that, not beside it" if newly < len(published) else ""
+        )
+        return f"{', '.join(c.target for c in published)} reported, but {newly} closed{beside}"
     return ""
 
 
@@ -342,8 +344,8 @@ def _closed_once(passage: Passage) -> str | None:
 def _all_closed(passage: Passage) -> str | None:
     step, memory, states = passage.step, passage.after, passage.chart.states
     over = passage.chart.profile.stages.over
-    told = any(isinstance(command, Report) for command in step.commands)
-    if not told and not any(states[name].label in over for name in step.entered):
+    reported = any(isinstance(command, Report) for command in step.commands)
+    if not reported and not any(states[name].label in over for name in step.entered):
         return None
     if unknown := _asked_for(passage):
         return f"the mission ended, and the engine does not know of {', '.join(unknown)}"
@@ -359,7 +361,7 @@ def _all_closed(passage: Passage) -> str | None:
 
 
 def _asked_for(passage: Passage) -> list[str]:
-    """Return the targets that the mission's request names, of itineraries that the engine does not know."""
+    """Return the targets of the mission's request, of itineraries outside of the engine."""
     memory, found = passage.after, []
     for state in dispatch_table(passage.chart).walks:
         rule = state.itinerary
@@ -440,11 +442,11 @@ def _refusals_have_reasons(passage: Passage) -> str | None:
         return f"{step.event.name} is not answered"
     if step.accepted:
         return ""
-    told = step.refusal is not None and step.refusal.code.strip() and step.refusal.text.strip()
-    return "" if told else f"{step.event.name} is refused without a reason"
+    is_reasoned = step.refusal is not None and step.refusal.code.strip() and step.refusal.text.strip()
+    return "" if is_reasoned else f"{step.event.name} is refused without a reason"
 
 
-#: All of them, in the order in which they are told.
+#: All of them, in the order of reports.
 BUILT_IN: tuple[Property, ...] = tuple(_found)
 
 
@@ -458,7 +460,7 @@ def _rules(chart: Chart) -> Mapping[str, Transition]:
 
 @lru_cache(maxsize=32)
 def _moving(chart: Chart) -> frozenset[str]:
-    """Return the operations of a chart that move the robot."""
+    """Return the motion operations of a chart."""
     states = chart.states.values()
     invokes = [state.invoke for state in states if state.invoke is not None]
     invokes += [state.for_each.invoke for state in states if state.for_each is not None]
@@ -466,20 +468,20 @@ def _moving(chart: Chart) -> frozenset[str]:
 
 
 def action_moves(chart: Chart, action: str) -> bool:
-    """Say whether an action moves the robot."""
+    """Return whether an action moves the robot."""
     found = chart.catalog.actions.get(action)
     return found is not None and found.moves
 
 
 def _taken(passage: Passage) -> Iterator[Transition]:
-    """Yield the transitions of a step that the chart has; the engine's own are not among them."""
+    """Yield the chart's own transitions of a step."""
     known = _rules(passage.chart)
     return (known[name] for name in passage.step.taken if name in known)
 
 
 @lru_cache(maxsize=4096)
 def _is_on_its_way(chart: Chart, configuration: tuple[str, ...]) -> bool:
-    """Say whether a mission is under way and does not wait for its operator."""
+    """Return whether a mission is active and does not wait for its operator."""
     states = [chart.states[name] for name in configuration]
     label = next((state.label for state in states if state.label), "")
     if label in chart.profile.stages.without_mission or any(state.paused for state in states):
@@ -490,9 +492,9 @@ def _is_on_its_way(chart: Chart, configuration: tuple[str, ...]) -> bool:
 
 @lru_cache(maxsize=4096)
 def _hears(chart: Chart, configuration: tuple[str, ...]) -> bool:
-    """Say whether something listens to what can still come: the lifecycle around all missions left out.
+    """Return whether an active state can react to an event that may still come, the lifecycle's left out.
 
-    A person is waited for only where an innermost state says so itself.
+    A person counts only where an atomic state itself waits for one.
     """
     states = [chart.states[name] for name in configuration]
     if any(_listens(state) for state in states if state.parent is not None and not state.slot):
@@ -503,7 +505,7 @@ def _hears(chart: Chart, configuration: tuple[str, ...]) -> bool:
 
 
 def _listens(state: State) -> bool:
-    """Say whether a state takes in what the world does by itself."""
+    """Return whether a state reacts to events that come without people."""
     if state.for_each is not None or state.kind is Kind.FINAL:
         return True
     return any(rule.event.partition(".")[0] not in _NOT_BY_ITSELF for rule in state.transitions)

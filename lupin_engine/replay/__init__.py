@@ -1,4 +1,4 @@
-"""What reads a run: its story, timeline, coverage and figures, a scenario made of it."""
+"""Analysis of a run: story, timeline, coverage, figures, explanations, and a scenario made of it."""
 
 import lazy_loader
 

@@ -8,8 +8,8 @@ from .journaled import JournaledRun as JournaledRun
 from .journaled import as_run as as_run
 from .journaled import chart_of as chart_of
 from .journaled import covering as covering
-from .journaled import live_again as live_again
 from .journaled import recording_of as recording_of
+from .journaled import replay_run as replay_run
 from .journaled import run_called as run_called
 from .journaled import runs_of as runs_of
 from .reconstruction import RunRecord as RunRecord

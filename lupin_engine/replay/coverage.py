@@ -1,11 +1,10 @@
-"""What scenarios have not reached: states, transitions, ends of operations, branches of guards.
+"""Test coverage of scenarios: states, transitions, ends of operations, and branches of guards.
 
-States, transitions and ends are read off the steps of a run. What guards came to is nowhere in a step, so a
-run that is to be counted uses a copy of the chart whose guards count (`CoverageObserver.prepare`).
+States, transitions and ends are read off the steps. A step does not have the results of its guards, so a run
+to be counted uses a copy of the chart with instrumented guards (`CoverageObserver.prepare`).
 
-A mission answers for its own states; those of the lifecycle around it are shared, and one mission that
-reaches them is enough. The shipped lifecycle is left out around missions of one's own: it has been reached by
-the shipped ones.
+A mission must cover its own states; the lifecycle's are shared, and one mission that reaches them is enough.
+Around missions of one's own the shipped lifecycle is left out: the shipped missions have covered it.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from lupin_engine.sim.scenario import Missions
 from lupin_engine.sim.simulation import Run
 from lupin_engine.sim.suite import Counts, ScenarioResult
 
-#: What can be reached, in the order in which it is told.
+#: The kinds of items, in the order of reports.
 STATES, TRANSITIONS, OUTCOMES, GUARDS = KINDS = ("states", "transitions", "outcomes", "guard branches")
 #: How the end of an operation is called that its timeout brings about.
 TIMEOUT = "timeout"
@@ -39,7 +38,7 @@ Key = tuple[str, str, str]
 
 @dataclass(frozen=True)
 class CoverageItem:
-    """Something that can be reached; `mission` is the mission it belongs to, '' for the lifecycle."""
+    """An item to cover; `mission` is the mission it belongs to, '' for the lifecycle."""
 
     key: Key
     place: Place
@@ -48,7 +47,7 @@ class CoverageItem:
 
     @property
     def kind(self) -> str:
-        """What it is."""
+        """Its kind."""
         return self.key[0]
 
 
@@ -56,7 +55,7 @@ class CoverageItem:
 
 
 def items(chart: Chart) -> list[CoverageItem]:
-    """Return everything of a chart that can be reached, in the order of the file."""
+    """Return all items of a chart, in the order of the file."""
     found = [item for state in chart.states.values() for item in _items(chart, state)]
     for hold in chart.holds.values():
         for guard, word in _guards_of_hold(hold):
@@ -90,26 +89,26 @@ def _invokes(state: State) -> Iterator[Invoke]:
 
 
 def _ends(chart: Chart, state: State, invoke: Invoke) -> Iterator[CoverageItem]:
-    """Yield how an operation can end."""
+    """Yield the ways in which an operation can end."""
     words = [DONE, *dict.fromkeys(code.name for code in invoke.operation.codes)]
     ends = [(word, word) for word in words]
     if invoke.timeout is not None:
         ends.append((TIMEOUT, f"{invoke.timeout_code or TIMEOUT} (timeout)"))
-    for word, told in ends:
+    for word, missions in ends:
         key = (OUTCOMES, state.name, f"{invoke.name} {word}")
-        text = f"{short_name(chart, state.name)}: {invoke.name} {told}"
+        text = f"{short_name(chart, state.name)}: {invoke.name} {missions}"
         yield CoverageItem(key, invoke.place, text, state.mission)
 
 
 def _branches(guard: Expression | None, name: str, text: str, mission: str) -> Iterator[CoverageItem]:
     for value in ("true", "false") if guard is not None else ():
         assert guard is not None, "there is a guard"
-        told = f"{text}: {guard.source} is {value}"
-        yield CoverageItem((GUARDS, name, value), guard.place, told, mission)
+        shown = f"{text}: {guard.source} is {value}"
+        yield CoverageItem((GUARDS, name, value), guard.place, shown, mission)
 
 
 def _rule_text(chart: Chart, rule: Transition) -> str:
-    """Return a transition as people call it."""
+    """Return the short text of a transition."""
     if rule.refuse is not None:
         leads = f"refused: {rule.refuse}"
     else:
@@ -126,21 +125,21 @@ def _guards_of_hold(hold: Hold) -> Iterator[tuple[Expression | None, str]]:
 
 
 class CoverageObserver:
-    """Counts what runs reach, and what the guards of their charts come to."""
+    """Counts the items that runs reach, and the results of their charts' guards."""
 
     def __init__(self) -> None:
         self._seen: Counts = Counter()
 
     def prepare(self, chart: Chart) -> Chart:
-        """Return a copy of a chart whose guards are counted here."""
+        """Return a copy of a chart with instrumented guards."""
         states = {name: self._state(state) for name, state in chart.states.items()}
         holds = {name: self._hold(hold) for name, hold in chart.holds.items()}
         return replace(chart, states=states, holds=holds)
 
     def count(self, run: Run) -> Counts:
-        """Return what a run reached, with the guards asked since the last one.
+        """Return the counts of a run, with the guards evaluated since the last one.
 
-        A step that tells why nothing was taken has asked the guards once more than the machine did to decide.
+        A step that explains why nothing was taken has evaluated guards once more, which is subtracted.
         """
         found = self._seen
         for step in run.steps:
@@ -225,7 +224,7 @@ def _refusing(step: Step, refusals: Mapping[str, str]) -> str:
 
 
 def _ends_of(attempt: AttemptHistory, run: Run) -> Iterator[Key]:
-    """Yield the ends of an operation that an attempt came to, as long as somebody waited for it."""
+    """Yield the ends that an attempt came to, as long as a state waited for it."""
     if attempt.timed_out:
         yield OUTCOMES, attempt.state, f"{attempt.operation} {TIMEOUT}"
     if _is_done_by_hold(attempt, run):
@@ -236,7 +235,7 @@ def _ends_of(attempt: AttemptHistory, run: Run) -> Iterator[Key]:
 
 
 def _is_done_by_hold(attempt: AttemptHistory, run: Run) -> bool:
-    """Say whether what a hold cut short counted as done, by `on_hold: continue`."""
+    """Return whether an attempt that a hold cut short counted as done, by `on_hold: continue`."""
     state = run.chart.states[attempt.state]
     goes_on = state.invoke is not None and state.invoke.on_hold == "continue"
     if attempt.cancelled is None or attempt.timed_out or not goes_on:
@@ -252,7 +251,7 @@ def _is_done_by_hold(attempt: AttemptHistory, run: Run) -> bool:
 
 @dataclass(frozen=True)
 class Tally:
-    """How much of one kind was reached, and what was not."""
+    """The numbers of one kind: reached, total, and the missing items."""
 
     kind: str
     total: int
@@ -260,13 +259,13 @@ class Tally:
 
     @property
     def taken(self) -> int:
-        """How many were reached."""
+        """The number of reached items."""
         return self.total - len(self.missing)
 
 
 @dataclass
 class FileCoverage:
-    """A mission or a lifecycle: what there is in its file, parts included, and what was reached."""
+    """A mission or a lifecycle: the items of its file, parts included, and their counts."""
 
     title: str
     file: str
@@ -283,22 +282,22 @@ class FileCoverage:
 
 
 class Coverage:
-    """What many runs reached, of missions and of the lifecycles around them."""
+    """The sum over many runs, by missions and lifecycles."""
 
     def __init__(self) -> None:
         self._parts: dict[str, FileCoverage] = {}
         self.charts: dict[Path, tuple[Chart, Counts]] = {}
 
     def add(self, mission: Path, chart: Chart, counts: Mapping[Key, int]) -> None:
-        """Add what one run of a mission reached."""
-        told = [*chart.missions] if _is_around_own(chart) else ["", *chart.missions]
+        """Add the counts of one run of a mission."""
+        missions = [*chart.missions] if _is_around_own(chart) else ["", *chart.missions]
         if mission not in self.charts:
             self.charts[mission] = (chart, Counter())
             for item in items(chart):
-                if item.mission in told:
+                if item.mission in missions:
                     self._part(chart, item.mission).items.setdefault(item.key, item)
         self.charts[mission][1].update(counts)
-        for name in told:
+        for name in missions:
             self._part(chart, name).counts.update(counts)
 
     def _part(self, chart: Chart, mission: str) -> FileCoverage:
@@ -313,7 +312,7 @@ class Coverage:
 
     @property
     def percent(self) -> float:
-        """How much of all was reached; nothing where no scenario was run."""
+        """The share of reached items; nothing without scenarios."""
         tallies = [tally for part in self.parts for tally in part.tallies()]
         total = sum(tally.total for tally in tallies)
         return 100.0 * sum(tally.taken for tally in tallies) / total if total else 0.0
@@ -331,13 +330,13 @@ class Coverage:
 
 @lru_cache(maxsize=32)
 def _is_around_own(chart: Chart) -> bool:
-    """Tell whether a chart is the shipped lifecycle around missions that are not shipped."""
+    """Return whether a chart is the shipped lifecycle around missions that are not shipped."""
     missions = (Path(mission.file) for mission in chart.missions.values())
     return is_shipped(Path(chart.states[""].place.file)) and not any(map(is_shipped, missions))
 
 
 def add_up(results: Iterable[ScenarioResult], missions: Missions) -> Coverage:
-    """Return what scenarios reached together."""
+    """Return the coverage of all scenarios together."""
     coverage = Coverage()
     for result in results:
         if result.mission is not None:
@@ -357,7 +356,7 @@ _WIDTH = 16
 
 
 def coverage_lines(coverage: Coverage) -> Iterator[str]:
-    """Yield a line for each mission and lifecycle, then every item that was not reached."""
+    """Yield a line for each mission and lifecycle, then every missing item."""
     if not coverage.parts:
         yield "nothing was reached: no scenario was run"
         return

@@ -1,4 +1,4 @@
-"""Runs of a journal: which there are, and each lived through again by the machine that it is about."""
+"""Lists the runs in a journal, and replays one by its machine; a replay that differs is an error."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from lupin_engine.sim.simulation import Run, Script, simulate
 
 @dataclass(frozen=True)
 class JournaledRun:
-    """A mission in a journal, or what was between two (`mission_id` is empty): its files in their order."""
+    """A mission in a journal, or the time between two (`mission_id` is empty): its files in order."""
 
     files: tuple[JournalFile, ...]
 
@@ -48,7 +48,7 @@ class JournaledRun:
 
     @property
     def mission(self) -> str:
-        """What was run."""
+        """The name of the mission."""
         return self.files[0].head.mission
 
     @property
@@ -59,7 +59,7 @@ class JournaledRun:
 
     @property
     def heard(self) -> float:
-        """When the first thing entered its machine, in POSIX time; infinity: nothing ever did."""
+        """When its machine got the first event, in POSIX time; infinity: never."""
         inputs = (record.wall for file in self.files for record in file.records if record.kind in INPUTS)
         return next(inputs, math.inf)
 
@@ -70,23 +70,23 @@ class JournaledRun:
 
     @property
     def end(self) -> Mapping[str, Any] | None:
-        """How it ended: the published state, the code, the counts; None while it has not."""
+        """Its end: published state, code, counts; None while it has not ended."""
         ends = (record.data[0] for file in self.files for record in file.records if record.kind == END)
         return next(ends, None)
 
     @property
     def restarts(self) -> int:
-        """How often another process went on with it."""
+        """How often another process continued it."""
         return sum(record.kind == RESUMED for file in self.files for record in file.records)
 
     @property
     def problems(self) -> list[str]:
-        """What is wrong with its files."""
+        """The problems of its files."""
         return [file.problem for file in self.files if file.problem]
 
 
 def runs_of(folder: Path) -> list[JournaledRun]:
-    """Return what is in a journal, the oldest first; a file that cannot be read is left out.
+    """Return the runs in a journal, the oldest first; a file that cannot be read is left out.
 
     Raises:
         JournalError: there is no journal.
@@ -133,10 +133,10 @@ def run_called(runs: Sequence[JournaledRun], mission_id: str) -> JournaledRun:
 
 
 def chart_of(run: JournaledRun, catalog: Catalog) -> LoadedMissions:
-    """Load the files that a run was made of, which the journal keeps.
+    """Load the chart of a run, from the files that the journal keeps.
 
     Raises:
-        JournalError: they are not there, or what is installed does not understand them any more.
+        JournalError: they are missing, or the installed plugins cannot load them any more.
     """
     head = run.files[0].head
     if not head.chart:
@@ -150,11 +150,11 @@ def chart_of(run: JournaledRun, catalog: Catalog) -> LoadedMissions:
         ) from None
 
 
-def live_again(run: JournaledRun, chart: Chart) -> tuple[list[LivedStep], Machine]:
-    """Run what was recorded through the machine; times are seconds since the beginning.
+def replay_run(run: JournaledRun, chart: Chart) -> tuple[list[LivedStep], Machine]:
+    """Replay the recorded events by the machine; times are seconds since the beginning.
 
     Raises:
-        JournalError: it comes to something else than what was recorded.
+        JournalError: a step differs from the recorded one.
     """
     witness = GuardWitness()
     watched, lived, machine = witness.prepare(chart), list[LivedStep](), None
@@ -178,7 +178,7 @@ def live_again(run: JournaledRun, chart: Chart) -> tuple[list[LivedStep], Machin
 
 
 def _note_more(lived: list[LivedStep], request: str, code: str, more: int) -> None:
-    """Note at the last request of a name that was refused with a code how many like it are not written."""
+    """Note at the last recorded request with this refusal how many like it were counted only."""
     for index in reversed(range(len(lived))):
         step = lived[index].step
         if step.event.name.startswith(request) and step.refusal is not None and step.refusal.code == code:
@@ -188,7 +188,7 @@ def _note_more(lived: list[LivedStep], request: str, code: str, more: int) -> No
 
 
 def as_run(chart: Chart, lived: Iterable[LivedStep], machine: Machine) -> Run:
-    """Return what was lived through as a run that can be told and drawn.
+    """Return replayed steps as a run, for story and pictures.
 
     Live values that changed nothing are left out: a journal has them all.
     """
@@ -202,9 +202,9 @@ def as_run(chart: Chart, lived: Iterable[LivedStep], machine: Machine) -> Run:
 
 
 def recording_of(run: JournaledRun, chart: Chart, lived: Sequence[LivedStep]) -> RunRecord:
-    """Return a mission as a record from which a scenario can be made, with a start of the robot before it.
+    """Return a mission as a record for a scenario, with a simulated boot before it.
 
-    What was known when the mission began is told right before its start.
+    Inputs that were known when the mission began are reported right before its start.
 
     Raises:
         JournalError: this was no mission.
@@ -221,13 +221,13 @@ def recording_of(run: JournaledRun, chart: Chart, lived: Sequence[LivedStep]) ->
     before = list(simulate(chart, Script(head.mission), given).steps)
     start = next(index for index, step in enumerate(before) if step.event.name == START)
     ready = before[start].time
-    told = [
+    reports = [
         replace(before[start - 1], event=observed(chart.inputs[name].value, one.value, ready), **_NOTHING)
         for name, one in known.items()
         if name in chart.inputs and one.reported
     ]
     mission = [replace(each.step, time=each.step.time + ready) for each in lived]
-    return RunRecord((*before[:start], *told, *mission), given, head.seed, name=run.files[0].path.name)
+    return RunRecord((*before[:start], *reports, *mission), given, head.seed, name=run.files[0].path.name)
 
 
 #: A step by which nothing moved.
@@ -235,7 +235,7 @@ _NOTHING: Mapping[str, Any] = {"taken": (), "exited": (), "entered": (), "comman
 
 
 def covering(runs: Sequence[JournaledRun], wall: float) -> JournaledRun:
-    """Return the run that a moment in POSIX time lies in: the last one that anything had entered by then.
+    """Return the run at a moment in POSIX time: the last one whose machine had an event by then.
 
     Raises:
         JournalError: the journal does not go back so far.

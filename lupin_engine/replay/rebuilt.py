@@ -1,4 +1,4 @@
-"""The machine of a record: another one, to which the same happens at the same times."""
+"""Rebuilds the machine of a record, by applying its events to a new one at the recorded times."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from lupin_engine.machine.step import Step
 
 
 def rebuilt(steps: Iterable[Step], world: World) -> tuple[Mapping[str, Any], list[Step]]:
-    """Return the variables at the end of a record, and the steps by which they came about.
+    """Return the final variables of a rebuilt machine, and its steps.
 
-    A record may lack reports that changed nothing when they came; then the steps differ from the recorded.
+    A record may lack reports that changed nothing then; in that case the steps may differ.
     """
     machine, found = Machine(world), []
     for step in steps:
@@ -22,7 +22,7 @@ def rebuilt(steps: Iterable[Step], world: World) -> tuple[Mapping[str, Any], lis
 
 
 def _happen(machine: Machine, step: Step) -> list[Step]:
-    """Let happen what a step was about."""
+    """Apply a step's event."""
     name, now = step.event.name, step.time
     if name == "start":
         return [machine.start(now, step.event.data.get("ahead"))]

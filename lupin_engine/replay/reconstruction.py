@@ -1,12 +1,12 @@
-"""From the record of a run to a scenario that runs the same: what servers answered, what happened, what came.
+"""Converts the record of a run to a scenario that runs the same: mocks of servers, requests, events, values.
 
 A record is what `lupin simulate --json` prints (one object with `steps`), its steps alone as a list, or the
 orchestrator's steps, one JSON object a line, bare or under `step` as `lupin run --json` prints them.
 
-Times count from the entry of the state that the mission was in, so that the scenario still means the same
-when something before it takes longer. What a server said becomes the mock of its operation, one outcome for
-each attempt in turn. A live value is left out where the run is the same without it, and kept otherwise as far
-as something was done before it changed again, or it was the last.
+Times count from the last entered state, so that the scenario keeps its meaning when something before takes
+longer. A server's answers become its operation's mock, one outcome per attempt. Live values are minimized: a
+value is left out where the run is the same without it; else its last report before each effect is kept. If no
+tried scenario runs the same, an error says where it differs.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ _DIGITS = (3, 6, 12)
 
 @dataclass(frozen=True)
 class RunRecord:
-    """The recorded steps of a run, its settings, seed and mission's file, as far as they are known.
+    """The steps of a run, its settings, seed and mission's file, as far as known.
 
-    `name` is what errors call it: the file that it stands in.
+    `name` is its file in messages.
     """
 
     steps: tuple[Step, ...]
@@ -58,23 +58,23 @@ class RunRecord:
         return sorted({step.event.data["name"] for step in self.steps if step.event.name == "value"})
 
     def without(self, value: str) -> RunRecord:
-        """Return the record as if a live value had not been reported."""
-        told = (step.event.name == "value" and step.event.data["name"] == value for step in self.steps)
-        kept = (step for step, is_told in zip(self.steps, told, strict=True) if not is_told)
+        """Return the record without the reports of a live value."""
+        reports = (step.event.name == "value" and step.event.data["name"] == value for step in self.steps)
+        kept = (step for step, is_report in zip(self.steps, reports, strict=True) if not is_report)
         return replace(self, steps=tuple(kept))
 
     @property
     def mission(self) -> str:
-        """The mission that was asked for first; '' when none was."""
+        """The first requested mission; '' when none was."""
         asked = (step.event.data["mission_type"] for step in self.steps if step.event.name == START)
         return next(asked, "")
 
 
 def read_recording(text: str, name: str) -> RunRecord:
-    """Read a record from which a run can be made again; `name` is what errors call it.
+    """Read a record that a run can be rebuilt from; `name` is its file in messages.
 
     Raises:
-        UsageError: this is no record of steps, or none from its beginning on.
+        UsageError: it is no record of steps, or does not have the beginning.
     """
     recording = read_steps(text, name)
     if not recording.mission:
@@ -83,10 +83,10 @@ def read_recording(text: str, name: str) -> RunRecord:
 
 
 def read_steps(text: str, name: str) -> RunRecord:
-    """Read a record; `name` is what errors call it.
+    """Read a record; `name` is its file in messages.
 
     Raises:
-        UsageError: this is no record of steps.
+        UsageError: it is no record of steps.
     """
     try:
         whole = json.loads(text)
@@ -137,7 +137,7 @@ def _step(record: Any, number: int, name: str) -> Step:
 
 
 class _Mocks:
-    """Turns attempts into mocks."""
+    """Converts attempts to mocks."""
 
     def __init__(self, chart: Chart, recording: RunRecord, digits: int) -> None:
         self._catalog = chart.catalog
@@ -146,7 +146,7 @@ class _Mocks:
         self._digits = digits
 
     def mocks(self) -> Iterator[Mapping[str, Any]]:
-        """Yield a mock for each operation that did not simply do what its plugin's mock does."""
+        """Yield a mock for each operation whose attempts differ from its plugin's mock."""
         outcomes: dict[str, list[Any]] = {}
         for attempt in self._attempts:
             outcomes.setdefault(attempt.operation, []).append(self._outcome(attempt) or "done")
@@ -181,7 +181,7 @@ class _Mocks:
         return found
 
     def _timing(self, attempt: AttemptHistory, begun: float) -> Mapping[str, Any]:
-        """Return when an attempt ended, and what its cancel did."""
+        """Return when an attempt ended, and the effect of its cancel."""
         found: dict[str, Any] = {}
         cancelled = attempt.cancelled is not None and (attempt.ended or begun) >= attempt.cancelled
         if attempt.answer in ("done", "failed") and attempt.ended is not None:
@@ -198,7 +198,7 @@ class _Mocks:
         return found
 
     def _differs(self, attempt: AttemptHistory) -> dict[str, Any]:
-        """Return the fields of a result that are not what the plugin's mock says."""
+        """Return the fields of a result that differ from the plugin's mock."""
         mocked = self._catalog.operations[attempt.operation].mock.result
         usual = mocked(attempt.arguments, self._parameters) if callable(mocked) else mocked
         result: Mapping[str, Any] = attempt.data.get("result", {})
@@ -207,7 +207,7 @@ class _Mocks:
 
 
 def duration(seconds: float, digits: int) -> str:
-    """Return seconds as they are written, rounded to so many digits."""
+    """Return seconds as written in files, rounded to so many digits."""
     return f"{round(seconds, digits):.{digits}f}".rstrip("0").rstrip(".") + " s"
 
 
@@ -215,7 +215,7 @@ def duration(seconds: float, digits: int) -> str:
 
 
 class _Happenings:
-    """Turns requests, values and events into what happens when."""
+    """Converts requests, values and events to the scenario's timed entries."""
 
     def __init__(self, chart: Chart, recording: RunRecord, digits: int) -> None:
         self._chart = chart
@@ -230,15 +230,15 @@ class _Happenings:
         self._calendar = calendar_of(recording.parameters.get(TIME_ZONE, UTC))
 
     def happenings(self, starts: bool) -> list[Mapping[str, Any]]:
-        """Return what happened; with `starts` the first start of a mission is none of it."""
+        """Return the entries; with `starts` without the first start of a mission."""
         found: list[Mapping[str, Any]] = []
         for step in self._recording.steps:
             event, data = step.event.name, step.event.data
             notable = bool(step.taken or step.entered or step.commands or step.accepted is not None)
-            told = {"value": {data["name"]: data["value"]}} if event == "value" else None
-            if told and data["name"] in self._inputs:
+            reported = {"value": {data["name"]: data["value"]}} if event == "value" else None
+            if reported and data["name"] in self._inputs:
                 self._values.pop(data["name"], None)
-                self._values[data["name"]] = self._when(step, told)
+                self._values[data["name"]] = self._when(step, reported)
             if notable:
                 found += self._values.values()
                 self._values.clear()
@@ -267,7 +267,7 @@ class _Happenings:
         return {event: known} if known else event
 
     def request(self, data: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what a request carried, without what every run fills in anew."""
+        """Return the fields of a request, without those that each run sets anew."""
         named = (
             {} if data.get("mission_type") in self._chart.missions else {"mission_type": data["mission_type"]}
         )
@@ -275,19 +275,19 @@ class _Happenings:
         return {**named, **rest}
 
     def clock(self, step: Step) -> str:
-        """Return what the robot's clock showed at a step that told it; '' at one that did not."""
+        """Return the robot's clock at a step that reports it; else ''."""
         ahead = step.event.data.get("ahead")
         return "" if ahead is None else self._calendar.written(step.time + ahead)
 
     def _enter(self, step: Step) -> None:
-        """Keep the state that was entered last, to count from there."""
+        """Keep the last entered state, as reference of times."""
         for name in step.entered:
             if name:
                 self._entries[name] = self._entries.get(name, 0) + 1
                 self._anchor = (name, step.time)
 
     def _when(self, step: Step, what: Mapping[str, Any], before: float = 0.0) -> Mapping[str, Any]:
-        """Return something that happened at a step, or so many seconds `before`, counted from an entry."""
+        """Return an entry at a step, or so many seconds `before`, relative to a state's entry."""
         time = step.time - before
         if self._anchor is None:
             return {"at": duration(time - self._origin, self._digits), **what}
@@ -301,7 +301,7 @@ class _Happenings:
 
 
 def short(chart: Chart, name: str) -> str:
-    """Return the shortest name that means this state only."""
+    """Return the shortest unique name of a state."""
     parts = name.split(".")
     for count in range(1, len(parts)):
         tail = ".".join(parts[-count:])
@@ -314,10 +314,10 @@ def short(chart: Chart, name: str) -> str:
 
 
 def script_of(recording: RunRecord, mission: str, promise: str, chart: Chart, digits: int) -> dict[str, Any]:
-    """Return a scenario that expects nothing yet.
+    """Return a scenario without expectations.
 
     Args:
-        mission: what the scenario calls the mission.
+        mission: the mission's name in the scenario.
         promise: its sentence.
         digits: to how many digits times are written.
     """
@@ -342,7 +342,7 @@ def script_of(recording: RunRecord, mission: str, promise: str, chart: Chart, di
 
 
 def _limit(recording: RunRecord, chart: Chart, digits: int, starts: bool) -> str:
-    """Return how long the record goes on, when it ends in the middle of a mission."""
+    """Return the length of a record that ends within a mission."""
     steps = recording.steps
     if label_of(chart, steps[-1].configuration) in chart.profile.stages.over:
         return ""
@@ -355,7 +355,7 @@ def _limit(recording: RunRecord, chart: Chart, digits: int, starts: bool) -> str
 
 
 def expectations(run: Run) -> dict[str, Any]:
-    """Return what came of a run as what is expected of it."""
+    """Return the results of a run as a scenario's expectations."""
     entered = [name for _, name in run.history.entered if name]
     leaves = [short(run.chart, name) for name in entered if not run.chart.states[name].children]
     found: dict[str, Any] = {
@@ -376,7 +376,7 @@ def expectations(run: Run) -> dict[str, Any]:
 
 
 def difference(recording: RunRecord, run: Run) -> str:
-    """Say where a run first differs from the record in what it led to; '' when nowhere."""
+    """Describe the first difference in effects between a run and the record; '' for none."""
     recorded, simulated = _all_facts(recording.steps), _all_facts(run.steps)
     for index in range(max(len(recorded), len(simulated))):
         was = recorded[index] if index < len(recorded) else "nothing more"
@@ -391,7 +391,7 @@ def _all_facts(steps: Iterable[Step]) -> list[str]:
 
 
 def _facts(step: Step) -> Iterator[str]:
-    """Yield what a step led to."""
+    """Yield the effects of a step."""
     yield from (f"entered {name}" for name in step.entered)
     for command in step.commands:
         if isinstance(command, Start):
@@ -403,25 +403,25 @@ def _facts(step: Step) -> Iterator[str]:
 
 
 def scenario_text(recording: RunRecord, promise: str, file: Path, missions: Missions) -> str:
-    """Return the text of a scenario that runs as it was recorded, and expects what came of it.
+    """Return the text of a scenario that runs as recorded and expects the recorded results.
 
     Args:
         promise: the scenario's sentence.
-        file: where it will stand; the mission is looked for around it.
+        file: where it will be; the mission is searched from there.
 
     Raises:
-        UsageError: the mission does not exist, or it does not come out the same.
-        ChartError: with all that is wrong with the mission, or with what was recorded of it.
+        UsageError: the mission does not exist, or no scenario runs the same.
+        ChartError: all errors of the mission, or of the record's entries.
     """
     return _Maker(recording, promise, file, missions).text()
 
 
 def as_scenario(recording: RunRecord, mission: Path, missions: Missions) -> Scenario:
-    """Return what was recorded as a scenario of a mission's file, which expects nothing.
+    """Return a record as a scenario of a mission's file, without expectations.
 
     Raises:
-        ChartError: with all that is wrong with the mission.
-        UsageError: with all that was recorded and is not of this mission.
+        ChartError: all errors of the mission.
+        UsageError: all recorded entries that the mission does not have.
     """
     parts = script_of(recording, mission.name, "as it was recorded", missions.chart(mission), _DIGITS[-1])
     beside = mission.parent / "recorded"  # where its names are looked for; there is no such file
@@ -433,17 +433,17 @@ def as_scenario(recording: RunRecord, mission: Path, missions: Missions) -> Scen
 
 
 def would_differ(recording: RunRecord, mission: Path, missions: Missions) -> str:
-    """Say where another mission first does otherwise in the world that was recorded; '' when nowhere.
+    """Describe the first difference of another mission's run in the recorded world; '' for none.
 
     Raises:
-        ChartError: with all that is wrong with it.
-        UsageError: what was recorded is about something that it has not.
+        ChartError: all errors of the mission.
+        UsageError: the record is about something that the mission does not have.
     """
     return difference(recording, as_scenario(recording, mission, missions).run())
 
 
 class _Maker:
-    """Tries scenarios until one runs as it was recorded."""
+    """Tries scenarios until one runs as recorded."""
 
     def __init__(self, recording: RunRecord, promise: str, file: Path, missions: Missions) -> None:
         self._recording = recording
@@ -455,7 +455,7 @@ class _Maker:
         self._called = mission_name(self._mission, file, missions)
 
     def text(self) -> str:
-        """Return the scenario, with as few digits and live values as will do."""
+        """Return the scenario with the fewest digits and live values that run the same."""
         digits = next((digits for digits in _DIGITS if not self._differs(self._recording, digits)), None)
         if digits is None:
             differs = self._differs(self._recording, _DIGITS[-1])
@@ -481,9 +481,9 @@ class _Maker:
         return difference(self._recording, run) or self._variable_that_differs(run)
 
     def _variable_that_differs(self, run: Run) -> str:
-        """Say which variable has another value at the end than in the machine of the record; '' when none.
+        """Return which variable differs at the end from the rebuilt machine; '' for none.
 
-        Where the record does not tell all that its machine went by, nobody knows what they were.
+        Not checked where the rebuilt machine itself differs from the record.
         """
         chart, recording = run.chart, self._recording
         world = self._missions.world(chart, recording.parameters)

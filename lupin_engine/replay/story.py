@@ -1,4 +1,4 @@
-"""A run as a story in columns: the time, the state that a step led to, what happened, what was commanded."""
+"""Formats a run as a story in columns: time, state, event, commands."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LEAST_COMMAND = 40
 #: A command is cut after so many lines.
 _COMMAND_LINES = 2
 _GAP = 2
-#: Times are told with at most so many digits behind the point.
+#: Times are shown with at most so many digits behind the point.
 _MOST_DIGITS = 3
 #: The tone of a code.
 _TONES = {Severity.INFO: "dim", Severity.WARN: "note", Severity.ERROR: "refused"}
@@ -33,7 +33,7 @@ _TONES = {Severity.INFO: "dim", Severity.WARN: "note", Severity.ERROR: "refused"
 
 @dataclass(frozen=True)
 class Columns:
-    """How wide the columns of a story are, in cells; with `command` 0 commands stand under their event.
+    """The widths of a story's columns, in cells; with `command` 0 commands are below their event.
 
     Times have so many `digits` behind the point.
     """
@@ -45,14 +45,14 @@ class Columns:
 
 
 def columns_for(lines: Sequence[StepLine], width: int) -> Columns:
-    """Return the columns in which lines are told in `width` cells."""
+    """Return the columns for these lines within `width` cells."""
     state = max((len(word) for line in lines for word in line.moved.split()), default=0)
     event = max((len(line.event) for line in lines if not line.remark), default=0)
     return _columns(min(_MOST_STATE, state), min(_MOST_EVENT, event), width)
 
 
 def exact_columns(lines: Sequence[StepLine], width: int) -> Columns:
-    """Return the same, with as many digits as it takes to tell different times apart, three at most."""
+    """Return the same, with the fewest digits that keep different times apart, three at most."""
     times = {round(line.time, _MOST_DIGITS) for line in lines}
     digits = (n for n in range(1, _MOST_DIGITS) if len({f"{time:.{n}f}" for time in times}) == len(times))
     return replace(columns_for(lines, width), digits=next(digits, _MOST_DIGITS))
@@ -80,7 +80,7 @@ def _commands(line: StepLine, columns: Columns) -> Iterator[tuple[str, str]]:
 
 
 def laid_out(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
-    """Yield one line of a story in columns: the time, the state that it led to, the event, the commands."""
+    """Yield the rows of a story's line: time, new state, event, commands."""
     now = f"{line.time:8.{columns.digits}f} s"
     if line.remark:
         room = columns.state + _GAP + columns.event + (columns.command + _GAP if columns.command else 0)
@@ -108,8 +108,8 @@ def laid_out(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
 def _remarks(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
     """Yield what is told below a step: its codes and notes."""
     room = columns.event + (columns.command + _GAP if columns.command else 0)
-    told = [(text, _TONES[severity]) for text, severity in line.codes]
-    for whole, tone in (*told, *((f"({note})", "note") for note in line.notes)):
+    codes = [(text, _TONES[severity]) for text, severity in line.codes]
+    for whole, tone in (*codes, *((f"({note})", "note") for note in line.notes)):
         for text in wrap(whole, room):
             yield _row([("", "time", _TIME), ("", "", columns.state + _GAP), (text, tone, 0)])
 

@@ -1,4 +1,4 @@
-"""What a run came to in figures: time in each state, targets by status, attempts by how they ended."""
+"""Sums up a run in figures: time in each state, targets by status, attempts by outcome."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from lupin_engine.replay.timeline import Lane, Timeline
 from lupin_engine.runtime.history import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT
 from lupin_engine.sim.simulation import Run
 
-#: In this order they are told.
+#: In the order of reports.
 OUTCOMES = (DONE, FAILED, TIMED_OUT, CANCELLED, OPEN)
 
 
 @dataclass(frozen=True)
 class Attempted:
-    """What became of the attempts of one operation; `retries` are those that were not a first try."""
+    """The attempts of one operation by outcome; `retries` are those that were not a first try."""
 
     operation: str
     attempts: int
@@ -27,9 +27,9 @@ class Attempted:
 
 @dataclass(frozen=True)
 class RunSummary:
-    """The figures of a run; times in seconds. `dropped` are results that nobody waited for any more.
+    """The figures of a run; times in seconds. `dropped` are results that no state waited for any more.
 
-    `errors` says of each expression or action that failed how often.
+    `errors` counts the failures of each expression or action.
     """
 
     seconds: float
@@ -78,5 +78,5 @@ def _attempted(lane: Lane) -> Attempted:
 
 
 def _rounded(seconds: float) -> float:
-    """Return a sum of times without what the arithmetic of floats has added to it."""
+    """Return a sum of times without rounding errors of floats."""
     return round(seconds, 6)

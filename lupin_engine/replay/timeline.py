@@ -1,6 +1,6 @@
-"""A run as lanes over time: states, phases, targets, operations, holds, live values, what came from outside.
+"""Builds the timeline of a run: lanes of states, phases, targets, operations, holds, live values, and events.
 
-This is what was, in numbers and words; `timeline_svg` and `timeline_text` draw it.
+This is data; `timeline_svg` and `timeline_text` draw it.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from lupin_engine.sim.simulation import Run, label_of
 
 @dataclass(frozen=True)
 class Bar:
-    """Something that lasted. `text` is what it was, `outcome` how it ended, `detail` why.
+    """An interval. `text` is its name, `outcome` how it ended, `detail` why.
 
-    For a visit `rating` is what its outcome means (see `plugin.profile.Rating`).
+    For a visit `rating` is the rating of its outcome (see `plugin.profile.Rating`).
     For an attempt `tries` counts from 1 and `wanted_until` is when it was cancelled, else its end.
     """
 
@@ -35,7 +35,7 @@ class Bar:
 
     @property
     def seconds(self) -> float:
-        """How long it lasted."""
+        """Its duration."""
         return self.end - self.begin
 
 
@@ -56,7 +56,7 @@ class Curve:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """The range to draw: 0 to 1 for a share, else what came."""
+        """The range to draw: 0 to 1 for a share, else that of the values."""
         values = [value for _, value in self.points]
         low, high = min(values), max(values)
         if low >= 0.0 and high <= 1.0:
@@ -66,7 +66,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Tick:
-    """Something that came from outside, or a code that was reported, at one moment."""
+    """An external event, or a code that was reported, at one moment."""
 
     time: float
     text: str
@@ -91,7 +91,7 @@ class Timeline:
 
 
 def timeline(run: Run) -> Timeline:
-    """Return what a run looked like over time."""
+    """Return the timeline of a run."""
     return Timeline(
         title=run.view.mission,
         seconds=run.seconds,
@@ -110,7 +110,7 @@ def timeline(run: Run) -> Timeline:
 
 
 def _spans(run: Run, what: Callable[[Step], str | None]) -> tuple[Bar, ...]:
-    """Return for how long it was what; a step for which that is None changes nothing."""
+    """Return the intervals of equal values of `what`; a step for which it is None changes nothing."""
     found: list[tuple[float, str]] = [(0.0, "")]
     for step in run.steps:
         text = what(step)
@@ -128,7 +128,7 @@ def _phase(chart: Chart, step: Step) -> str:
 
 
 def _targets(run: Run) -> tuple[Bar, ...]:
-    """Return when the robot was about which target; each bar ends as its visit did."""
+    """Return the intervals of current targets; each bar ends as its visit did."""
     bars = list(_spans(run, lambda step: _target(run.chart, step)))
     for step, publish in run.history.published:
         for index, bar in enumerate(bars):
@@ -142,7 +142,7 @@ def _targets(run: Run) -> tuple[Bar, ...]:
 
 
 def _target(chart: Chart, step: Step) -> str | None:
-    """Return the target after a step, None where it is as before."""
+    """Return the target after a step; None where it is unchanged."""
     now = label_of(chart, step.configuration), _phase(chart, step)
     return next((m.target for m in reversed(step.trail) if (m.lifecycle, m.phase) == now), None)
 
@@ -171,7 +171,7 @@ def _holds(run: Run) -> Iterator[Bar]:
 
 
 def _by_text(bars: Iterable[Bar]) -> Iterator[Lane]:
-    """Yield a lane for each thing that lasted, in the order of their first appearance."""
+    """Yield a lane for each name, in the order of first appearance."""
     lanes: dict[str, list[Bar]] = {}
     for bar in sorted(bars, key=lambda bar: (bar.begin, bar.end)):
         lanes.setdefault(bar.text, []).append(bar)
@@ -183,14 +183,14 @@ def _by_text(bars: Iterable[Bar]) -> Iterator[Lane]:
 
 
 def _reported(run: Run, name: str) -> Iterator[tuple[float, object]]:
-    """Yield what a live value was, from when on."""
+    """Yield the reports of a live value with their times."""
     for step in run.steps:
         if step.event.name == "value" and step.event.data["name"] == name:
             yield step.time, step.event.data["value"]
 
 
 def _flags(run: Run) -> Iterator[Lane]:
-    """Yield when the inputs that are true or false were true."""
+    """Yield the intervals in which boolean inputs were true."""
     for spec in run.chart.inputs.values():
         if spec.type.kind != "bool":
             continue
@@ -208,7 +208,7 @@ def _flags(run: Run) -> Iterator[Lane]:
 
 
 def _curves(run: Run) -> Iterator[Curve]:
-    """Yield the inputs that are numbers, where anything is known of them."""
+    """Yield the numeric inputs that have values."""
     for spec in run.chart.inputs.values():
         if spec.type.kind != NUMBER.kind:
             continue
@@ -219,7 +219,7 @@ def _curves(run: Run) -> Iterator[Curve]:
 
 
 def _ticks(run: Run) -> Iterator[Tick]:
-    """Yield requests, what plugins and clocks told, and the codes; those of holds and attempts have lanes."""
+    """Yield requests, events of plugins and clocks, and codes; those of holds and attempts have lanes."""
     lanes = {hold.code for hold in run.chart.holds.values()}
     for step in run.steps:
         name = step.event.name

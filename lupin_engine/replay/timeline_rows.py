@@ -1,4 +1,4 @@
-"""What the pictures of a timeline have in common: rows in groups, marks of the axis, places for labels."""
+"""Shared by the drawings of a timeline: rows in groups, marks of the axis, placement of labels."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STATE, PHASE, TARGET, OPERATION, HOLD, FLAG, CURVE = (
 #: Distances between two marks of the axis, in seconds.
 _STEPS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400)
 _DAY = 86400
-#: Up to here a time is told in seconds, in minutes.
+#: Up to here a time is shown in seconds, in minutes.
 _IN_SECONDS, _IN_MINUTES = 180.0, 3 * 3600.0
 
 
@@ -52,44 +52,44 @@ def groups(lanes: Timeline) -> list[tuple[str, list[TimelineRow]]]:
 
 
 def _split(kind: str, lane: Lane) -> list[TimelineRow]:
-    """Return a row for each thing that a lane shows, in the order of their first appearance."""
+    """Return a row for each name in a lane, in the order of first appearance."""
     names = dict.fromkeys(bar.text for bar in lane.bars)
     return [TimelineRow(kind, name, tuple(bar for bar in lane.bars if bar.text == name)) for name in names]
 
 
 def marks(seconds: float, most: int) -> list[float]:
-    """Return where the axis has marks, the beginning included; not more than `most` and one."""
+    """Return the axis marks, the beginning included; not more than `most` and one."""
     rough = seconds / max(1, most)
     step = next((step for step in _STEPS if step >= rough), _DAY * math.ceil(rough / _DAY))
     return [round(index * step, 6) for index in range(int(seconds / step + 1e-9) + 1)]
 
 
 def axis_text(time: float, seconds: float) -> str:
-    """Return what stands at a mark of a run of so many seconds."""
+    """Return the text of a mark, for a run of so many seconds."""
     if seconds <= _IN_SECONDS:
         return f"{time:g} s"
     return f"{time / 60:g} min" if seconds <= _IN_MINUTES else f"{time / 3600:g} h"
 
 
 def lasting(seconds: float) -> str:
-    """Return a duration in the unit that suits it."""
+    """Return a duration in a suitable unit."""
     if seconds <= _IN_SECONDS:
         return f"{seconds:.1f} s"
     return f"{seconds / 60:.1f} min" if seconds <= _IN_MINUTES else f"{seconds / 3600:.1f} h"
 
 
 def is_bad(tick: Tick) -> bool:
-    """Say whether an event is drawn in the colour of what went wrong."""
+    """Return whether an event is drawn in the colour of errors."""
     return tick.refused or tick.is_error
 
 
 def tick_text(tick: Tick) -> str:
-    """Return what came from outside, and that it was refused; or the code that was reported."""
+    """Return the text of an event, with "refused" where it was; or the reported code."""
     return f"{tick.text} refused" if tick.refused else tick.text
 
 
 def inside(bar: Bar, kind: str) -> Iterator[str]:
-    """Yield what could be written into a bar, the best first: what its row does not say already."""
+    """Yield texts for the inside of a bar, the best first, without what its row says already."""
     why = bar.detail.partition(" ")[0] if bar.outcome and bar.rating != Rating.GOOD.value else ""
     if kind == TARGET:
         yield f"{bar.text} {why}".rstrip()
@@ -102,7 +102,7 @@ def inside(bar: Bar, kind: str) -> Iterator[str]:
         yield lasting(bar.seconds)
 
 
-def told(bar: Bar) -> str:
+def description(bar: Bar) -> str:
     """Return all about a bar in one line."""
     tried = f", try {bar.tries}" if bar.tries > 1 else ""
     outcome = f" {bar.outcome}" if bar.outcome else ""
@@ -113,7 +113,7 @@ def told(bar: Bar) -> str:
 def placed(
     ticks: Sequence[Tick], begin: Callable[[Tick], float], size: Callable[[Tick], float], rows: int
 ) -> list[tuple[Tick, int | None]]:
-    """Give every label a row in which it covers no other; None where there is no room for it."""
+    """Assign each label a row where it overlaps no other; None where there is no room."""
     free = [-math.inf] * rows
     found: list[tuple[Tick, int | None]] = []
     for tick in ticks:

@@ -1,4 +1,4 @@
-"""A timeline as SVG: one row a state, phase, operation, hold or input. The same run gives the same text."""
+"""Draws a timeline as SVG: one row a state, phase, operation, hold or input. Deterministic."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from lupin_engine.replay.timeline_rows import (
     STATE,
     TimelineRow,
     axis_text,
+    description,
     groups,
     inside,
     is_bad,
@@ -23,7 +24,6 @@ from lupin_engine.replay.timeline_rows import (
     marks,
     placed,
     tick_text,
-    told,
 )
 from lupin_engine.runtime.history import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT
 
@@ -63,7 +63,7 @@ def svg(lanes: Timeline) -> str:
 
 
 class _SvgTimeline:
-    """One picture in the making."""
+    """One drawing."""
 
     def __init__(self, lanes: Timeline) -> None:
         self._lanes = lanes
@@ -89,7 +89,7 @@ class _SvgTimeline:
         return f'<svg xmlns="http://www.w3.org/2000/svg" {size} {fonts}>\n{_title(title)}'
 
     def body(self) -> Iterator[str]:
-        """Yield what is drawn, from back to front."""
+        """Yield the elements from back to front."""
         yield _rect(0, 0, WIDTH, self._height, "#ffffff")
         yield _text(16, 28, self._lanes.title or "not started", **_TITLE)
         subtitle = f"{lasting(self._lanes.seconds)} of virtual time"
@@ -143,7 +143,7 @@ class _SvgTimeline:
     def _bar(self, bar: Bar, kind: str, top: float) -> Iterator[str]:
         x, end = self._x(bar.begin), self._x(bar.end)
         width = max(end - x, 1.2)
-        yield f"<g>{_title(told(bar))}"
+        yield f"<g>{_title(description(bar))}"
         edge = f' stroke="{_INK}" stroke-width="1.2"' if bar.tries > 1 else ""
         colour = _KINDS.get(kind) or _COLOURS.get(bar.rating or bar.outcome, _OPEN_VISIT)
         yield _rect(x, top, width, _BAR, colour, f' rx="2"{edge}')

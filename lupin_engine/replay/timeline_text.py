@@ -1,4 +1,4 @@
-"""A timeline for the terminal: a line for each row, a cell for each stretch of time, in pieces to colour."""
+"""Draws a timeline for the terminal: a line for each row, a cell for each interval, in coloured pieces."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _WORST = (FAILED, TIMED_OUT, CANCELLED, OPEN)
 
 @dataclass(frozen=True)
 class Signs:
-    """What is drawn with: how full a cell is, how high a curve is, an event, where a target begins."""
+    """The characters: fill of a cell, height of a curve, an event, the beginning of a target."""
 
     full: str
     high: str
@@ -53,7 +53,7 @@ def text(lanes: Timeline, width: int, signs: Signs = UNICODE) -> list[TonedLine]
 
 
 class _TextTimeline:
-    """One picture in the making."""
+    """One drawing."""
 
     def __init__(self, lanes: Timeline, width: int, signs: Signs) -> None:
         self._lanes, self._signs = lanes, signs
@@ -103,7 +103,7 @@ class _TextTimeline:
         return [(" " * (self._label + 1), ""), *_joined(cells)]
 
     def _put(self, cells: TonedLine, cell: int, shown: str, tone: str) -> bool:
-        """Write a text at a cell, or so that it ends with the line; False where something stands already."""
+        """Write a text at a cell, or so that it ends with the line; return False where it would overlap."""
         start = max(0, min(cell, self._cells - len(shown)))
         if start + len(shown) > self._cells or any(
             char != " " for char, _ in cells[start : start + len(shown)]
@@ -128,7 +128,7 @@ class _TextTimeline:
         return _joined(self._targets(row) if row.kind == TARGET else self._bars(row))
 
     def _bars(self, row: TimelineRow) -> TonedLine:
-        """Fill each cell as far as something was under way in it; the worst end in it marks it."""
+        """Fill each cell by its share of activity; the worst outcome that ends in it marks it."""
         shares = [0.0] * self._cells
         ends: list[set[str]] = [set() for _ in range(self._cells)]
         each = self._seconds / self._cells
@@ -142,7 +142,7 @@ class _TextTimeline:
         return [self._filled(row, cell, shares[cell], ends[cell], last) for cell in range(self._cells)]
 
     def _last(self, bar: Bar) -> int:
-        """Return the cell in which a bar ends: one that ends with a cell does not reach into the next."""
+        """Return the last cell of a bar: one that ends at a cell's border does not reach into the next."""
         return max(self._cell(bar.begin), self._cell(bar.end - 1e-6))
 
     def _filled(
@@ -192,7 +192,7 @@ def _joined(cells: TonedLine) -> TonedLine:
 
 
 def _name(row: TimelineRow) -> str:
-    """Return what stands before a row: a hold and an input may have the same name."""
+    """Return the heading of a row: a hold and an input may have the same name."""
     word = {HOLD: "hold ", FLAG: "input ", CURVE: "input "}.get(row.kind, "")
     return f"{word}{row.name}"
 

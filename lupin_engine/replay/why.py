@@ -1,8 +1,7 @@
-"""The question why, answered from a run alone: of a target, of a state, of a moment.
+"""Explains a run: why a target ended so, why a state was entered, why the robot was there at a moment.
 
-It is a sentence and the steps behind it. For a state or a moment they are a chain, newest first: an end of
-an operation leads back to its start, a deadline to where it was armed, and a request or a live value is
-where it begins.
+An answer is a sentence with steps. For a state or a moment these are a causal chain, newest first: the end
+of an operation leads back to its start, a deadline to its arming; a request or a live value has no cause.
 """
 
 from __future__ import annotations
@@ -21,20 +20,20 @@ from lupin_engine.plugin.profile import Publish
 from lupin_engine.runtime.history import History
 from lupin_engine.sim.narration import StepLine, short_name, shorten, tell
 
-#: How many causes are told, one behind the other, when nobody says otherwise.
+#: The default length of a causal chain.
 USUAL_DEPTH = 5
 
 
 class NothingKnown(LupinError):
-    """The run does not answer the question; the text says what it knows."""
+    """The run does not have the answer; the text says what is known."""
 
 
 @dataclass(frozen=True)
 class LivedStep:
-    """A step of a run: what the clock on the wall showed (POSIX; None: not known), who asked for it.
+    """A step of a run, with the wall clock (POSIX; None: unknown) and who requested it.
 
     `held` are the holds after it.
-    `guards` says of the transitions that were taken what their conditions read, and what that was then.
+    `guards` are, for each taken transition, the values that its guard read.
     """
 
     step: Step
@@ -46,7 +45,7 @@ class LivedStep:
 
 @dataclass(frozen=True)
 class Reason:
-    """A transition that was taken: where it is written, its condition ('': none) and what that read."""
+    """A taken transition: its place in the file, its guard ('': none) and the values that it read."""
 
     transition: str
     place: Place
@@ -61,7 +60,7 @@ class Reason:
 
 @dataclass(frozen=True)
 class Cause:
-    """One step of an answer as a line: when it was, who asked for it, and why it did what it did."""
+    """One step of an answer as a line: time, requester, event and reasons."""
 
     line: StepLine
     wall: float | None
@@ -71,20 +70,20 @@ class Cause:
 
 @dataclass(frozen=True)
 class Explanation:
-    """What a question comes to: a sentence, and the steps that explain it."""
+    """The answer: a sentence, and the steps that explain it."""
 
     text: str
     causes: tuple[Cause, ...]
 
 
 class GuardWitness:
-    """Remembers what the conditions of a chart read whenever they were true."""
+    """Records the values that a chart's guards read when they were true."""
 
     def __init__(self) -> None:
         self._seen: dict[str, tuple[tuple[str, Any], ...]] = {}
 
     def prepare(self, chart: Chart) -> Chart:
-        """Return a copy of a chart whose conditions are watched here."""
+        """Return a copy of a chart with instrumented guards."""
         watched = {
             name: replace(state, transitions=tuple(map(self._rule, state.transitions)))
             for name, state in chart.states.items()
@@ -92,7 +91,7 @@ class GuardWitness:
         return replace(chart, states=watched)
 
     def of(self, step: Step) -> Mapping[str, tuple[tuple[str, Any], ...]]:
-        """Return what the conditions read of the transitions that a step took; forget the rest."""
+        """Return the values read by the guards of a step's transitions; clears the record."""
         found = {name: self._seen[name] for name in step.taken if name in self._seen}
         self._seen.clear()
         return found
@@ -129,12 +128,12 @@ class Inquiry:
     """Answers questions about one run."""
 
     def __init__(self, chart: Chart, lived: Sequence[LivedStep], depth: int = USUAL_DEPTH) -> None:
-        """Take in a run.
+        """Index a run.
 
         Args:
-            chart: that it ran.
-            lived: its steps, in their order.
-            depth: how many causes are told, one behind the other.
+            chart: its chart.
+            lived: its steps, in order.
+            depth: the greatest length of a causal chain.
         """
         self._chart = chart
         self._lived = lived
@@ -148,28 +147,32 @@ class Inquiry:
     # -- the questions ----------------------------------------------------------------------------------
 
     def target(self, name: str) -> Explanation:
-        """Say what became of a target, and all that happened while it was the current one.
+        """Return the outcome of a target, with the notable steps while it was the current one.
 
         Raises:
             NothingKnown: the run has no such target.
         """
         word = self._chart.profile.terminal.target
-        told = [command for _, command in self._history.published if command.target == name]
+        published = [command for _, command in self._history.published if command.target == name]
         own = [i for i, targets in enumerate(self._targets) if name in targets]
         own += [i for i, one in enumerate(self._lived) if _publishes(one.step, name) and i not in own]
         if not own:
             known = {target for targets in self._targets for target in targets}
             known |= {command.target for _, command in self._history.published}
-            told_of = nearest(name, known) if known else f"no {word} was visited in this run"
-            raise NothingKnown(f"this run knows of no {word} {name!r}; {told_of}")
-        text = f"{word} {name} was not closed" if not told else f"{word} {name} is {_outcome(told[-1])}"
-        return Explanation(text, self._told(i for i in sorted(own) if self._is_news(i)))
+            hint = nearest(name, known) if known else f"no {word} was visited in this run"
+            raise NothingKnown(f"this run knows of no {word} {name!r}; {hint}")
+        text = (
+            f"{word} {name} was not closed"
+            if not published
+            else f"{word} {name} is {_outcome(published[-1])}"
+        )
+        return Explanation(text, self._causes(i for i in sorted(own) if self._is_news(i)))
 
     def state(self, name: str) -> Explanation:
-        """Say how a state was come to the last time: a published one, or one of the chart by its name's end.
+        """Explain the last entry of a state: a published one, or one of the chart by the end of its name.
 
         Raises:
-            NothingKnown: there is no such state, or the run did not come to it.
+            NothingKnown: there is no such state, or it was not entered.
         """
         found = self._last_entry(name)
         if found is None:
@@ -178,10 +181,10 @@ class Inquiry:
                 raise NothingKnown(f"this run did not come to {name}")
             raise NothingKnown(f"no state is called {name!r}; {nearest(name, known)}")
         text = f"{name} was come to at {self._lived[found].step.time:.1f} s"
-        return Explanation(text, self._told(self._chain(found)))
+        return Explanation(text, self._causes(self._chain(found)))
 
     def moment(self, wall: float) -> Explanation:
-        """Say where the run was at a time of the clock on the wall, and how it had come there.
+        """Return where the run was at a time of the wall clock, and the cause of that.
 
         Raises:
             NothingKnown: the run had not begun then, or had no such clock.
@@ -192,10 +195,10 @@ class Inquiry:
         last = before[-1]
         moved = next((i for i in reversed(before) if self._lived[i].step.entered), last)
         time = self._lived[last].step.time + wall - (self._lived[last].wall or wall)
-        return Explanation(self._where(last, moved, time), self._told(self._chain(moved)))
+        return Explanation(self._where(last, moved, time), self._causes(self._chain(moved)))
 
     def _where(self, last: int, moved: int, time: float) -> str:
-        """Tell where a run is after a step, and what it waits for."""
+        """Describe the state of a run after a step, with its active operations and holds."""
         states = self._chart.states
         inner = [n for n in self._lived[last].step.configuration if n and not states[n].children]
         since = time - self._lived[moved].step.time
@@ -215,13 +218,13 @@ class Inquiry:
         return "; ".join(filter(None, parts))
 
     def is_state(self, name: str) -> bool:
-        """Say whether a state is called so."""
+        """Return whether a state has this name."""
         return name in self._names()
 
     # -- how steps hang together ----------------------------------------------------------------------
 
     def _chain(self, index: int) -> list[int]:
-        """Return a step and what led to it, one behind the other, the newest first."""
+        """Return a step and its causes, the newest first."""
         found, at = [index], self._cause(index)
         while at is not None and len(found) < self._depth:
             found.append(at)
@@ -229,7 +232,7 @@ class Inquiry:
         return found
 
     def _cause(self, index: int) -> int | None:
-        """Return the step without which this one would not be; None where it came from outside."""
+        """Return the step that caused this one; None where the event is external."""
         event = self._lived[index].step.event
         kind, _, word = event.name.partition(".")
         if kind == "attempt":
@@ -272,25 +275,25 @@ class Inquiry:
         return None
 
     def _names(self) -> set[str]:
-        """Return the names that states have: as they are published, and their own."""
+        """Return all names of states: published ones and their own."""
         states = self._chart.states.values()
         return {word for state in states for word in (state.label, state.phase, state.local_name) if word}
 
     def _current_targets(self) -> Iterator[set[str]]:
-        """Yield for each step the targets that were the current one in it: before, within, after."""
+        """Yield for each step the targets that were current in it: before, within, after."""
         now = ""
         for one in self._lived:
             within = {now, *(moment.target for moment in one.step.trail)}
             now = one.step.trail[-1].target if one.step.trail else now
             yield within - {""}
 
-    # -- how they are told ----------------------------------------------------------------------------
+    # -- formatting ----------------------------------------------------------------------------------
 
     def _is_news(self, index: int) -> bool:
         step = self._lived[index].step
         return bool(step.changed or step.notes or step.codes or step.why or step.accepted is not None)
 
-    def _told(self, indices: Iterable[int]) -> tuple[Cause, ...]:
+    def _causes(self, indices: Iterable[int]) -> tuple[Cause, ...]:
         return tuple(cause for index in indices if (cause := self._cause_of(index)) is not None)
 
     def _cause_of(self, index: int) -> Cause | None:
@@ -309,9 +312,9 @@ class Inquiry:
             yield Reason(name, rule.place, guard, (one.guards or {}).get(name, ()))
 
 
-def _outcome(told: Publish) -> str:
-    why = ": ".join(filter(None, (told.code, told.detail)))
-    return f"{told.status} ({why})" if why else told.status
+def _outcome(published: Publish) -> str:
+    why = ": ".join(filter(None, (published.code, published.detail)))
+    return f"{published.status} ({why})" if why else published.status
 
 
 def _words(moment: Any) -> tuple[str, str]:

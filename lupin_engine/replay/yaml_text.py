@@ -1,4 +1,4 @@
-"""Plain data as the YAML that people write by hand: keys below each other, what fits on a line in braces."""
+"""Writes plain data as YAML like a person's: block style, with flow style where it fits on a line."""
 
 from __future__ import annotations
 

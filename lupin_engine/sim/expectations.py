@@ -188,7 +188,9 @@ class Comparison:
         known: Mapping[str, Any] = self._chart.holds if word == "holds" else self._chart.invariants
         what = "the hold" if word == "holds" else "the invariant"
         # A hold of the engine itself, such as the one after a restart, stands in no file.
-        pieces = [(f"{what} {name}", known[name].place) for name in actual[first : first + 1] if name in known]
+        pieces = [
+            (f"{what} {name}", known[name].place) for name in actual[first : first + 1] if name in known
+        ]
         yield self._maker.failure(place, word, list(expected), actual, around, pieces)
 
     def _violated(self) -> Iterator[ScenarioFailure]:

@@ -122,7 +122,7 @@ class Scenario:
             told = History(simulation.steps[: problem.kept])
             run = replace(simulation.result(cut_off=False), history=told)
             monitor.breaches = {STANDSTILL: (told.steps[-1], str(problem))}
-        return replace(run, violated=tuple((step, name, text) for name, text, step in monitor.told))
+        return replace(run, violated=tuple((step, name, text) for name, text, step in monitor.found))
 
     def failures(self, run: Run) -> list[ScenarioFailure]:
         """Return every expectation that `run` does not meet, in the order of the file's words."""

@@ -83,7 +83,7 @@ from lupin_ros.service import commands, messages
 from lupin_ros.service.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_ros.service.folder import LOOK_PERIOD_S, FolderWatch, MissionsFolder
 from lupin_ros.service.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE, NODE
-from lupin_ros.service.told import ToldState
+from lupin_ros.service.reports import StateMessages
 
 #: Parameters of the node itself, beside those of the missions.
 OWN_PARAMETERS: Mapping[str, Parameter] = {
@@ -149,7 +149,7 @@ class Orchestrator:
         self._state = _Publisher(ros, self._wire.state)
         ros.lifeline = ros.node.resolve_topic_name(self._wire.state.name)
         self._outcomes = _Publisher(ros, self._wire.outcomes)
-        self._told = ToldState(self._wire, lambda: self._machine, self._clock.now, self._stamp)
+        self._told = StateMessages(self._wire, lambda: self._machine, self._clock.now, self._stamp)
         self._deadline: tuple[float, RosTimer] | None = None
         drivers.update(_clients(ros, loaded, chart.clients, self._outlet, machine.world.parameters))
         drivers[BUILTIN] = Readiness(
@@ -231,9 +231,11 @@ class Orchestrator:
             found.append((told, self._told_then(old.machine if old else self._machine, record).outcome(told)))
         return found + [(told, self._told.outcome(told)) for told in back.left_out]
 
-    def _told_then(self, machine: Machine, record: JournalRecord) -> ToldState:
+    def _told_then(self, machine: Machine, record: JournalRecord) -> StateMessages:
         """Return what was told of another process's machine at a record."""
-        return ToldState(self._wire, lambda: machine, lambda: record.time, lambda: self._stamp(record.wall))
+        return StateMessages(
+            self._wire, lambda: machine, lambda: record.time, lambda: self._stamp(record.wall)
+        )
 
     def _stand_down(self, elder: str) -> None:
         self.elder = elder

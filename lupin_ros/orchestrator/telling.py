@@ -25,7 +25,7 @@ from lupin_ros.orchestrator.displays import giving_way
 from lupin_ros.orchestrator.single import new_boot
 from lupin_ros.service import messages
 from lupin_ros.service.names import CHART_TOPIC, MISSIONS_TOPIC, NODE, POSSIBLE_TOPIC, STEPS_TOPIC
-from lupin_ros.service.told import StepMoment, StepNews, ToldPossible, step_told
+from lupin_ros.service.reports import PossibleNews, StepMoment, StepNews, published_step
 
 #: The node's parameters about its log.
 LOG_PARAMETERS: Mapping[str, Parameter] = {
@@ -51,7 +51,7 @@ class Telling:
         self._slices = Slices(ros.post)
         self._open_log(ros.parameters())
         self._offered = ""
-        self._foreseen = ToldPossible(self.boot)
+        self._foreseen = PossibleNews(self.boot)
         self.is_news = StepNews().is_news
 
     def _open_log(self, given: Mapping[str, Any]) -> None:
@@ -76,7 +76,7 @@ class Telling:
         self._ros.log_book.about = {"boot": self.boot, **ids}
         self._log(step, view)
         at = StepMoment(self._clock.now(), self._ros.now(), time.time_ns())
-        record = step_told(step, view, self._loaded, self.boot, at, origin)
+        record = published_step(step, view, self._loaded, self.boot, at, origin)
         self._steps.publish(_text(record))
 
     def _log(self, step: Step, view: View) -> None:

@@ -1,4 +1,4 @@
-"""A run as a file that anybody can open: every topic, as MCAP with the definitions of its messages."""
+"""Recordings: every topic of a run in an MCAP file, with the definitions of its messages."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""The file of a recording: MCAP of the profile `ros2`, as rosbag2 writes it."""
+"""Writes the file of a recording: MCAP of the profile `ros2`, as rosbag2 writes it."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ JOURNAL_TYPE = "application/x-lupin-journal"
 
 
 class RecordingFile:
-    """A file that is new, and can be read up to the last `flush` whatever happens then.
+    """A new file that stays readable up to the last `flush` whatever happens.
 
     Raises:
-        UsageError: it is there already, or cannot be written.
+        UsageError: it exists already, or cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -46,11 +46,11 @@ class RecordingFile:
 
     @property
     def size(self) -> int:
-        """How many bytes the file has, up to the last flush."""
+        """The size in bytes at the last flush."""
         return self._whole
 
     def add_topic(self, topic: str, type_name: str, definition: str, about: dict[str, str]) -> Any:
-        """Note a topic with its type and the definition of that; return its channel."""
+        """Add a topic with its type and the type's definition; return its channel."""
         if type_name not in self._schemas:
             schema = self._writer.register_schema(type_name, "ros2msg", definition.encode())
             self._schemas[type_name] = schema
@@ -66,7 +66,7 @@ class RecordingFile:
         self.messages += 1
 
     def attach(self, file: Path, type_name: str) -> None:
-        """Add a whole file; readers of messages do not meet it.
+        """Attach a whole file; readers of messages do not see it.
 
         Raises:
             OSError: it cannot be read, or the disk is full.
@@ -75,7 +75,7 @@ class RecordingFile:
         self._writer.add_attachment(changed, time.time_ns(), file.name, type_name, data)
 
     def flush(self) -> None:
-        """Hand what was added to the operating system: it outlives this process.
+        """Write buffered messages to the operating system: they survive this process, not a power cut.
 
         Raises:
             OSError: the disk is full.
@@ -84,10 +84,10 @@ class RecordingFile:
         self._whole, self._kept = self._file.tell(), self.messages
 
     def finish(self) -> None:
-        """Write the index and close the file, safely on disk.
+        """Write the index, sync the file to disk, and close it.
 
         Raises:
-            OSError: the disk is full; `cut` is what remains to be done.
+            OSError: the disk is full; `cut` must follow.
         """
         self.flush()
         self._writer.finish()
@@ -97,7 +97,7 @@ class RecordingFile:
         self._file.close()
 
     def cut(self) -> None:
-        """Close the file at the last flush, and forget the messages since then."""
+        """Truncate and close the file at the last flush; later messages are lost."""
         self.messages = self._kept
         descriptor = os.dup(self._file.fileno())
         with contextlib.suppress(OSError):  # what is left in the buffer has no room either

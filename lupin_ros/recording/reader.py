@@ -1,6 +1,7 @@
 """Reads recordings: MCAP of the profile `ros2`, by the definitions in the file; needs no ROS.
 
-A file that was cut off, because the recorder was killed or the disk was full, is read up to there.
+A truncated file, of a killed recorder or a full disk, is read up to its end. Messages that cannot be decoded
+are skipped.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _ROS2, _CDR = "ros2msg", "cdr"
 
 @dataclass(frozen=True)
 class RecordedMessage:
-    """A message of a recording by its fields; `heard` is when, in UNIX time in nanoseconds."""
+    """A message by its fields; `heard` is its time of receipt, in UNIX time in nanoseconds."""
 
     topic: str
     heard: int
@@ -33,7 +34,7 @@ class RecordedMessage:
 
 
 class Recording:
-    """A file that was recorded.
+    """A recorded file.
 
     Raises:
         UsageError: it cannot be read, is no recording, or has no message.
@@ -55,7 +56,7 @@ class Recording:
             raise UsageError(f"{str(path)!r} has no message that could be shown")
 
     def messages(self, topics: Collection[str] = (), since: int = -1) -> Iterator[RecordedMessage]:
-        """Yield what was heard later than `since`, as it stands in the file; no topics: of all."""
+        """Yield the messages received after `since`, in the order of the file; without topics, of all."""
         channels: dict[int, str] = {}
         for record in self._records():
             if isinstance(record, Channel):
@@ -68,7 +69,7 @@ class Recording:
                     yield RecordedMessage(topic, record.log_time, fields)
 
     def attached(self, type_name: str) -> Iterator[tuple[str, bytes]]:
-        """Yield the files of a type that it brings along; what was cut off has none."""
+        """Yield the attached files of a type; a truncated file has none."""
         if self.is_cut_off:
             return
         with self.path.open("rb") as file:
@@ -77,7 +78,7 @@ class Recording:
                     yield each.name, each.data
 
     def _records(self) -> Iterator[Any]:
-        """Yield all records, up to where the file breaks off."""
+        """Yield all records, up to the end of a truncated file."""
         with self.path.open("rb") as file:
             records = StreamReader(file, emit_chunks=False).records
             try:
@@ -90,7 +91,7 @@ class Recording:
         self.is_cut_off = True
 
     def _summarised(self) -> bool:
-        """Read what the index says; False where there is none."""
+        """Read the index; return False where there is none."""
         try:
             with self.path.open("rb") as file:
                 summary = make_reader(file).get_summary()
@@ -149,7 +150,7 @@ def plain(value: Any) -> Any:
 
 
 def _check(path: Path) -> None:
-    """Check that a file is MCAP, as far as its beginning tells."""
+    """Check that a file begins as MCAP does."""
     if path.is_dir():
         raise UsageError(f"{str(path)!r} is a folder; name the .mcap file in it")
     try:

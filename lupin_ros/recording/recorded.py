@@ -1,4 +1,4 @@
-"""A recording for pages: everything that was heard, its charts drawn anew, and nothing to command."""
+"""A recording for pages: its messages, its charts redrawn and explained, and no commands."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from lupin_ros.recording.reader import Recording
 from lupin_ros.service import names
 from lupin_ros.service.drawn import drawn, shown
 
-#: Of a topic of sensors at most one message of a frame is told in so many nanoseconds.
+#: Of a topic of sensors at most one message of a frame is sent to pages in so many nanoseconds.
 THINNED_NS = 100_000_000
 
 
 @dataclass(frozen=True)
 class _RecordedStep:
-    """When a step was told, in milliseconds since 1970, by which process, and its number."""
+    """When a step was published, in milliseconds since 1970, by which process, and its number."""
 
     at: float
     boot: str
@@ -38,10 +38,10 @@ class RecordedPages:
     """See `plugin.pages.PageSource`.
 
     Args:
-        recording: what is shown.
+        recording: the recording.
         profiles: those whose missions may have been recorded.
-        catalog: of what is installed.
-        journal: the folder of a journal, for a recording without its own; it need not be there.
+        catalog: of the installed plugins.
+        journal: the folder of a journal, for a recording without its own; need not exist.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class RecordedPages:
         }
 
     def problems(self) -> Iterator[str]:
-        """Tell what a page would look for in vain."""
+        """Yield what pages will lack: the end of a truncated file, missing and unreadable topics."""
         recording = self._recording
         if recording.is_cut_off:
             yield "the file is cut off: what came after its last message is not known"
@@ -96,7 +96,7 @@ class RecordedPages:
         for topic, why in recording.unreadable.items():
             yield f"{topic} cannot be read: {why}"
 
-    def begin(self, tell: Callable[[PageMessage], None], forget: Callable[[], None]) -> None:
+    def begin(self, publish: Callable[[PageMessage], None], forget: Callable[[], None]) -> None:
         """See `PageSource`."""
 
     def work(self, now: float) -> float | None:
@@ -123,15 +123,15 @@ class RecordedPages:
         if isinstance(moment, bool) or not isinstance(moment, int | float):
             raise LupinError(f"{names.EXPLAIN_SERVICE}: moment must be a number")
 
-        def told() -> dict[str, str]:
+        def explained() -> dict[str, str]:
             machine, now = self._machine(loaded, float(moment))
             found = explanation(machine, str(arguments.get("element", "")), now)
             return {"explanation": json.dumps(found, default=str)}
 
-        return shown(loaded, arguments, "explanation", told)
+        return shown(loaded, arguments, "explanation", explained)
 
     def _machine(self, loaded: LoadedMissions, moment: float) -> tuple[Machine, float]:
-        """Return the machine at a moment in milliseconds since 1970, and what its clock showed."""
+        """Return the machine, restored from the journal, at a moment in ms since 1970, and its clock."""
         place = bisect_right(self._steps, moment, key=lambda step: step.at)
         if not place:
             raise LupinError("no step was recorded until this moment")
@@ -142,15 +142,17 @@ class RecordedPages:
 
     @cached_property
     def _steps(self) -> list[_RecordedStep]:
-        """The steps in the order of time, as far as the orchestrator told when they were."""
+        """The recorded steps in the order of time; those without a time are left out."""
         texts = (each.fields["data"] for each in self._recording.messages([names.STEPS_TOPIC]))
-        told = [record for record in map(json.loads, texts) if {"wall_ns", "boot", "step"} <= record.keys()]
-        found = [_RecordedStep(one["wall_ns"] / 1e6, one["boot"], one["step"]["sequence"]) for one in told]
+        records = [
+            record for record in map(json.loads, texts) if {"wall_ns", "boot", "step"} <= record.keys()
+        ]
+        found = [_RecordedStep(one["wall_ns"] / 1e6, one["boot"], one["step"]["sequence"]) for one in records]
         return sorted(found, key=lambda step: step.at)
 
     @cached_property
     def _moments(self) -> JournalMoments:
-        """The journal that the file brings along; if there is none, the given one."""
+        """The attached journal; without one, the given one."""
         files = dict(self._recording.attached(JOURNAL_TYPE))
         if not files:
             return JournalMoments(self._journal)
@@ -160,14 +162,16 @@ class RecordedPages:
         return JournalMoments(Path(self._unpacked.name))
 
     def _chart(self, asked: str) -> LoadedMissions:
-        """Return a chart that ran, by its hash, made of the files that were recorded with it.
+        """Return a chart that ran, by its hash, loaded from its recorded files.
 
         Raises:
-            LupinError: no such chart was recorded, or what is installed does not understand it.
+            LupinError: no such chart was recorded, or the installed plugins cannot load it.
         """
         if asked not in self._charts:
-            told = (json.loads(each.fields["data"]) for each in self._recording.messages([names.CHART_TOPIC]))
-            record = next((each for each in told if each["hash"] == asked), None)
+            records = (
+                json.loads(each.fields["data"]) for each in self._recording.messages([names.CHART_TOPIC])
+            )
+            record = next((each for each in records if each["hash"] == asked), None)
             if record is None:
                 raise LupinError(f"the chart {shortened(asked)!r} was not recorded")
             with TemporaryDirectory() as folder:
@@ -186,7 +190,7 @@ class RecordedPages:
 
 
 def _load(files: Mapping[str, str], folder: Path, catalog: Catalog) -> LoadedMissions:
-    """Load missions by the texts of their files, in a folder that is empty."""
+    """Load missions from the texts of their files, written into an empty folder."""
     for name, text in files.items():
         file = folder / name
         if folder.resolve() not in file.resolve().parents:
@@ -196,12 +200,12 @@ def _load(files: Mapping[str, str], folder: Path, catalog: Catalog) -> LoadedMis
     try:
         return load_files(lifecycle_in(folder), mission_files(folder), catalog)
     except LupinError as problem:
-        told = str(problem).replace(f"{folder}/", "")
-        raise LupinError(f"the plugins here do not understand the chart that was recorded: {told}") from None
+        text = str(problem).replace(f"{folder}/", "")
+        raise LupinError(f"the plugins here do not understand the chart that was recorded: {text}") from None
 
 
 def _frame(fields: Mapping[str, Any]) -> str:
-    """Return which frame a message is about: several nodes tell those of theirs on one topic."""
+    """Return the frame of a message: several nodes publish transforms of theirs on one topic."""
     transforms = fields.get("transforms")
     if transforms:
         return str(transforms[0].get("child_frame_id"))

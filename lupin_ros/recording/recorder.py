@@ -1,7 +1,7 @@
-"""Records every topic that somebody publishes, without reading what is in it.
+"""Records every published topic as bytes, without decoding.
 
-A node of its own with a thread of its own looks for topics and subscribes to what it finds, in bytes, so that
-neither the picture of a run nor a slow disk keeps messages waiting in the other's loop.
+A node with a thread of its own discovers topics and subscribes to them, so that neither the display of a run
+nor a slow disk delays the other. A full disk ends the recording; a killed recorder loses up to `FLUSH_S`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ FLUSH_S = 2.0
 
 @dataclass
 class _Topic:
-    """A topic that is recorded: its class, its number in the file, and how it is listened to."""
+    """A recorded topic: its class, its channel in the file, and its subscription."""
 
     name: str
     kind: Any
@@ -48,15 +48,15 @@ class _Topic:
 
 
 class TopicRecorder:
-    """Records into a new file, from the begin of `with` to its end.
+    """Records into a new file, within a `with` block.
 
     Args:
         path: of the file.
-        without: topics in whose name this is found are left out.
-        profiles: of the missions whose end `mission_is_over` tells.
+        without: topics whose name matches are left out.
+        profiles: of the missions whose end sets `mission_is_over`.
 
     Raises:
-        UsageError: the file is there already, or cannot be written.
+        UsageError: the file exists already, or cannot be written.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class TopicRecorder:
         return self._file.size
 
     def news(self) -> list[tuple[str, Severity]]:
-        """Return what has happened since the last call: a topic that cannot be recorded, a full disk."""
+        """Return the events since the last call: a topic that cannot be recorded, a full disk."""
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def __enter__(self) -> TopicRecorder:
@@ -130,7 +130,7 @@ class TopicRecorder:
             self._fail(f"rclpy fails all the time: {defect!r}")
 
     def _attach_journal(self) -> None:
-        """Add what an orchestrator on this computer wrote into its journal meanwhile."""
+        """Attach the files that an orchestrator on this computer has written to its journal meanwhile."""
         if not self.messages:
             return
         for file in journal_files(journal_folder()):
@@ -138,7 +138,7 @@ class TopicRecorder:
                 self._file.attach(file, JOURNAL_TYPE)
 
     def _safely(self, write: Callable[[], None]) -> None:
-        """Write; what cannot be written ends the recording."""
+        """Write; a failure ends the recording."""
         if self.failed:
             return
         try:
@@ -159,7 +159,7 @@ class TopicRecorder:
         self._news.append((f"{name} is not recorded: {reason}", Severity.WARN))
 
     def _look(self) -> None:
-        """Subscribe to what is new, and again to what has a publisher that offers less."""
+        """Subscribe to new topics, and again where the best common QoS has changed."""
         node = self._ros.node
         for name, types in node.get_topic_names_and_types():
             if name in self._left_out or self._is_unwanted(name):
@@ -181,7 +181,7 @@ class TopicRecorder:
                 self._listen(topic)
 
     def _is_unwanted(self, name: str) -> bool:
-        """Say whether a topic is hidden, as ROS calls those of actions, or one that the user leaves out."""
+        """Return whether a topic is hidden, as those of actions are, or excluded by the user."""
         return "/_" in name or (self._without is not None and bool(self._without.search(name)))
 
     def _begin(self, name: str, types: Sequence[str], ends: Sequence[Any], wanted: Any) -> _Topic:

@@ -1,6 +1,6 @@
-"""The definition of a message as one text, with those of all messages inside of it (`ros2msg`).
+"""Builds the definition of a message with those of all nested messages as one text (`ros2msg`).
 
-That is how MCAP and rosbag2 keep it, so that whoever reads a recording needs no package of ours.
+MCAP and rosbag2 store it, so that a recording can be read without its message packages.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ _SEPARATOR = "=" * 80
 
 
 def message_text(type_name: str) -> str:
-    """Return the definition of a message and, below it, of each message that is inside of it.
+    """Return the definition of a message and, below it, of each nested message.
 
     Raises:
         UsageError: one of them is not installed.
@@ -25,7 +25,7 @@ def message_text(type_name: str) -> str:
 
 
 def _inside(type_name: str) -> Iterator[str]:
-    """Yield the messages inside of one, each before what is inside of it."""
+    """Yield the nested messages, each before its own."""
     for _, kind in local_fields(type_name):
         nested = str(kind.get("nested_type_name") or "")
         if nested:

@@ -1,4 +1,4 @@
-"""The chart that runs as JSON data: for a display on another computer, which has none of the files."""
+"""Serializes the running chart to JSON, for displays on computers without its files."""
 
 from __future__ import annotations
 
@@ -91,9 +91,9 @@ def chart_record(loaded: LoadedMissions) -> ChartContent:
 
 
 def chart_picture(loaded: LoadedMissions) -> PictureRecord:
-    """Return what the record of a chart says of its picture; that of a large one may take a minute.
+    """Return the picture's part of the record; for a large chart that may take a minute.
 
-    A chart that cannot be drawn has none, and `problem` says why: all the rest is of use without it.
+    If the chart cannot be drawn, `svg` is empty and `problem` says why: the other data is of use without it.
     """
     try:
         return {"svg": folded_svg(loaded.chart, frozenset()), "problem": ""}
@@ -102,7 +102,7 @@ def chart_picture(loaded: LoadedMissions) -> PictureRecord:
 
 
 def check_chart(asked: str, loaded: LoadedMissions) -> None:
-    """Check that a chart that is asked about, by its hash, is the one that runs; '' is whichever runs.
+    """Check that a request's chart, by its hash, is the one that runs; '' is whichever runs.
 
     Raises:
         LupinError: it is another one.

@@ -1,6 +1,7 @@
-"""Commands: what somebody asks for by the command service is read, checked, and never done twice.
+"""Validates commands of the command service, and deduplicates them by id (idempotent requests).
 
-Pure: nothing of ROS is imported, and time is an argument.
+Pure: no ROS, and time is an argument. An id is remembered for `REMEMBERED_S`; when `MAX_REMEMBERED` are, new
+ids are refused, except for requests such as a pause.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ UNKNOWN_VERB, ID_IN_USE, TOO_MANY = "unknown_verb", "command_id_in_use", "too_ma
 
 @dataclass(frozen=True)
 class CommandRequest:
-    """What is asked for: the fields of the service, `request` being JSON."""
+    """A command: the fields of the service; `request` is JSON."""
 
     verb: str
     mission: str = ""
@@ -45,14 +46,14 @@ class CommandRequest:
 
     @property
     def origin(self) -> dict[str, str]:
-        """Who commands and by which id, as far as that was told: for the log and the record."""
-        told = {"by": self.by, "command_id": self.command_id}
-        return {name: _printable(text) for name, text in told.items() if text}
+        """The caller and the command's id, as far as given, for the log and the record."""
+        given = {"by": self.by, "command_id": self.command_id}
+        return {name: _printable(text) for name, text in given.items() if text}
 
 
 @dataclass(frozen=True)
 class CommandAnswer:
-    """What came of it: the fields of the response. `step` is 0 where it never came to one."""
+    """The response's fields. `step` is 0 where the command caused none."""
 
     accepted: bool
     code: str
@@ -67,7 +68,7 @@ _BROKEN_OFF = CommandAnswer(False, "broken_off", "it was begun and broken off: l
 
 
 def _answer_of(fields: Mapping[str, Any]) -> CommandAnswer:
-    """Return a written answer; what is none counts as broken off."""
+    """Return a saved answer; an invalid one counts as broken off."""
     try:
         return TypeAdapter(CommandAnswer).validate_python(fields)
     except ValidationError:
@@ -78,12 +79,12 @@ class CommandMemory:
     """The commands of the last minute, by id, each with its answer."""
 
     def __init__(self, keep: Callable[[str, str, Mapping[str, Any]], None] = lambda *_: None) -> None:
-        """`keep` writes down an answer, with the id and what was commanded, for the next process."""
+        """`keep` saves an answer, with the id and the command's digest, for the next process."""
         self._known: dict[str, tuple[float, str, CommandAnswer]] = {}
         self._keep = keep
 
     def remember(self, command_id: str, when: float, what: str, answer: Mapping[str, Any]) -> None:
-        """Know what a process that is gone was commanded; without an answer it was broken off there."""
+        """Restore a command of an earlier process; without an answer it counts as broken off."""
         self._known[command_id] = when, what, _answer_of(answer)
 
     def once(
@@ -93,19 +94,19 @@ class CommandMemory:
         now: float,
         carry_out: Callable[[CommandRequest], CommandAnswer],
     ) -> CommandAnswer:
-        """Return what came of a command, which is carried out unless its id is known.
+        """Return the answer to a command, which is carried out unless its id is known.
 
-        One without an id is always carried out. An id that was another command's is refused: the answer to
-        that one would be about something else. Where `MAX_REMEMBERED` ids are known, a new one is refused as
-        well: to forget another one would let that command be done twice. Only requests that count however
-        late, such as a pause, are carried out then, and not remembered: a robot may pause twice.
+        Without an id it is always carried out. An id that was another command's is refused. Where
+        `MAX_REMEMBERED` ids are known, a new id is refused too, since forgetting one could execute that
+        command twice; only requests that count however late, such as a pause, are then carried out, and not
+        remembered.
         """
         known = self._recall(asked, now)
         if known is None and asked.command_id and len(self._known) >= MAX_REMEMBERED:
             if _counts_however_late(asked, chart):
                 return carry_out(asked)
-            told = f"refused: {MAX_REMEMBERED} commands came within {REMEMBERED_S:g} s; wait for a moment"
-            return CommandAnswer(False, TOO_MANY, told)
+            text = f"refused: {MAX_REMEMBERED} commands came within {REMEMBERED_S:g} s; wait for a moment"
+            return CommandAnswer(False, TOO_MANY, text)
         if known is None:
             return self._first(asked, now, carry_out)
         _, what, answer = known
@@ -127,7 +128,7 @@ class CommandMemory:
         return answer
 
     def knows(self, asked: CommandRequest, now: float) -> bool:
-        """Say whether a command is answered from memory, however late it comes."""
+        """Return whether a command is answered from memory, however late it arrives."""
         return self._recall(asked, now) is not None
 
     def _recall(self, asked: CommandRequest, now: float) -> tuple[float, str, CommandAnswer] | None:
@@ -143,18 +144,18 @@ def _counts_however_late(asked: CommandRequest, chart: Chart) -> bool:
 
 
 def counts_however_late(event: str, chart: Chart) -> bool:
-    """Say whether an event is a request that is carried out also where it seems old, unless all is held."""
+    """Return whether an event is a request that is carried out however late it comes."""
     request = chart.profile.requests.get(event.removeprefix("operator."))
     return request is not None and request.however_late
 
 
 def _printable(text: str) -> str:
-    """Return the beginning of a text from outside without what would move a terminal's cursor."""
+    """Return the beginning of a text with characters replaced that could control a terminal."""
     return "".join(letter if letter.isprintable() else "?" for letter in text[:MAX_WORD])
 
 
 def _what(asked: CommandRequest) -> str:
-    """Return a name for what is commanded, which the next process makes of the same command as well."""
+    """Return a digest of a command, the same in every process."""
     text = json.dumps([asked.verb, asked.mission, asked.request])
     return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
@@ -163,10 +164,10 @@ def _what(asked: CommandRequest) -> str:
 
 
 def read_command(asked: CommandRequest, chart: Chart, mission_id: str) -> Event | Refusal:
-    """Return the event that a command means, or why it means none.
+    """Return the event of a command, or why it is refused.
 
-    Types, units and ranges of a mission's fields are looked at by the machine. `mission_id` is what a
-    mission that begins is called.
+    Types, units and ranges of a mission's fields are checked by the machine. `mission_id` is the id of a
+    mission that this command may start.
     """
     problem = _too_long(asked)
     if problem:
@@ -193,7 +194,7 @@ def read_command(asked: CommandRequest, chart: Chart, mission_id: str) -> Event 
 
 
 def event_name(verb: str, chart: Chart) -> str | None:
-    """Return what a verb is to the machine: a request, by its name or its verb; None for an unknown one."""
+    """Return the event of a verb: a request, by its name or its verb; None for an unknown one."""
     verbs = chart.profile.verbs
     requests = {**{verb: name for name, verb in verbs.items()}, **{name: name for name in verbs}}
     own = {START_VERB: START, ANSWER_VERB: ANSWER}
@@ -209,7 +210,7 @@ def _too_long(asked: CommandRequest) -> str:
 
 
 def _fields(text: str) -> dict[str, Any]:
-    """Read the JSON object of a command; an empty text is an empty one."""
+    """Parse the JSON object of a command; an empty text is an empty object."""
     try:
         found = json.loads(text or "{}", parse_constant=_no_number, parse_float=_finite)
     except RecursionError:
@@ -233,7 +234,7 @@ def _no_number(text: str) -> Any:
 
 
 def _check_names(fields: Mapping[str, Any], known: Iterable[str]) -> None:
-    """Refuse all fields that are not known."""
+    """Refuse unknown fields."""
     names = list(known)
     unknown = [name for name in fields if name not in names]
     problems = [unknown_field(name, names) for name in unknown[:MAX_PROBLEMS]]
@@ -254,16 +255,16 @@ def _choice(fields: Mapping[str, Any], chart: Chart) -> str:
 
 
 def refused(refusal: Refusal, step: int = 0) -> CommandAnswer:
-    """Return the answer to a command that is refused."""
+    """Return the answer to a refused command."""
     return CommandAnswer(False, refusal.code, refusal.text, step=step)
 
 
 def answered(asked: CommandRequest, step: Step) -> CommandAnswer:
-    """Return the answer that a step is to the command that caused it."""
+    """Return the answer to a command, from the step that it caused."""
     if not step.accepted:
         return refused(step.refusal or Refusal("", f"{asked.verb} refused"), step.sequence)
     mission_id = str(step.event.data.get("mission_id", "")) if step.event.name == START else ""
-    # A request has a name and a verb: it is told by the one that it was asked by.
+    # A request has a name and a verb: the answer names the one that was used.
     word = step.event.name.removeprefix(ANSWER) if step.event.name.startswith(ANSWER) else asked.verb
     said = f"{asked.mission} {mission_id} started" if mission_id else f"{word} accepted"
     return CommandAnswer(True, "", said, mission_id, step.sequence)

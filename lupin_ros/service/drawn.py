@@ -1,4 +1,4 @@
-"""What displays ask about a chart, answered without ROS by the fields of the responses."""
+"""Answers displays' requests to draw or explain a chart. Needs no ROS."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lupin_ros.service.chart_record import check_chart
 
 
 def drawn(loaded: LoadedMissions, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Draw a chart as a display asks for it by the fields of `lupin_engine_msgs/srv/Draw`.
+    """Draw a chart by the fields of `lupin_engine_msgs/srv/Draw`.
 
     Raises:
         LupinError: a field is not what it should be.
@@ -31,7 +31,7 @@ def drawn(loaded: LoadedMissions, arguments: Mapping[str, Any]) -> Mapping[str, 
 def shown(
     loaded: LoadedMissions, arguments: Mapping[str, Any], field: str, show: Callable[[], Mapping[str, str]]
 ) -> Mapping[str, Any]:
-    """Answer with what `show` returns, which has the `field`; '' and a message where that is not possible."""
+    """Return the response with what `show` returns in `field`; on a LupinError '' and its message."""
     response = {"success": False, "message": "", "chart": loaded.hash, field: ""}
     try:
         check_chart(str(arguments.get("chart", "")), loaded)

@@ -1,8 +1,8 @@
-"""The folder of the missions that the node offers: what stands in it is what can be started.
+"""Watches the folder of the missions that the node offers, and reloads it after changes.
 
-Files are looked at again and again, and read only when they have changed, so a look costs a fraction of a
-millisecond; to understand many takes seconds, so that is done beside the node's thread. A change that has
-errors is told once and otherwise changes nothing.
+Each look compares change times and sizes, which takes a fraction of a millisecond; changed files are loaded
+on another thread, which may take seconds. A change with errors is reported once, and the loaded missions
+stay.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ LOOK_PERIOD_S = 1.0
 #: its file system's clock.
 SETTLED_S = 2.0
 
-#: What tells that files have changed: by name, when that was last, in nanoseconds, and their size.
+#: To notice changes: each file's change time in nanoseconds, and its size.
 _Marks = Mapping[Path, tuple[int, int]]
 
 
 class MissionsFolder:
-    """The missions that the parameters name, some or all of a folder, and those that are added later."""
+    """The missions of the parameters: some or all of a folder, and those that are added later."""
 
     def __init__(self, given: Mapping[str, Any], catalog: Catalog) -> None:
         """`given` are the node's parameters about missions: which, from where, and signed by whom."""
@@ -71,7 +71,7 @@ class MissionsFolder:
         self.warning = ""
 
     def load(self) -> LoadedMissions:
-        """Return the chart of the missions as they are now; of unchanged files the same one.
+        """Return the present missions; unchanged files give the same object.
 
         Raises:
             LupinError: a mission does not exist or has errors, or a binding does not fit an interface.
@@ -101,16 +101,17 @@ class MissionsFolder:
         return self._understood(self._path, files)
 
     def _look_marks(self) -> _Marks:
-        """Return by what it is seen whether files have changed; nothing where all is read every time."""
+        """Return change times and sizes of the files; empty for a bundle, which is read every time."""
         if self._keys or self._path.suffix == BUNDLE:
             return {}
         return _marks({self._path, *(Path(name).parent for name in self._names)})
 
     def _bundle(self) -> Bundle | None:
-        """Return what `missions_path` names where that is a bundle, signed where it must be.
+        """Return the bundle that `missions_path` names, with a valid signature where one is required; else
+        None.
 
         Raises:
-            LupinError: it cannot be used, or no bundle is named where one must be.
+            LupinError: it cannot be used, or no bundle is named where one is required.
         """
         if self._path.suffix != BUNDLE or self._names:
             if self._keys:
@@ -136,7 +137,7 @@ class MissionsFolder:
         return loaded
 
     def _files(self) -> list[Path]:
-        """Return the named missions and those that were put beside them since; without names, all."""
+        """Return the named missions and those that were added since; without names, all."""
         named = [find_mission(name, [self._path]) for name in self._names]
         if not named:
             return mission_files(self._path)
@@ -146,7 +147,7 @@ class MissionsFolder:
         return [*named, *(file for file in beside if file not in self._others)]
 
     def changed(self, current: LoadedMissions) -> LoadedMissions | None:
-        """Return the chart of files that were changed; None when nothing has, or what has cannot be used."""
+        """Return the new chart after a change; None without one, or where it has errors or was refused."""
         try:
             loaded = self._load_changed()
         except LupinError as problem:
@@ -158,7 +159,7 @@ class MissionsFolder:
         return None if loaded.chart is current.chart else loaded
 
     def _load_changed(self) -> LoadedMissions:
-        """Return what `load` does, without reading files again that are the same as the last time."""
+        """Return what `load` returns, without reading unchanged files."""
         marks = self._look_marks()
         newest = max((changed for changed, _ in marks.values()), default=0)
         is_settled = bool(marks) and abs(time.time_ns() - newest) >= SETTLED_S * 1e9
@@ -169,12 +170,12 @@ class MissionsFolder:
         return self._read
 
     def refuse(self, loaded: LoadedMissions, reason: str) -> None:
-        """Note that these missions cannot be used here, so that it is not tried again and again."""
+        """Record that these missions cannot be used here, so that they are not tried again."""
         self._refused, self.problem = loaded, reason
 
 
 class FolderWatch:
-    """Looks at a folder beside the node's thread, one look after the other."""
+    """Looks at a folder on a thread of its own, one look at a time."""
 
     def __init__(
         self,
@@ -189,7 +190,7 @@ class FolderWatch:
         self._pool = ThreadPoolExecutor(1, "missions")
 
     def look(self, current: LoadedMissions, then: Callable[[LoadedMissions | None], None]) -> None:
-        """Look at the files as they are from now on; `then` gets what `MissionsFolder.changed` returns."""
+        """Look at the files as they are now; `then` gets the result of `MissionsFolder.changed`."""
         self._pool.submit(self._look, current, then)
 
     def _look(self, current: LoadedMissions, then: Callable[[LoadedMissions | None], None]) -> None:
@@ -203,12 +204,12 @@ class FolderWatch:
         self._post(partial(then, loaded))
 
     def close(self) -> None:
-        """Look no more."""
+        """Stop looking."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _marks(folders: Iterable[Path]) -> _Marks:
-    """Return by what it is seen whether something in folders of missions has changed."""
+    """Return change time and size of every file in folders of missions."""
     found: dict[Path, tuple[int, int]] = {}
     for folder in folders:
         inside = (folder.glob(pattern) for pattern in ("*.yaml", f"{PARTS}/*.yaml", f"{BINDINGS}/*.yaml"))

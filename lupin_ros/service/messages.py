@@ -1,4 +1,4 @@
-"""Messages of the orchestrator: plain data of a profile written into them, and what they are made from."""
+"""Converts between the engine's data, a profile's data, and ROS messages."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from lupin_ros.interfaces.definitions import element_of
 
 
 def wire_of(profile: Profile) -> Wire:
-    """Return how missions of a profile are run over ROS.
+    """Return a profile's wire format.
 
     Raises:
-        LupinError: they cannot be.
+        LupinError: it has none.
     """
     if profile.wire is None:
         what = f"the profile {profile.name!r} has no wire" if profile.name else "no profile is installed"
@@ -31,9 +31,9 @@ def situation(
     started: Fields | None,
     stamp: Fields,
 ) -> Situation:
-    """Return what a state message is made from; `codes` are the declared ones.
+    """Return the data for a state message; `codes` are the declared ones.
 
-    `started` is when the mission was accepted, of the same clock as `stamp`; the view's own time is the
+    `started` is when the mission was accepted, by the same clock as `stamp`; the view's own time is the
     loop's and means nothing to others.
     """
     code = classify(view.code, codes)
@@ -58,7 +58,7 @@ def situation(
 
 
 def write(message: Any, fields: Fields) -> Any:
-    """Write plain data into a message, as it is; what is not named stays as it was."""
+    """Write plain data into a message; fields that are not named keep their values."""
     types = message.get_fields_and_field_types()
     for name, value in fields.items():
         declared = types[name]
@@ -83,9 +83,13 @@ def read(message: Any) -> Any:
 
 
 def visit_record(visit: Mapping[str, Any], profile: Profile) -> dict[str, Any]:
-    """Return what the log says of a target in the end: its outcome, its tries, what was read or why not."""
+    """Return the log's record of a target at the end: outcome, tries, and the reading or the reason."""
     words = profile.terminal
-    told = {words.target: visit["target"], "status": visit["status"] or "open", "tries": dict(visit["tries"])}
+    record = {
+        words.target: visit["target"],
+        "status": visit["status"] or "open",
+        "tries": dict(visit["tries"]),
+    }
     if profile.is_good(visit["status"]):
-        return {**told, words.read: list(profile.values_of(visit["reading"] or {}))}
-    return {**told, "reason": visit["detail"] or visit["code"] or "?"}
+        return {**record, words.read: list(profile.values_of(visit["reading"] or {}))}
+    return {**record, "reason": visit["detail"] or visit["code"] or "?"}

@@ -1,4 +1,4 @@
-"""One simulation that tells what an orchestrator tells, and takes its commands; from its beginning on."""
+"""A simulation with an orchestrator's interface: publishes its messages, and takes its commands."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from lupin_engine.sim import Script, Simulation
 from lupin_ros.service import commands, messages, names
 from lupin_ros.service.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_ros.service.drawn import drawn, shown
-from lupin_ros.service.told import StepMoment, StepNews, ToldPossible, ToldState, step_told
+from lupin_ros.service.reports import PossibleNews, StateMessages, StepMoment, StepNews, published_step
 
 
 class VirtualOrchestrator:
-    """A simulation with an orchestrator's mouth and ears.
+    """A simulated orchestrator, in virtual time.
 
     Args:
         loaded: the missions, with the chart that is simulated.
-        script: what happens by itself.
+        script: the scripted servers and events.
         world: of the chart and its parameters.
-        tell: is called with every message.
-        stepped: is called after every step, when it has been told.
+        publish: is called with every message.
+        stepped: is called after every step, when its messages are published.
     """
 
     def __init__(
@@ -36,47 +36,44 @@ class VirtualOrchestrator:
         loaded: LoadedMissions,
         script: Script,
         world: World,
-        tell: Callable[[PageMessage], None],
+        publish: Callable[[PageMessage], None],
         stepped: Callable[[Step], None],
     ) -> None:
         self.boot = uuid.uuid4().hex
-        #: How many steps were told.
-        self.told = 0
+        #: How many steps were published.
+        self.published = 0
         self._loaded = loaded
         self._wire = messages.wire_of(loaded.chart.profile)
-        self._tell = tell
+        self._publish = publish
         self._listener = stepped
         self.simulation = Simulation(loaded.chart, script, {}, world, crashes=True)
         self.simulation.listener = self._stepped
-        self._began_ms = self._told_at = self.simulation.wall * 1000.0
+        self._began_ms = self._published_at = self.simulation.wall * 1000.0
         self._origin: tuple[Event | None, Mapping[str, str]] = (None, NOTHING)
         self._commands = CommandMemory()
-        self._news, self._foreseen = StepNews(), ToldPossible(self.boot)
+        self._news, self._foreseen = StepNews(), PossibleNews(self.boot)
         self._offered: Any = None
-        self._state = ToldState(
+        self._state = StateMessages(
             self._wire, lambda: self.simulation.machine, lambda: self.simulation.now, self._stamp
         )
 
     @property
     def at(self) -> float:
-        """The time in milliseconds since 1970: it goes on as virtual time does, also when a clock is set."""
-        return max(self._told_at, self._began_ms + self.simulation.now * 1000.0)
+        """The time in milliseconds since 1970: it advances with virtual time, also when a clock is set."""
+        return max(self._published_at, self._began_ms + self.simulation.now * 1000.0)
 
     def _moment(self) -> float:
-        """Return the time for something that is told; of what happens at once, each has its own.
-
-        So whoever puts it in order does so as it happened. A millisecond has room for a thousand.
-        """
-        self._told_at = max(self._told_at + 0.001, self.at)
-        return self._told_at
+        """Return a unique time for a message, in the order of publishing (up to 1000 in a ms)."""
+        self._published_at = max(self._published_at + 0.001, self.at)
+        return self._published_at
 
     def begin(self, picture: Mapping[str, Any]) -> None:
         """Enter the chart's initial states; `picture` is the record of the chart."""
-        self._tell_text(names.CHART_TOPIC, {"boot": self.boot, **picture})
+        self._publish_text(names.CHART_TOPIC, {"boot": self.boot, **picture})
         self.simulation.begin()
 
     def command(self, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
-        """Take a command by the fields of its request, at a time of a steady clock, and return the response.
+        """Take a command by the fields of its request, at a time of a steady clock; return the response.
 
         Raises:
             LupinError: a field is no text.
@@ -96,20 +93,20 @@ class VirtualOrchestrator:
         return commands.answered(asked, self.simulation.request(event))
 
     def draw(self, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Draw the chart as a display asks for it by the fields of `lupin_engine_msgs/srv/Draw`."""
+        """Draw the chart by the fields of `lupin_engine_msgs/srv/Draw`."""
         return drawn(self._loaded, arguments)
 
     def explain(self, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
         """Explain a state or transition by the fields of `lupin_engine_msgs/srv/Explain`."""
 
-        def told() -> dict[str, str]:
+        def explained() -> dict[str, str]:
             machine, now = self.simulation.machine, self.simulation.now
             found = explanation(machine, str(arguments.get("element", "")), now)
             return {"explanation": json.dumps(found, default=str)}
 
-        return shown(self._loaded, arguments, "explanation", told)
+        return shown(self._loaded, arguments, "explanation", explained)
 
-    # -- what is told -----------------------------------------------------------------------------------
+    # -- published messages -----------------------------------------------------------------------------
 
     def _stepped(self, step: Step) -> None:
         if step.event.name == START and step.accepted:
@@ -118,45 +115,47 @@ class VirtualOrchestrator:
         if self._news.is_news(step):
             for command in step.commands:
                 if isinstance(command, Publish):
-                    self._say(self._wire.outcomes.name, self._state.outcome(command))
+                    self._publish_fields(self._wire.outcomes.name, self._state.outcome(command))
             for moment in step.trail[:-1]:
-                self._say_state(self._state.news(view, moment))
-            self._say_state(self._state.news(view))
+                self._publish_state(self._state.news(view, moment))
+            self._publish_state(self._state.news(view))
             asked, origin = self._origin
-            told_at = self._moment()
-            at = StepMoment(self.simulation.now, told_at / 1000.0, round(told_at * 1e6))
+            published_at = self._moment()
+            at = StepMoment(self.simulation.now, published_at / 1000.0, round(published_at * 1e6))
             origin = origin if step.event is asked else NOTHING
-            self._tell_text(names.STEPS_TOPIC, step_told(step, view, self._loaded, self.boot, at, origin))
-            self.told += 1
+            self._publish_text(
+                names.STEPS_TOPIC, published_step(step, view, self._loaded, self.boot, at, origin)
+            )
+            self.published += 1
         else:
-            self._say_state(self._state.news(view))
+            self._publish_state(self._state.news(view))
         self._listener(step)
 
-    def tell_news(self) -> None:
-        """Tell what is possible and which missions there are, where that is new."""
+    def publish_news(self) -> None:
+        """Publish the available requests and the missions, where they have changed."""
         machine, now = self.simulation.machine, self.simulation.now
         found = self._foreseen.news(machine, self._loaded.hash, now)
         if found is not None:
-            self._tell_text(names.POSSIBLE_TOPIC, found)
+            self._publish_text(names.POSSIBLE_TOPIC, found)
         missions = missions_record(machine, now, ())
         if missions != self._offered:
             self._offered = missions
-            self._tell_text(names.MISSIONS_TOPIC, missions)
+            self._publish_text(names.MISSIONS_TOPIC, missions)
 
     def state(self) -> PageMessage:
-        """Return the state as it is, to be told again."""
+        """Return the present state, for periodic publishing."""
         fields = self._state.fields(self.simulation.machine.view)
         return PageMessage(self._wire.state.name, self.at, fields)
 
-    def _say_state(self, fields: Fields | None) -> None:
+    def _publish_state(self, fields: Fields | None) -> None:
         if fields is not None:
-            self._say(self._wire.state.name, fields)
+            self._publish_fields(self._wire.state.name, fields)
 
-    def _tell_text(self, topic: str, data: Any) -> None:
-        self._say(topic, {"data": json.dumps(data, default=str)})
+    def _publish_text(self, topic: str, data: Any) -> None:
+        self._publish_fields(topic, {"data": json.dumps(data, default=str)})
 
-    def _say(self, topic: str, fields: Fields) -> None:
-        self._tell(PageMessage(topic, self._moment(), fields))
+    def _publish_fields(self, topic: str, fields: Fields) -> None:
+        self._publish(PageMessage(topic, self._moment(), fields))
 
     def _stamp(self) -> Fields:
         return time_fields(self.at / 1000.0)

@@ -1,4 +1,4 @@
-"""How virtual time goes by beside real time: it stands, or runs so many times as fast."""
+"""Maps real time to virtual time: paused, or at a factor; lost time beyond a second is not made up for."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _BEHIND_S = 1.0
 
 
 class Pace:
-    """Turns seconds of a steady clock into those of a virtual one."""
+    """Converts seconds of a steady clock to those of a virtual one."""
 
     def __init__(self, speed: float = 1.0) -> None:
         self.speed = speed
@@ -26,14 +26,14 @@ class Pace:
         self._anchor = (now, virtual)
 
     def stand(self) -> None:
-        """Stand still."""
+        """Pause."""
         self.is_running = False
 
     def set_speed(self, speed: float, now: float, virtual: float) -> None:
-        """Run so many times as fast as real time; infinite: as fast as it goes.
+        """Set the factor; infinite: as fast as possible.
 
         Raises:
-            LupinError: that is out of range.
+            LupinError: it is out of range.
         """
         if not (SLOWEST <= speed <= FASTEST or speed == math.inf):
             raise LupinError(f"a speed is {SLOWEST:g} to {FASTEST:g}, or max, got {speed:g}")
@@ -41,7 +41,7 @@ class Pace:
         self._anchor = (now, virtual)
 
     def target(self, now: float, virtual: float) -> float:
-        """Return what the virtual clock may show now; `virtual` is what it shows."""
+        """Return the time that the virtual clock may reach now; `virtual` is its present time."""
         if self.speed == math.inf:
             return math.inf
         began, at = self._anchor
@@ -52,7 +52,7 @@ class Pace:
         return target
 
     def wait(self, now: float, due: float) -> float:
-        """Return in how many real seconds the virtual clock shows `due`."""
+        """Return in how many real seconds the virtual clock reaches `due`."""
         if self.speed == math.inf:
             return 0.0
         began, at = self._anchor

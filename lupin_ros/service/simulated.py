@@ -1,7 +1,8 @@
-"""A simulation for pages: the topics and services of an orchestrator, in virtual time.
+"""A simulation for pages: an orchestrator's topics and services, in virtual time.
 
-Beside them it has a topic with all that can be done to it, and a service that does it: pause, go on, step,
-speed, run until a state, begin anew, and every fault that the catalogs declare.
+A further topic publishes the simulation's own state, and a service controls it: pause, run, step, speed, run
+until a state, restart, and every fault that the catalogs declare. Only the last `KEPT` messages are kept as
+history. A standstill pauses it, with its reason as a note.
 """
 
 from __future__ import annotations
@@ -34,13 +35,13 @@ from lupin_ros.service.chart_record import chart_picture, chart_record
 from lupin_ros.service.orchestrated import VirtualOrchestrator
 from lupin_ros.service.pace import Pace
 
-#: The topic that tells how the simulation stands, as JSON, and the service that does something to it.
+#: The topic with the simulation's state, as JSON, and the service that controls it.
 SIMULATION_TOPIC, SIMULATION_SERVICE = "/simulation/state", "/simulation/do"
 TEXT_TYPE = "std_msgs/msg/String"
 #: The longest that one turn of work may take, and the time between two states that say nothing new, in
 #: real seconds.
 TURN_S, REPEAT_S = 0.01, 0.2
-#: Happenings in which nothing is told are one step, up to so many.
+#: Events that publish nothing are skipped by a step, up to so many.
 SILENT = 100
 #: Messages that are kept for pages that come later.
 KEPT = 200_000
@@ -111,11 +112,11 @@ class SimulatedPages:
 
     Args:
         loaded: the missions, with the chart that is simulated.
-        script: what happens by itself.
+        script: the scripted servers and events.
         world: of the chart and its parameters.
-        read: reads values as people write them.
+        read: parses values as people write them.
         steady: the steady clock, in seconds, by which a turn of work is measured.
-        speed: runs from the beginning, so many times as fast as real time; None: it stands until told.
+        speed: the factor from the beginning on; None: it is paused until a page lets it run.
     """
 
     def __init__(
@@ -177,12 +178,12 @@ class SimulatedPages:
         """See `PageSource`."""
         return {"mode": "simulation", "title": self._script.mission}
 
-    def begin(self, tell: Callable[[PageMessage], None], forget: Callable[[], None]) -> None:
+    def begin(self, publish: Callable[[PageMessage], None], forget: Callable[[], None]) -> None:
         """See `PageSource`."""
-        self._page, self._forget = tell, forget
+        self._page, self._forget = publish, forget
         for message in {message.topic: message for message in self._kept}.values():
-            tell(message)
-        self._tell_news(in_any_case=True)
+            publish(message)
+        self._publish_news(in_any_case=True)
 
     def clock(self, now: float) -> float:
         """See `PageSource`."""
@@ -194,7 +195,7 @@ class SimulatedPages:
         spec = self._chart.inputs.get(self._chart.profile.stop)
         if spec is not None:
             self._simulation.do(Tell(spec.value, stopped))
-            self._tell_news()
+            self._publish_news()
 
     def history(self, since: float, topics: Collection[str]) -> Iterator[PageMessage]:
         """See `PageSource`."""
@@ -208,7 +209,7 @@ class SimulatedPages:
             return self._do(arguments, now)
         if service == names.COMMAND_SERVICE:
             answer = self._orchestrator.command(arguments, now)
-            self._tell_news()
+            self._publish_news()
             return answer
         if service == names.DRAW_SERVICE:
             return self._orchestrator.draw(arguments)
@@ -219,19 +220,19 @@ class SimulatedPages:
     def work(self, now: float) -> float | None:
         """See `PageSource`."""
         end = self._steady() + TURN_S
-        while self._pace.is_running and self._goes_on(now) and self._steady() < end:
+        while self._pace.is_running and self._advance(now) and self._steady() < end:
             pass
-        self._tell_news()
+        self._publish_news()
         if not self._pace.is_running:
             return None
         due = self._simulation.next_due
         return REPEAT_S if due is None else min(REPEAT_S, self._pace.wait(now, due))
 
-    def _goes_on(self, now: float) -> bool:
-        """Let the next thing happen, if its time has come; else time passes."""
+    def _advance(self, now: float) -> bool:
+        """Process the next event if it is due; else let time pass."""
         due, target = self._simulation.next_due, self._pace.target(now, self._simulation.now)
         if due is not None and due <= target:
-            self._go_on(due)
+            self._advance_to(due)
             return True
         if target == math.inf:
             self._stand(_NOTHING_MORE)
@@ -242,7 +243,7 @@ class SimulatedPages:
     # -- what pages do to it --------------------------------------------------------------------------------
 
     def _do(self, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
-        """Do what a page wants; a wrong word is told, and nothing happens."""
+        """Carry out a page's request; a wrong one is answered with a message and changes nothing."""
         word, words = arguments.get("command"), arguments.get("words", [])
         if not isinstance(word, str) or not _are_texts(words):
             raise LupinError(f"{SIMULATION_SERVICE}: it takes a command, and words, which are texts")
@@ -252,7 +253,7 @@ class SimulatedPages:
         except LupinError as wrong:
             return {"success": False, "message": str(wrong)}
         finally:
-            self._tell_news()
+            self._publish_news()
         return {"success": True, "message": self._note}
 
     def _act(self, word: str, words: list[str], now: float) -> None:
@@ -271,7 +272,7 @@ class SimulatedPages:
             "step": self._step,
             "speed": lambda: self._pace.set_speed(_speed(words), now, self._simulation.now),
             "until": lambda: self._run_until(words, now),
-            "again": self._begin_anew,
+            "again": self._restart,
         }
 
     def _effects(self, words: list[str]) -> Mapping[str, Callable[[], Effect]]:
@@ -305,26 +306,26 @@ class SimulatedPages:
         self._until = wanted
 
     def _step(self) -> None:
-        """Let the next thing happen that is told."""
+        """Advance to the next event that publishes something."""
         self._stand("")
-        before = self._orchestrator.told
+        before = self._orchestrator.published
         for _ in range(SILENT):
             due = self._simulation.next_due
             if due is None:
                 self._note = _NOTHING_MORE
                 return
-            self._go_on(due)
-            if self._orchestrator.told > before:
+            self._advance_to(due)
+            if self._orchestrator.published > before:
                 return
 
-    def _go_on(self, due: float) -> None:
+    def _advance_to(self, due: float) -> None:
         try:
             self._simulation.go_on()
         except Standstill as problem:
             self._stand(str(problem))
 
-    def _begin_anew(self) -> None:
-        """Begin from the beginning; what was told is forgotten."""
+    def _restart(self) -> None:
+        """Restart the simulation; the history is cleared."""
         self._stand("")
         self._kept.clear()
         self._forget()
@@ -341,21 +342,21 @@ class SimulatedPages:
             self._simulation.go_on()
         if self._stopped:
             self.stop(True)
-        self._tell_news(in_any_case=True)
+        self._publish_news(in_any_case=True)
 
     def _stepped(self, step: Step) -> None:
         if self._until and any(is_named(name, self._until) for name in step.entered):
             self._stand(f"{self._until} was entered")
 
-    # -- what is told ---------------------------------------------------------------------------------------
+    # -- published messages ---------------------------------------------------------------------------------
 
     def _keep(self, message: PageMessage) -> None:
         self._kept.append(message)
         self._page(message)
 
-    def _tell_news(self, in_any_case: bool = False) -> None:
-        """Tell what is new, how the simulation stands, and now and then the state."""
-        self._orchestrator.tell_news()
+    def _publish_news(self, in_any_case: bool = False) -> None:
+        """Publish changes, the simulation's state, and periodically the mission's state."""
+        self._orchestrator.publish_news()
         real = self._steady()
         is_time = in_any_case or real - self._repeated_at >= REPEAT_S
         if is_time:
@@ -364,17 +365,17 @@ class SimulatedPages:
         shown = self._standing()
         if shown != self._shown or is_time:
             self._shown = shown
-            told: SimulationRecord = {
+            state: SimulationRecord = {
                 **shown,
                 "at": self._orchestrator.at,
                 "time": self._simulation.now,
                 "clock": self._simulation.clock,
             }
-            text = json.dumps(told, default=str)
+            text = json.dumps(state, default=str)
             self._page(PageMessage(SIMULATION_TOPIC, self._orchestrator.at, {"data": text}))
 
     def _standing(self) -> _Standing:
-        """Return how the simulation stands, and what can be done to it; the time aside."""
+        """Return the simulation's state and the available controls, without the time."""
         catalog, used = self._chart.catalog, self._chart.plugins
         events = {name: event for name, event in catalog.events.items() if name.partition(".")[0] in used}
         return {

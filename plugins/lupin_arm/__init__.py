@@ -1,1 +1,1 @@
-"""The arm while on patrol: named presets, sent and not waited for."""
+"""The arm: presets for missions (fire and forget), and sliders, library and calibration for operators."""

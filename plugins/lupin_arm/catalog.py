@@ -1,4 +1,4 @@
-"""What the arm offers a mission, as data: loads without ROS."""
+"""The catalog of the arm: one action for missions, and its nodes. Loads without ROS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arm presets over ROS: sent and forgotten, because no mission should fail for a picture."""
+"""The driver of plugin `arm`: sends presets without waiting for an answer; a failure is logged only."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WARNING_PERIOD_S = 10.0
 
 
 class ArmClient:
-    """The driver of plugin `arm`: see `Driver` for what every call promises."""
+    """See `Driver` for the contract of each call."""
 
     def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
         self._ros = ros
@@ -27,15 +27,15 @@ class ArmClient:
         self._warned_at: float | None = None
 
     def missing(self) -> list[str]:
-        """Nothing: a mission runs without an arm."""
+        """Return nothing: a mission runs without an arm."""
         return []
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        """Nothing: this plugin has no operations."""
+        """Raise ValueError: this plugin has no operations."""
         raise ValueError(f"arm has no operation {operation!r}")
 
     def cancel(self, attempt: str) -> None:
-        """Nothing: there are no attempts."""
+        """Do nothing: there are no attempts."""
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
         """Send the arm to a preset, if missions may move it and the server is available."""
@@ -51,7 +51,7 @@ class ArmClient:
         self._service.call(request, CALL_DEADLINE_S, partial(self._on_answer, name))
 
     def close(self) -> None:
-        """Nothing: answers are only logged."""
+        """Do nothing: answers are only logged."""
 
     def _on_answer(self, name: str, answer: SetArmPreset.Response | CallFailure) -> None:
         if isinstance(answer, CallFailure):
@@ -61,7 +61,7 @@ class ArmClient:
             self._ros.log.warning("arm preset refused", preset=name, reason=answer.message)
 
     def _warn_unreachable(self, name: str) -> None:
-        """Warn, but not at every target of a patrol."""
+        """Warn, at most once in `WARNING_PERIOD_S`."""
         now = self._ros.now()
         # A clock that was set back must not silence the warning.
         if self._warned_at is None or not 0.0 <= now - self._warned_at < WARNING_PERIOD_S:

@@ -1,8 +1,7 @@
-"""The joints of the arm and its jaw: names, limits, units. The one place that has them; loads without ROS.
+"""The joints of the arm and its jaw: names, limits, units, clamping. Loads without ROS.
 
-Angles are radians. The servos ignore an angle beyond their limits without a word, so nothing may ever be
-sent that is not inside the command window: the part of the servo's range within a quarter turn, in whole
-degrees.
+Angles are radians. A servo silently ignores an angle beyond its limits, so only angles in the command window
+are sent: the part of the servo's range within a quarter turn, in whole degrees.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ DEFAULT_RATE = math.radians(60.0)
 
 
 class OutsideLimits(ValueError):
-    """An angle that must not be sent; the text names joint, angle and what is allowed."""
+    """An angle that must not be sent; the text names joint, angle and limits."""
 
 
 @dataclass(frozen=True)
@@ -36,37 +35,37 @@ class Joint:
 
     @property
     def state_name(self) -> str:
-        """What the joint is called in `/joint_states` and trajectories."""
+        """The joint's name in `/joint_states` and trajectories."""
         return f"{self.name}_joint"
 
     @property
     def low(self) -> float:
-        """Smallest angle that may be commanded."""
+        """The smallest angle of the command window."""
         return math.radians(self.window_deg[0])
 
     @property
     def high(self) -> float:
-        """Largest angle that may be commanded."""
+        """The largest angle of the command window."""
         return math.radians(self.window_deg[1])
 
     def reach(self, angle: float) -> float:
-        """Return the nearest angle within the range of the servo."""
+        """Clamp an angle to the servo's range."""
         low, high = self.servo_deg
         return min(max(angle, math.radians(low)), math.radians(high))
 
     def clamp(self, angle: float) -> float:
-        """Return the nearest angle that may be commanded.
+        """Clamp an angle to the command window.
 
         Raises:
-            OutsideLimits: it is not finite, which nobody means.
+            OutsideLimits: it is not finite.
         """
         return min(max(_finite(self.name, angle), self.low), self.high)
 
     def check(self, angle: float) -> None:
-        """Refuse an angle that may not be commanded.
+        """Check that an angle is in the command window.
 
         Raises:
-            OutsideLimits: it is outside the command window, or not a number.
+            OutsideLimits: it is not, or is no number.
         """
         if not self.low <= angle <= self.high:
             low, high = self.window_deg
@@ -93,7 +92,7 @@ JAW_EFFORT = 2.0
 
 
 def clamp_pose(angles: Iterable[float]) -> Pose:
-    """Return four angles, each the nearest that may be commanded.
+    """Return four angles, each clamped to its command window.
 
     Raises:
         OutsideLimits: there are not four, or one is not finite.
@@ -102,10 +101,10 @@ def clamp_pose(angles: Iterable[float]) -> Pose:
 
 
 def check_pose(angles: Iterable[float]) -> Pose:
-    """Return four angles as they are, all of which may be commanded.
+    """Return four angles unchanged, after checking each against its command window.
 
     Raises:
-        OutsideLimits: there are not four, or one may not.
+        OutsideLimits: there are not four, or one is outside.
     """
     given = _four(angles)
     for joint, angle in zip(ARM, given, strict=True):
@@ -114,7 +113,7 @@ def check_pose(angles: Iterable[float]) -> Pose:
 
 
 def reach_pose(pose: Pose) -> Pose:
-    """Return a pose that the servos can keep, where a joint is told to be a little beyond its range."""
+    """Return a measured pose clamped to the servos' ranges: a reading may be slightly outside."""
     return _pose(joint.reach(angle) for joint, angle in zip(ARM, pose, strict=True))
 
 
@@ -125,7 +124,7 @@ def read_pose(positions: Mapping[str, float]) -> Pose | None:
 
 
 def clamp_jaw(angle: float) -> float:
-    """Return the nearest angle of the jaw's joint that may be commanded.
+    """Clamp an angle of the jaw's joint.
 
     Raises:
         OutsideLimits: it is not finite.
@@ -134,7 +133,7 @@ def clamp_jaw(angle: float) -> float:
 
 
 def jaw_from_degrees(degrees: float) -> float:
-    """Return the angle of the jaw's joint for what an operator says: -30 is open, +30 is closed.
+    """Convert an operator's degrees (-30 open, +30 closed) to the jaw's joint angle, clamped.
 
     Raises:
         OutsideLimits: it is not finite.
@@ -144,7 +143,7 @@ def jaw_from_degrees(degrees: float) -> float:
 
 
 def jaw_to_degrees(angle: float) -> float:
-    """Return what an operator says for an angle of the jaw's joint.
+    """Convert the jaw's joint angle to an operator's degrees.
 
     Raises:
         OutsideLimits: it is not finite.

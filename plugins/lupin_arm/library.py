@@ -1,8 +1,8 @@
-"""The operator's own poses and sequences: what may be in the library, and the file that keeps it.
+"""The operator's library of poses and sequences: its rules, and its JSON file with three backups.
 
-The file is JSON, written as a whole with every change. There is always a main file: the new one is complete
-on the disk before it takes the old one's place, and the old ones are kept as backups. What cannot be read is
-put aside under another name and told in `notices`; nothing that a person has made is ever thrown away.
+Every change rewrites the file atomically, and the previous ones become backups. An unreadable file is
+quarantined under another name and reported in `notices`, and the newest readable backup is used. Nothing
+that a person has made is deleted. A file of a later version, or one too large, is refused and left alone.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _MODEL = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, strict=True
 
 
 class NotInLibrary(LupinError):
-    """A request to the library cannot be carried out; the text says why, and what can be."""
+    """A request to the library is refused; the text says why, and what is possible."""
 
 
 class StoreFailed(LupinError):
@@ -62,7 +62,7 @@ class StoreFailed(LupinError):
 
 
 class StoredPose(BaseModel):
-    """A pose of the arm in radians, and of the jaw where it has one."""
+    """A pose of the arm in radians, and of the jaw if given."""
 
     model_config = _MODEL
     arm: list[float] = Field(min_length=len(ARM), max_length=len(ARM))
@@ -72,7 +72,7 @@ class StoredPose(BaseModel):
 
 
 class Waypoint(BaseModel):
-    """Where the arm is `t` seconds after the beginning of its sequence."""
+    """The pose at `t` seconds after the beginning of its sequence."""
 
     model_config = _MODEL
     t: float = Field(ge=0.0)
@@ -81,7 +81,7 @@ class Waypoint(BaseModel):
 
 
 class Sequence(BaseModel):
-    """A movement that was recorded, as waypoints in the order of time."""
+    """A recorded movement, as waypoints in the order of time."""
 
     model_config = _MODEL
     mode: Literal["teleop", "kinesthetic"] = "teleop"
@@ -106,7 +106,7 @@ def valid_name(text: str) -> str:
     """Return the normalized name: without surrounding blanks, in lower case.
 
     Raises:
-        NotInLibrary: no entry can be called so.
+        NotInLibrary: it is no valid name.
     """
     name = text.strip().lower()
     if not _NAME.fullmatch(name):
@@ -116,7 +116,7 @@ def valid_name(text: str) -> str:
 
 
 def checked_pose(arm: Iterable[float], gripper: float | None, created: str) -> tuple[StoredPose, list[str]]:
-    """Return a pose within the limits, and what had to be changed for that.
+    """Return a pose clamped to the limits, and the changes in words.
 
     Raises:
         NotInLibrary: not one finite number for each joint.
@@ -130,20 +130,20 @@ def checked_pose(arm: Iterable[float], gripper: float | None, created: str) -> t
         raise NotInLibrary(str(reason)) from None
     jaw = None if gripper is None else clamp_jaw(gripper)
     moves = zip((joint.name for joint in ARM), given, inside, strict=True)
-    told = [
+    changes = [
         f"{name} {math.degrees(before):.1f} deg is beyond its limit, kept as {math.degrees(after):g} deg"
         for name, before, after in moves
         if abs(before - after) > ROUNDING
     ]
     if gripper is not None and jaw is not None and abs(gripper - jaw) > ROUNDING:
-        told.append(f"the gripper is beyond its limit, kept as {jaw_to_degrees(jaw):g} deg")
-    return StoredPose(arm=list(inside), gripper=jaw, created=created), told
+        changes.append(f"the gripper is beyond its limit, kept as {jaw_to_degrees(jaw):g} deg")
+    return StoredPose(arm=list(inside), gripper=jaw, created=created), changes
 
 
 def beyond_limits(entry: StoredPose | Sequence) -> str:
-    """Return what of an entry is beyond the limits of the arm, '' when nothing is.
+    """Return why an entry is beyond the limits of the arm; '' where it is not.
 
-    Nothing that was saved here is; but the file can be written by hand.
+    Entries saved here never are, but the file can be edited by hand.
     """
     moments: Iterable[StoredPose | Waypoint] = entry.waypoints if isinstance(entry, Sequence) else [entry]
     for number, moment in enumerate(moments, start=1):
@@ -166,13 +166,12 @@ def _beyond_limits(arm: list[float], gripper: float | None) -> str:
 class Library:
     """The library in the file at `path`, which need not exist yet.
 
-    `notices` tells people what was found instead of a sound file. A file that another process changes is
-    read again before it is used; one of a later version is never touched.
+    `notices` are its problems for people. A file that another process has changed is read again before use.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._told: list[str] = []
+        self._notices: list[str] = []
         self._poses: dict[str, StoredPose] = {}
         self._sequences: dict[str, Sequence] = {}
         self._others: dict[str, Any] = {}  # fields of a later version, kept as they are
@@ -182,16 +181,16 @@ class Library:
 
     @property
     def notices(self) -> list[str]:
-        """What people should know: what was put aside, and why nothing can be read now."""
-        return [*self._told, *filter(None, [self._unusable])]
+        """Problems for people: quarantined data, and why nothing can be read now."""
+        return [*self._notices, *filter(None, [self._unusable])]
 
     # --- what is asked for --------------------------------------------------------------------------------
 
     def listing(self) -> dict[str, list[dict[str, Any]]]:
-        """Return names and what is to be known of the entries, by name; never the waypoints.
+        """Return the entries by name with their metadata, without waypoints.
 
         Raises:
-            NotInLibrary: the file was written by a later version.
+            NotInLibrary: the file cannot be used.
         """
         self._refresh()
         poses = [
@@ -211,28 +210,28 @@ class Library:
         return {"poses": poses, "sequences": sequences}
 
     def pose(self, name: str) -> StoredPose:
-        """Return a pose that can be moved to.
+        """Return a pose, checked against the limits.
 
         Raises:
-            NotInLibrary: there is none of that name, or it is beyond the limits.
+            NotInLibrary: it is unknown, or beyond the limits.
         """
         self._refresh()
         return self._found("pose", name, self._poses)
 
     def sequence(self, name: str) -> Sequence:
-        """Return a sequence that can be replayed.
+        """Return a sequence, checked against the limits.
 
         Raises:
-            NotInLibrary: there is none of that name, or it is beyond the limits.
+            NotInLibrary: it is unknown, or beyond the limits.
         """
         self._refresh()
         return self._found("sequence", name, self._sequences)
 
     def check_free(self, kind: str, name: str, overwrite: bool) -> str:
-        """Return the name that an entry can be saved under.
+        """Return the normalized name under which an entry can be saved.
 
         Raises:
-            NotInLibrary: the name is none, or it is taken and may not be overwritten, or the library is full.
+            NotInLibrary: the name is invalid or taken, or the library is full.
         """
         self._refresh()
         name = valid_name(name)
@@ -245,20 +244,20 @@ class Library:
         return name
 
     def save_pose(self, name: str, pose: StoredPose, overwrite: bool) -> str:
-        """Keep a pose; what is overwritten leaves its note. Return the name.
+        """Save a pose; an overwritten one passes on its note. Return the name.
 
         Raises:
             NotInLibrary: as for `check_free`.
-            StoreFailed: it could not be written; the library is as it was.
+            StoreFailed: writing failed; the library is unchanged.
         """
         return self._save("pose", name, pose, overwrite)
 
     def save_sequence(self, name: str, sequence: Sequence, overwrite: bool) -> str:
-        """Keep a sequence; what is overwritten leaves its note. Return the name.
+        """Save a sequence; an overwritten one passes on its note. Return the name.
 
         Raises:
             NotInLibrary: as for `check_free`, or all sequences together would have too many waypoints.
-            StoreFailed: it could not be written; the library is as it was.
+            StoreFailed: writing failed; the library is unchanged.
         """
         self._refresh()
         others = (found for other, found in self._sequences.items() if other != valid_name(name))
@@ -270,11 +269,11 @@ class Library:
         return self._save("sequence", name, sequence, overwrite)
 
     def edit(self, kind: str, name: str, new_name: str) -> str:
-        """Rename an entry, or delete it when the new name is empty; return what was done.
+        """Rename an entry, or delete it when the new name is empty; return a sentence about it.
 
         Raises:
-            NotInLibrary: unknown kind or entry, a new name that is none or that is taken.
-            StoreFailed: it could not be written; the library is as it was.
+            NotInLibrary: unknown kind or entry, or the new name is invalid or taken.
+            StoreFailed: writing failed; the library is unchanged.
         """
         self._refresh()
         if kind not in KINDS:
@@ -322,23 +321,23 @@ class Library:
             raise NotInLibrary(self._unusable)
 
     def _load(self) -> None:
-        """Take in what the file says; see the class for what is done where it cannot be read."""
+        """Read the file; recover from a backup where it is missing or corrupt."""
         self._poses, self._sequences, self._others, self._unusable = {}, {}, {}, ""
         try:
             if not self._take_in(self.path):
                 self._recover("is missing")
         except _CorruptLibrary as problem:
-            self._recover(f"cannot be read ({problem}), {self._put_aside()}")
+            self._recover(f"cannot be read ({problem}), {self._quarantine()}")
         except OSError as error:
             # An unreadable file is not taken for an empty library: the next save would overwrite it.
             self._unusable = f"{self.path} cannot be read: {error.strerror}"
         self._seen = _identity(self.path)
 
     def _take_in(self, file: Path) -> bool:
-        """Read a file; False when there is none. What is wrong of its entries is put aside with a copy of it.
+        """Read a file; return False when there is none. Invalid entries are dropped, and the file is copied.
 
         Raises:
-            _Corrupt: it is no library.
+            _CorruptLibrary: it is no library.
         """
         try:
             size = file.stat().st_size
@@ -378,22 +377,22 @@ class Library:
                 f"{file.name}: {shown}; and the file cannot be kept as {kept.name}: {error.strerror}"
             )
             return
-        self._told.append(f"{file.name}: {shown}; left out, the file is kept as {kept.name}")
+        self._notices.append(f"{file.name}: {shown}; left out, the file is kept as {kept.name}")
         with contextlib.suppress(StoreFailed):  # told with the next save
             self._persist(self._poses, self._sequences)
 
     def _recover(self, what: str) -> None:
-        """Take the newest backup that can be read; without one the library is empty, and says so if told."""
+        """Read the newest usable backup; without one the library is empty, noted unless missing."""
         for backup in self._backups():
             with contextlib.suppress(_CorruptLibrary, OSError):
                 if self._take_in(backup):
-                    self._told.append(f"{self.path.name} {what}; taken from {backup.name}")
+                    self._notices.append(f"{self.path.name} {what}; taken from {backup.name}")
                     return
         if what != "is missing":
-            self._told.append(f"{self.path.name} {what}; the library is empty")
+            self._notices.append(f"{self.path.name} {what}; the library is empty")
 
-    def _put_aside(self) -> str:
-        """Rename the file, and report that."""
+    def _quarantine(self) -> str:
+        """Rename the file; return a phrase about that."""
         kept = self._free_name()
         try:
             os.rename(self.path, kept)
@@ -410,7 +409,7 @@ class Library:
         return [self.path.with_suffix(f".bak{number}") for number in numbers]
 
     def _write(self, kind: str, entries: Mapping[str, Any]) -> None:
-        """Write the library with other entries of a kind, and only then have them."""
+        """Write the library with other entries of a kind; memory changes only if that works."""
         poses = dict(entries) if kind == "pose" else self._poses
         sequences = dict(entries) if kind == "sequence" else self._sequences
         self._persist(poses, sequences)
@@ -429,7 +428,7 @@ class Library:
         self._seen = _identity(self.path)
 
     def _text(self, poses: Mapping[str, StoredPose], sequences: Mapping[str, Sequence]) -> str:
-        """Return the content of the file, one line an entry: that is fast for hours of movements."""
+        """Return the file's content, one line per entry: that is fast for hours of movements."""
         others = [(key, json.dumps(value)) for key, value in self._others.items()]
         own = [("version", str(VERSION)), ("poses", _lines(poses)), ("sequences", _lines(sequences))]
         return "{" + ",".join(f"\n {json.dumps(key)}: {value}" for key, value in [*others, *own]) + "\n}\n"
@@ -448,7 +447,7 @@ def _unknown(kind: str, name: str, entries: Iterable[str]) -> str:
 
 
 def _identity(path: Path) -> tuple[int, ...] | None:
-    """Return what is different after somebody else has written the file; None when there is none."""
+    """Return inode, size and mtime, to notice another process's writes; None without a file."""
     try:
         found = path.stat()
     except OSError:
@@ -457,7 +456,7 @@ def _identity(path: Path) -> tuple[int, ...] | None:
 
 
 def _object(raw: bytes, wrong: list[str]) -> dict[str, Any]:
-    """Return what a file says; `wrong` is told of names that are there twice, of which the first counts."""
+    """Return the JSON object of a file; duplicate names go to `wrong`, and the first of them counts."""
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found = dict(pairs)
@@ -482,7 +481,7 @@ def _lines(entries: Mapping[str, StoredPose | Sequence]) -> str:
 
 
 def _entries(data: Mapping[str, Any], key: str, model: type[Entry], wrong: list[str]) -> dict[str, Entry]:
-    """Return the sound entries under a key; `wrong` is told of the others."""
+    """Return the valid entries under a key; the errors of the others go to `wrong`."""
     found = data.get(key, {})
     if not isinstance(found, dict):
         wrong.append(f"{key}: a {type(found).__name__} instead of an object")
@@ -504,9 +503,9 @@ def _entries(data: Mapping[str, Any], key: str, model: type[Entry], wrong: list[
 
 
 def keep_backups(path: Path, write: Callable[[], None], backups: list[Path]) -> None:
-    """Write a file anew, and keep what it was under the first of `backups`.
+    """Rewrite a file, and keep its old content as the first of `backups`.
 
-    Older backups move on by one name, the oldest is given up; where writing fails all stay as they were.
+    Older backups move on by one, the last is deleted; where writing fails all stay as they were.
     """
     old = path.with_name(f"{path.name}.old")
     old.unlink(missing_ok=True)

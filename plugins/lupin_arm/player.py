@@ -1,4 +1,4 @@
-"""A replay, planned before anything is sent: the motion of the arm, and when the jaw moves. Pure."""
+"""Plans a replay of a sequence: the arm's trajectory, and the events of the jaw. Pure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ JAW_MOVED = 0.05
 
 @dataclass(frozen=True)
 class JawEvent:
-    """The jaw goes to an angle, so many seconds after the beginning of the replay."""
+    """An angle of the jaw, so many seconds after the replay begins."""
 
     time: float
     angle: float
@@ -22,22 +22,22 @@ class JawEvent:
 
 @dataclass(frozen=True)
 class Replay:
-    """What is sent for a sequence."""
+    """The commands of a replay."""
 
     trajectory: Trajectory
     jaw: tuple[JawEvent, ...]
 
     @property
     def duration(self) -> float:
-        """How long it takes, the way to the first pose included."""
+        """Its duration in seconds, the move to the first pose included."""
         return self.trajectory.duration
 
 
 def plan(sequence: Sequence, speed: float, start: Pose) -> Replay:
     """Return the replay of a sequence for an arm that is at `start`.
 
-    It begins with a move to the first pose at an ordinary pace: the arm may have been left anywhere. Jaw and
-    arm keep together where a stretch takes longer than it was recorded.
+    It begins with a move to the first pose at the default rate: the arm may be anywhere. Where a stretch
+    takes longer than recorded, because a joint would be too fast, the jaw's events are shifted too.
 
     Raises:
         NotInLibrary: the speed is no number.

@@ -1,6 +1,6 @@
-"""The presets that are built in: named poses of the arm. Loads without ROS.
+"""The built-in presets: named poses of the arm, never of the jaw. Loads without ROS.
 
-They move the arm and never the jaw. `travel` is the name that missions use for driving; it is the rest pose.
+Missions use `travel` for driving; it is the rest pose.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def _degrees(pan: float, lift: float, elbow: float, wrist: float) -> Pose:
 
 #: The least load on the servo of the shoulder: where the arm rests, and how it drives.
 _REST = (0.04, -0.01, 0.01, -1.57)
-#: Over a plant in front of the robot; the jaw is what tells picking from having picked.
+#: Over a plant in front of the robot; only the jaw differs before and after picking.
 _PICK = _degrees(1.0, -58.0, -38.0, -2.0)
 
 PRESETS: Mapping[str, Pose] = MappingProxyType(
@@ -39,11 +39,11 @@ PRESETS: Mapping[str, Pose] = MappingProxyType(
 
 
 class UnknownPreset(ValueError):
-    """There is no preset of that name; the text lists those that there are."""
+    """The preset is unknown; the text lists the known ones."""
 
 
 def find_preset(name: str) -> tuple[str, Pose]:
-    """Return a preset's own name and pose; blanks around the name and capitals do not matter.
+    """Return a preset's own name and pose; surrounding blanks and case are ignored.
 
     Raises:
         UnknownPreset: there is none.

@@ -1,4 +1,4 @@
-"""A recording that is being made: which poses are taken, and what they become. Pure; its times are given."""
+"""Samples a recording: decides which poses become waypoints, and their times. Pure; times are arguments."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _MOMENT_S = 0.001
 
 
 class PoseRecording:
-    """The poses of one recording; times begin with the first of them.
+    """The waypoints of one recording; times begin with the first one. It is cut at `MAX_WAYPOINTS` or
+    `MAX_SECONDS`.
 
-    A pose comes with its stamp, which is what the arm's own computer says, and with the time of its arrival
-    on a clock of ours, which goes on where the other one is set. What lies beyond the limits, where a hand
-    can push the arm, is taken at the limit.
+    Each pose has its stamp, by the arm's clock, and its arrival by our steady clock; where both disagree by
+    more than `CLOCK_SET_S`, the arm's clock was set. Angles beyond the limits are clamped.
     """
 
     def __init__(self, mode: str, include_gripper: bool) -> None:
@@ -41,7 +41,7 @@ class PoseRecording:
         self._last: Waypoint | None = None  # the last that was seen, taken or not
 
     def sample(self, stamp: float, arrival: float, pose: Pose, jaw: float | None) -> None:
-        """Look at a pose."""
+        """Take a pose: a waypoint where `PERIOD_S` has passed and a joint has moved."""
         if self.full:
             return
         if self._last is None:
@@ -76,13 +76,13 @@ class PoseRecording:
         return max(farthest(_pose(before), _pose(now)), jaw) >= MOVED
 
     def elapsed(self, now: float) -> float:
-        """Return how long the recording is, `now` being on the clock of arrivals."""
+        """Return the length of the recording, `now` being on the clock of arrivals."""
         if self._last is None:
             return 0.0
         return self._last.t if self.full else min(max(now - self._arrived, self._last.t), MAX_SECONDS)
 
     def finish(self, now: float, created: str) -> Sequence:
-        """Return what was recorded until `now`; its last waypoint is at its end.
+        """Return the sequence recorded until `now`; its last waypoint is at its end.
 
         Raises:
             NotInLibrary: no pose was seen.

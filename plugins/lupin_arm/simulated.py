@@ -1,7 +1,7 @@
-"""A simulated arm: servos that turn at their own speed and within their own range. Loads without ROS.
+"""A simulated arm: servos with their own speed and range, and the faults of the real one. Loads without ROS.
 
-It has the vices of the real one. A servo ignores an angle that it cannot reach, without a word. The
-controller keeps its last target while the servos are off, and goes there when they are on again.
+A servo silently ignores an angle that it cannot reach. The controller keeps its last target while the servos
+are off, and moves there when they are on again.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NEAR = 1e-6
 
 
 class SimulatedArm:
-    """Four joints and a jaw; time is whatever the caller says, in seconds, and never runs backwards."""
+    """Four joints and a jaw; time is an argument, in seconds, and never runs backwards."""
 
     def __init__(self, pose: Pose, jaw: float, now: float) -> None:
         self.pose = pose
@@ -37,7 +37,7 @@ class SimulatedArm:
 
     @property
     def moving(self) -> bool:
-        """Whether anything is about to change."""
+        """Whether anything will change by itself."""
         if not self.powered:
             return self._hand is not None and not _near(self.pose, self._hand)
         under_way = self._now - self._began < self._trajectory.duration
@@ -45,21 +45,21 @@ class SimulatedArm:
 
     @property
     def jaw_there(self) -> bool:
-        """Whether the jaw is where it was sent."""
+        """Whether the jaw has reached its target."""
         return abs(self.jaw - self._jaw_target) <= NEAR
 
     @property
     def angles(self) -> Mapping[str, float]:
-        """Where everything is, by the names of `/joint_states`."""
+        """All angles, by the names of `/joint_states`."""
         return {**{j.state_name: a for j, a in zip(ARM, self.pose, strict=True)}, JAW: self.jaw}
 
     def follow(self, trajectory: Trajectory, now: float) -> None:
-        """Do a motion from here on, instead of the one before."""
+        """Start a trajectory; it replaces the present one."""
         self.advance(now)
         self._start, self._began, self._trajectory = self.pose, now, trajectory
 
     def send_jaw(self, angle: float, now: float) -> bool:
-        """Send the jaw somewhere; False where its servo cannot go, and nothing happens."""
+        """Set the jaw's target; return False where its servo cannot reach it, and nothing changes."""
         self.advance(now)
         if not JAW_SERVO[0] <= angle <= JAW_SERVO[1]:
             return False
@@ -67,7 +67,7 @@ class SimulatedArm:
         return True
 
     def stop_jaw(self, now: float) -> None:
-        """Let the jaw stay where it is."""
+        """Stop the jaw where it is."""
         self.advance(now)
         self._jaw_target = self.jaw
 
@@ -77,12 +77,12 @@ class SimulatedArm:
         self.powered = on
 
     def push(self, pose: Pose | None, now: float) -> None:
-        """Let a person move the arm to a pose by hand, which works only while it is limp."""
+        """Move the arm to a pose as by hand, which works only while it is limp."""
         self.advance(now)
         self._hand = pose
 
     def advance(self, now: float) -> None:
-        """Move everything to where it is at `now`."""
+        """Move everything to its state at `now`."""
         passed = max(0.0, now - self._now)
         self._now = max(now, self._now)
         if self.powered:
@@ -92,7 +92,7 @@ class SimulatedArm:
             self.pose = _toward(self.pose, self._hand, HAND_RATE * passed)
 
     def _wanted(self, now: float) -> Pose:
-        """Return what the controller asks of the servos; what one cannot reach it does not even try."""
+        """Return the controller's target; a joint that cannot reach its angle keeps its own."""
         asked = self._trajectory.at(now - self._began, self._start)
         pan, lift, elbow, wrist = (
             angle if joint.servo_deg[0] - NEAR <= math.degrees(angle) <= joint.servo_deg[1] + NEAR else at

@@ -1,7 +1,7 @@
-"""Motions of the arm as data: poses and when to be there. Loads without ROS.
+"""Trajectories of the arm as data, and functions that make them safe to send. Loads without ROS.
 
-Whatever goes in, what comes out may be sent: angles inside the command windows, times that strictly increase,
-and no joint faster than it may be.
+The results of `move` and `replay` have angles in the command windows, strictly increasing times, and no joint
+faster than `MAX_RATE`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _ROUNDING = 1.0 + 1e-6
 
 @dataclass(frozen=True)
 class Point:
-    """Where to be, and when: seconds after the motion begins."""
+    """A pose, and its time in seconds after the motion begins."""
 
     pose: Pose
     time: float
@@ -51,11 +51,11 @@ class Trajectory:
 
     @property
     def target(self) -> Pose:
-        """Where the motion ends."""
+        """The last pose."""
         return self.points[-1].pose
 
     def at(self, time: float, start: Pose) -> Pose:
-        """Return where the arm is at a time when it began at `start`: in a straight line between points."""
+        """Return the pose at a time for a motion that began at `start`: linear between points."""
         before = Point(start, 0.0)
         for point in self.points:
             if time < point.time:
@@ -64,7 +64,7 @@ class Trajectory:
         return self.target
 
     def problem(self, start: Pose | None = None) -> str | None:
-        """Say why this must not be sent, from where the arm is; None if it may."""
+        """Return why this must not be sent, to an arm at `start` if given; None if it may."""
         if not self.points:
             return "the motion has no points"
         try:
@@ -89,14 +89,14 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class TrajectorySample:
-    """A pose that was recorded, and when: seconds after the recording began."""
+    """A recorded pose, and its time in seconds after the recording began."""
 
     time: float
     pose: Sequence[float]
 
 
 def move(target: Sequence[float], seconds: float, start: Pose | None = None) -> Trajectory:
-    """Return the motion to one pose, its angles clamped, in `seconds` or as fast as may be.
+    """Return the motion to one pose, its angles clamped, in `seconds` or, if needed, longer.
 
     Raises:
         OutsideLimits: an angle is not a number, or there are not four of them.
@@ -108,7 +108,7 @@ def move(target: Sequence[float], seconds: float, start: Pose | None = None) -> 
 
 
 def time_for(way: float, rate: float) -> float:
-    """Return the seconds for a way at a rate: the default one for zero and less, never above the highest.
+    """Return the seconds for a distance at a rate: at most the highest; for zero and less the default.
 
     Raises:
         ValueError: the rate is not a number.
@@ -118,7 +118,7 @@ def time_for(way: float, rate: float) -> float:
 
 
 def clamp_speed(speed: float) -> float:
-    """Return the speed that a recording is played at: zero means as it was recorded.
+    """Clamp a playback speed; zero means as recorded.
 
     Raises:
         ValueError: it is not a number.
@@ -130,8 +130,8 @@ def clamp_speed(speed: float) -> float:
 def replay(samples: Sequence[TrajectorySample], speed: float, start: Pose) -> Trajectory:
     """Return the motion along recorded poses, after a move from `start` to the first of them.
 
-    The first point comes after that move at an ordinary pace, each later one as long after the one before it
-    as it was recorded, divided by the (clamped) speed; longer where a joint would be too fast.
+    That move is at the default rate. Later points keep their recorded distances in time, divided by the
+    clamped speed, and are stretched where a joint would be too fast.
 
     Raises:
         OutsideLimits: an angle is not a number, or there are not four of them.

@@ -1,4 +1,4 @@
-"""The interface of every source of readings, and its types. No ROS."""
+"""The port `Backend` for sources of readings, and its types. No ROS."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SECONDS_PER_DAY = 86400.0
 Sensors = Mapping[str, tuple[str, ...]]
 
 #: Callback for messages to people; safe from every thread.
-Tell = Callable[[Severity, str], None]
+Report = Callable[[Severity, str], None]
 
 
 class UnknownTag(LupinError):
@@ -39,7 +39,7 @@ REAL_CLOCKS = Clocks()
 
 @dataclass(frozen=True)
 class Measurement:
-    """What one sensor measured, in its `unit`; `stamp` is seconds since 1970, `age` is seconds until now."""
+    """The value of one sensor, in its `unit`; `stamp` is seconds since 1970, `age` is in seconds."""
 
     sensor: str
     value: float
@@ -50,7 +50,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class TagValues:
-    """What can be read at a tag now: time of day in [0, 86400) seconds, and at most one value a sensor."""
+    """The readings of a tag: time of day in [0, 86400) seconds, and at most one value a sensor."""
 
     time_of_day: float
     sensors: tuple[Measurement, ...]
@@ -61,10 +61,10 @@ class Backend(Protocol):
 
     @property
     def tags(self) -> tuple[str, ...]:
-        """The ids of all tags that are known now."""
+        """The ids of all known tags."""
 
     def read(self, tag_id: str) -> TagValues:
-        """Return what is measured at a tag now: values that are too old or absent are left out.
+        """Return the readings of a tag; values that are too old or missing are left out.
 
         Raises:
             UnknownTag: there is no such tag.
@@ -88,11 +88,10 @@ def no_sensors(tag_id: str) -> ReadingFailed:
 def fresh_only(
     tag_id: str, found: Iterable[Measurement], absent: Iterable[str], max_age: float
 ) -> tuple[Measurement, ...]:
-    """Return those of the values that are at most `max_age` seconds old.
+    """Return the values that are at most `max_age` seconds old.
 
     Raises:
-        ReadingFailed: all are older, and the text tells each, and the sensors that are `absent` altogether;
-            or there are none at all.
+        ReadingFailed: all are older, or there are none; the text lists their ages and the `absent` sensors.
     """
     values = tuple(found)
     fresh = tuple(value for value in values if value.age <= max_age)

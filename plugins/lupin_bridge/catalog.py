@@ -1,4 +1,4 @@
-"""What the greenhouse bridge offers to missions, as data."""
+"""The catalog of the greenhouse bridge: its operation, types and parameters."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ NOON_S = 12 * 3600.0
 
 
 def mock_reading(arguments: Mapping[str, Any], _: Parameters) -> Mapping[str, Any]:
-    """Return a plausible reading that differs from tag to tag and is the same every time."""
+    """Return a plausible reading, a fixed one for each tag."""
     tag_id = str(arguments["tag_id"])
     phase = sum(tag_id.encode()) % 16 / 16.0
     values = {

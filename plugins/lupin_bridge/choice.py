@@ -1,4 +1,4 @@
-"""The choice of the backend by the parameters of the node."""
+"""Makes the backend that the node's parameters select, and checks them without a connection."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from lupin_bridge import greenhouse, mqtt, recorded
-from lupin_bridge.backend import REAL_CLOCKS, Backend, Clocks, Sensors, Tell
+from lupin_bridge.backend import REAL_CLOCKS, Backend, Clocks, Report, Sensors
 from lupin_bridge.recording import load_recording
 from lupin_engine.errors import Problems, Severity
 from lupin_greenhouse import layout
@@ -14,26 +14,26 @@ from lupin_greenhouse import layout
 Parameters = Mapping[str, Any]
 
 
-def make_backend(parameters: Parameters, clocks: Clocks, tell: Tell) -> Backend:
-    """Return the backend that the node's parameters choose; `tell` gets what people should know of it.
+def make_backend(parameters: Parameters, clocks: Clocks, report: Report) -> Backend:
+    """Return the selected backend; `report` gets its messages for people.
 
     Raises:
         LupinError: a parameter cannot be used; the text names it.
     """
-    return _MAKERS[parameters["backend"]](parameters, clocks, tell)
+    return _MAKERS[parameters["backend"]](parameters, clocks, report)
 
 
 def check(parameters: Parameters) -> None:
-    """Check that the node's parameters make a backend, without a connection.
+    """Check that the parameters make a backend, without a connection.
 
     Raises:
-        LupinError: they do not; the text has everything that is wrong.
+        LupinError: all errors.
     """
     _CHECKS[parameters["backend"]](parameters)
 
 
 def _layout(parameters: Parameters) -> str:
-    """Return the layout file: every node must load the same, whatever it is called."""
+    """Return the layout file of the parameters."""
     return str(parameters["tag_file"] or parameters["tag_locations_file"])
 
 
@@ -46,10 +46,10 @@ def _sensors(parameters: Parameters) -> Sensors | None:
     return {tag_id: tag.sensors for tag_id, tag in known.tags.items()}
 
 
-def _simulator(parameters: Parameters, clocks: Clocks, tell: Tell) -> Backend:
+def _simulator(parameters: Parameters, clocks: Clocks, report: Report) -> Backend:
     backend = _greenhouse(parameters, clocks)
     for tag, sensors in backend.unmeasurable().items():
-        tell(Severity.WARN, f"tag {tag} cannot be read: no climate for its sensors {', '.join(sensors)}")
+        report(Severity.WARN, f"tag {tag} cannot be read: no climate for its sensors {', '.join(sensors)}")
     return backend
 
 
@@ -64,7 +64,7 @@ def _greenhouse(parameters: Parameters, clocks: Clocks = REAL_CLOCKS) -> greenho
     return greenhouse.Greenhouse(settings, clocks)
 
 
-def _recorded(parameters: Parameters, clocks: Clocks, _: Tell) -> Backend:
+def _recorded(parameters: Parameters, clocks: Clocks, _: Report) -> Backend:
     settings = recorded.ReplaySettings(
         file=parameters["recording_file"],
         clock=parameters["recording_clock"],
@@ -84,9 +84,9 @@ def _check_recorded(parameters: Parameters) -> None:
     problems.tell()
 
 
-def _mqtt(parameters: Parameters, _: Clocks, tell: Tell) -> Backend:
+def _mqtt(parameters: Parameters, _: Clocks, report: Report) -> Backend:
     # Real sensors know no simulated time.
-    return mqtt.Mqtt(_broker(parameters), _sensors(parameters), tell)
+    return mqtt.Mqtt(_broker(parameters), _sensors(parameters), report)
 
 
 def _check_mqtt(parameters: Parameters) -> None:
@@ -113,7 +113,7 @@ def _broker(parameters: Parameters) -> mqtt.MqttSettings:
     )
 
 
-_MAKERS: Mapping[str, Callable[[Parameters, Clocks, Tell], Backend]] = {
+_MAKERS: Mapping[str, Callable[[Parameters, Clocks, Report], Backend]] = {
     "simulator": _simulator,
     "recorded": _recorded,
     "mqtt": _mqtt,

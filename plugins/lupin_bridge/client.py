@@ -1,4 +1,4 @@
-"""The engine's side of the bridge: one service call for each attempt to read a tag."""
+"""The driver of plugin `bridge`: one service call for each attempt to read a tag."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _outcome(arguments: Mapping[str, Any], answer: GetTagReading.Response | Call
 
 
 def plain_reading(message: TagReading) -> dict[str, Any]:
-    """Return a TagReading as plain data of type `reading`; a sensor that tells no number has read nothing."""
+    """Return a TagReading as plain data of type `reading`; sensors without a finite number are left out."""
     measured = [sensor for sensor in message.readings if math.isfinite(sensor.value)]
     return {
         "tag_id": message.tag_id,

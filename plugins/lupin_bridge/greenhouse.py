@@ -1,7 +1,7 @@
-"""Readings from the greenhouse simulator `mdp-greenhouse`. No ROS.
+"""The backend of the greenhouse simulator `mdp-greenhouse`. No ROS.
 
-The package requires path objects, answers unknown tags with nothing, and raises a dozen exception types;
-here a path is text, and there are two errors.
+An adapter: the package wants path objects, returns nothing for unknown tags, and raises a dozen exception
+types; here a path is text, and there are two errors.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ _TIME_KEY = "timestamp"
 
 @dataclass(frozen=True)
 class SimulatorSettings:
-    """Where the simulator's files are and how its clock runs; the defaults are the package's own.
+    """The simulator's files and clock; the defaults are the package's own.
 
-    `debug_time_of_day` (hours) from 0 on fixes the time; `debug_seed` from 0 on makes the noise repeatable
-    (with the time of day of the climate file, unless that is given too); `speedup_factor` above 0 replaces
-    the one of the climate file.
+    `debug_time_of_day` (hours) from 0 on fixes the time. `debug_seed` from 0 on makes the noise repeatable,
+    and fixes the time to the climate file's unless it is given. `speedup_factor` above 0 replaces that
+    file's.
     """
 
     tag_file: str = ""
@@ -51,7 +51,7 @@ class SimulatorSettings:
 
 
 class Greenhouse:
-    """The simulated greenhouse: which tags it has, and what is measured at them.
+    """The simulated greenhouse: its tags and their readings.
 
     Raises:
         LupinError: a file cannot be used; the text names it.
@@ -71,13 +71,13 @@ class Greenhouse:
         return self._tags
 
     def unmeasurable(self) -> dict[str, list[str]]:
-        """Return the tags that list sensors which the climate file does not describe, with these sensors."""
+        """Return the tags with sensors that the climate file does not describe, and these sensors."""
         known = set(self._simulator.sensors())
         missing = {tag: [s for s in self._sensors_of(tag) if s not in known] for tag in self._tags}
         return {tag: sensors for tag, sensors in missing.items() if sensors}
 
     def read(self, tag_id: str) -> TagValues:
-        """Measure at one tag; only the sensors that the layout gives to it.
+        """Measure at one tag, with the sensors that the layout gives it.
 
         Raises:
             UnknownTag: there is no such tag.
@@ -101,7 +101,7 @@ class Greenhouse:
         return TagValues(time_of_day, tuple(measured))
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Do nothing: no resource is open."""
 
     def _sensors_of(self, tag_id: str) -> Iterable[str]:
         tag = self._simulator.tag_manager.get_tags()[tag_id]
@@ -135,7 +135,7 @@ def _simulator(settings: SimulatorSettings) -> GreenhouseSimulator:
 
 
 def _existing(file: str, what: str) -> Path | None:
-    """Return the path, as the package wants it; None means the file that comes with the package."""
+    """Return the path as the package wants it; None for the package's own file."""
     if not file:
         return None
     path = Path(os.path.expanduser(file))

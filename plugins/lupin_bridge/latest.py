@@ -1,4 +1,4 @@
-"""The latest value of each sensor and how old it is; written by a network's thread, read by the node's."""
+"""A thread-safe table of each sensor's latest value; a network's thread writes it, the node's reads it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MAX_TAGS, MAX_SENSORS = 1000, 32
 
 @dataclass(frozen=True)
 class _Kept:
-    """A value, when it was measured by the wall clock, and how old it was at a moment of the steady one."""
+    """A value, its stamp by the wall clock, and its age at a moment of the steady clock."""
 
     value: float
     stamp: float
@@ -24,10 +24,10 @@ class _Kept:
 
 
 class Latest:
-    """Values by tag and sensor.
+    """The latest values by tag and sensor.
 
-    The age of a value goes on with the steady clock, so that a wall clock that is set makes nothing older or
-    younger. A stamp of the future, of a sensor whose clock is ahead, counts as now.
+    Ages advance with the steady clock, so setting the wall clock changes none. A stamp in the future, of a
+    sensor whose clock is ahead, counts as now.
     """
 
     def __init__(self, clocks: Clocks) -> None:
@@ -36,7 +36,7 @@ class Latest:
         self._tags: dict[str, dict[str, _Kept]] = {}
 
     def put(self, tag: str, sample: SensorSample) -> bool:
-        """Keep a value unless a later one is there; False when there is no room for another tag or sensor."""
+        """Store a value unless a later one is there; return False where a limit is reached."""
         now = self._clocks.wall()
         stamp = now if sample.stamp is None else min(sample.stamp, now)
         kept = _Kept(sample.value, stamp, now - stamp, self._clocks.steady())
@@ -52,12 +52,12 @@ class Latest:
             return True
 
     def tags(self) -> tuple[str, ...]:
-        """The tags of which there was any value."""
+        """The tags with any value."""
         with self._lock:
             return tuple(self._tags)
 
     def of(self, tag: str) -> dict[str, Measurement]:
-        """Return what there is of a tag, by sensor."""
+        """Return the latest values of a tag, by sensor."""
         with self._lock:
             own = dict(self._tags.get(tag, {}))
         return {

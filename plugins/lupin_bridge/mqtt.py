@@ -1,8 +1,9 @@
-"""Readings from the sensors of a real greenhouse over MQTT: only listens, and opens no port.
+"""The backend of a real greenhouse's sensors over MQTT: subscribes only, and opens no port.
 
-The connection is kept by the thread of the MQTT library: a broker that is absent, at the start or later, is
-tried again with growing pauses, and meanwhile what was heard is served until it is too old. No message,
-whatever is in it, reaches the node as anything but values that were checked.
+The MQTT library's thread keeps the connection: a missing broker is retried with growing pauses, and values
+are served until they are too old. Unusable messages are dropped, counted, and reported once for each topic
+and reason, up to `MAX_REPORTED`. Retained messages need a stamp that is not of the future, else they are
+refused: their age is unknown.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from lupin_bridge.backend import (
     REAL_CLOCKS,
     Clocks,
     ReadingFailed,
+    Report,
     Sensors,
     TagValues,
-    Tell,
     fresh_only,
     unknown_tag,
 )
@@ -58,18 +59,16 @@ AHEAD_S = 60.0
 #: Characters that no host has: the setting is a URL.
 _NO_HOST = re.compile(r"[/\s]")
 
-#: How many topics with a mistake are told one by one.
-MAX_TOLD = 100
+#: The most topics whose mistakes are reported one by one.
+MAX_REPORTED = 100
 
 
 @dataclass(frozen=True)
 class MqttSettings:
-    """Which broker, which topics, and how to come in; `port` 0 is the usual one.
+    """Broker, topics and credentials; `port` 0 is the usual one.
 
-    `units` are `SENSOR=UNIT` of sensors whose messages do not say it.
-
-    `max_age` is in seconds; `retry` is the first and the longest pause between attempts to connect, in
-    seconds.
+    `units` are `SENSOR=UNIT` of sensors whose messages have no unit. `max_age` is in seconds; `retry` is the
+    first and the longest pause between attempts to connect, in seconds.
     """
 
     host: str = "localhost"
@@ -89,7 +88,7 @@ def check(settings: MqttSettings) -> None:
     """Check the settings, without a connection.
 
     Raises:
-        LupinError: they cannot be, or the library is not installed; the text has everything that is wrong.
+        LupinError: all errors; also that the library is not installed.
     """
     client = _new_client()
     problems = Problems()
@@ -114,19 +113,19 @@ class Mqtt:
     """
 
     def __init__(
-        self, settings: MqttSettings, sensors: Sensors | None, tell: Tell, clocks: Clocks = REAL_CLOCKS
+        self, settings: MqttSettings, sensors: Sensors | None, report: Report, clocks: Clocks = REAL_CLOCKS
     ) -> None:
-        """`sensors` are those of a layout, which alone are served; without one whatever is heard."""
+        """`sensors` are those of a layout, and only they are served; without one every sensor is."""
         check(settings)
         self._settings = settings
         self._sensors = sensors
-        self._tell = tell
+        self._report = report
         self._clocks = clocks
         self._template = Template(settings.topic)
         self._units = given_units(settings.units)
         self._latest = Latest(clocks)
         self._connection = ""
-        self._told: set[tuple[str, str]] = set()
+        self._reported: set[tuple[str, str]] = set()
         #: How many messages could not be used, by the reason.
         self.rejected: Counter[str] = Counter()
         self._broker = f"{settings.host}:{_port(settings)}"
@@ -136,11 +135,11 @@ class Mqtt:
 
     @property
     def tags(self) -> tuple[str, ...]:
-        """All tags of the layout, or those that were heard of where none was given."""
+        """All tags of the layout; without one, those with a value."""
         return self._latest.tags() if self._sensors is None else tuple(self._sensors)
 
     def read(self, tag_id: str) -> TagValues:
-        """Return the latest values of a tag that are young enough."""
+        """Return the latest values of a tag that are not too old."""
         heard = self._latest.of(tag_id)
         if self._sensors is None:
             if not heard and self._connection:
@@ -160,7 +159,7 @@ class Mqtt:
         return TagValues(time_of_day(self._clocks.wall()), values)
 
     def close(self) -> None:
-        """Disconnect from the broker, and report how many messages could not be used."""
+        """Disconnect, and report the number of unusable messages."""
         self._client.on_disconnect = None
         self._client.disconnect()
         # A thread that looks for a host that does not answer is not waited for; it ends with the process.
@@ -169,7 +168,7 @@ class Mqtt:
         stopping.join(CLOSING_S)
         if self.rejected:
             counts = ", ".join(f"{number} {kind}" for kind, number in sorted(self.rejected.items()))
-            self._tell(Severity.INFO, f"messages that could not be used: {counts}")
+            self._report(Severity.INFO, f"messages that could not be used: {counts}")
 
     # --- the connection; what follows runs on the library's thread
 
@@ -196,13 +195,13 @@ class Mqtt:
         local = self._settings.host in ("localhost", "127.0.0.1", "::1")
         if password and not self._settings.tls and not local:
             text = "the MQTT password goes over the network in clear: set mqtt_tls"
-            self._tell(Severity.WARN, text)
+            self._report(Severity.WARN, text)
 
     def _note(self, severity: Severity, connection: str) -> None:
-        """Store the state of the connection ('': well), and report a change."""
+        """Store the state of the connection ('': connected), and report a change."""
         if connection != self._connection:
             self._connection = connection
-            self._tell(severity, connection or f"connected to the broker at {self._broker}")
+            self._report(severity, connection or f"connected to the broker at {self._broker}")
 
     def _on_connect(self, client: Client, _: Any, __: Any, reason: Any, ___: Any) -> None:
         if not reason.is_failure:
@@ -269,9 +268,9 @@ class Mqtt:
     def _reject(self, topic: str, reason: Rejected) -> None:
         """Count an unusable message; each reason is reported once for each topic."""
         self.rejected[reason.kind] += 1
-        if (reason.kind, topic) not in self._told and len(self._told) < MAX_TOLD:
-            self._told.add((reason.kind, topic))
-            self._tell(Severity.WARN, f"message on {shortened(topic)!r} not used: {reason}")
+        if (reason.kind, topic) not in self._reported and len(self._reported) < MAX_REPORTED:
+            self._reported.add((reason.kind, topic))
+            self._report(Severity.WARN, f"message on {shortened(topic)!r} not used: {reason}")
 
 
 def _new_client() -> Client:
@@ -288,7 +287,7 @@ def _port(settings: MqttSettings) -> int:
 
 
 def _aim(client: Client, settings: MqttSettings) -> None:
-    """Tell the client where the broker is; it connects once its loop runs."""
+    """Set the broker's address; the client connects once its loop runs."""
     host, port = settings.host, _port(settings)
     if _NO_HOST.search(host) or host.count(":") == 1:  # an address of IPv6 has more
         hint = "expected a name or an address, such as broker.local; the port goes into mqtt_port"
@@ -301,10 +300,10 @@ def _aim(client: Client, settings: MqttSettings) -> None:
 
 
 def _secure(client: Client, settings: MqttSettings) -> None:
-    """Encrypt the connection where that is wanted.
+    """Set up TLS where that is wanted.
 
     Raises:
-        LupinError: a file is given and not used, is not there, or is none of its kind; the text names it.
+        LupinError: a file is given and not used, is missing, or is of another kind; the text names it.
     """
     given = {
         "mqtt_ca_file": settings.ca_file,
@@ -329,7 +328,7 @@ def _secure(client: Client, settings: MqttSettings) -> None:
 
 
 def _credentials(file: str, environment: Mapping[str, str] = os.environ) -> tuple[str, str | None]:
-    """Return user and password: of the file, one a line, else of the environment; '' for nobody.
+    """Return user and password: of the file, one a line, else of the environment; '' for none.
 
     Raises:
         LupinError: the file cannot be used.

@@ -1,4 +1,4 @@
-"""The node `greenhouse_bridge`: the service `~/get_tag_reading`; the only entrance of sensor data."""
+"""The node `greenhouse_bridge`: serves `~/get_tag_reading`, the only source of sensor data for missions."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ STALE_AFTER_S = 10.0
 
 
 class BridgeNode:
-    """Answers requests for readings; a failing backend is an answer too, never the end of the node."""
+    """Answers requests for readings; a failing backend gives an error status and never ends the node."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
         self._thread = threading.get_ident()
         parameters = ros.parameters()
-        self._backend = make_backend(parameters, Clocks(ros.now, ros.elapsed), self._tell)
+        self._backend = make_backend(parameters, Clocks(ros.now, ros.elapsed), self._report)
         name = "~/get_tag_reading"
         ros.serve(GetTagReading, name, self._read, stale_after=STALE_AFTER_S, refuse=_refuse)
         ros.log.info("greenhouse ready", backend=parameters["backend"], tags=len(self._backend.tags))
 
     def close(self) -> None:
-        """Let go of what the readings come from."""
+        """Close the backend."""
         self._backend.close()
 
-    def _tell(self, severity: Severity, text: str) -> None:
+    def _report(self, severity: Severity, text: str) -> None:
         """Log on the node's thread; backends have threads of their own."""
         log = self._ros.log
         say: Callable[[str], None] = {Severity.INFO: log.info, Severity.WARN: log.warning}.get(
@@ -78,7 +78,7 @@ def _refuse(response: GetTagReading.Response, reason: str) -> GetTagReading.Resp
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the node until it is told to stop; `arguments` are the ROS arguments."""
+    """Run the node until it is stopped; `arguments` are the ROS arguments."""
     with RosNode("greenhouse_bridge", arguments, PARAMETERS) as ros:
         bridge = BridgeNode(ros)
         ros.on_stop(bridge.close)

@@ -1,6 +1,6 @@
-"""Readings from a recording, replayed by the time of day or from its beginning.
+"""The backend that replays a recording, by the time of day or from its beginning.
 
-What is not recorded is not served: values are neither interpolated nor kept for longer than `max_age`.
+Values are not interpolated, and not served for longer than `max_age`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _LONGEST_S = 1e9
 
 @dataclass(frozen=True)
 class ReplaySettings:
-    """Which file is replayed, and how.
+    """The file and how it is replayed.
 
     `clock` is one of RECORDING_CLOCKS. `fixed_hour` from 0 on holds the replay at that hour of its first day;
     `speed` is how many recorded seconds pass in a second since the start. `max_age` is in seconds.
@@ -47,16 +47,16 @@ class ReplaySettings:
 
 
 class Recorded:
-    """A recording as a greenhouse.
+    """A recording as a backend.
 
     Raises:
-        LupinError: the file cannot be used; the text has every mistake with its place.
+        LupinError: the file cannot be used; all errors with their places.
     """
 
     def __init__(
         self, settings: ReplaySettings, sensors: Sensors | None, clocks: Clocks = REAL_CLOCKS
     ) -> None:
-        """`sensors` are those of a layout, which alone are served; without one whatever is recorded."""
+        """`sensors` are those of a layout, and only they are served; without one every recorded sensor is."""
         self._recording = load_recording(settings.file)
         self._settings = settings
         self._sensors = sensors or {tag: tuple(own) for tag, own in self._recording.series.items()}
@@ -65,11 +65,11 @@ class Recorded:
 
     @property
     def tags(self) -> tuple[str, ...]:
-        """All tags of the layout, or of the recording where no layout was given."""
+        """All tags of the layout; without one, those of the recording."""
         return tuple(self._sensors)
 
     def read(self, tag_id: str) -> TagValues:
-        """Return what was measured at a tag by the time that is replayed now."""
+        """Return a tag's latest recorded values at the replay's present time."""
         if tag_id not in self._sensors:
             raise unknown_tag(tag_id, len(self._sensors), self._known)
         now = self._now()
@@ -90,11 +90,11 @@ class Recorded:
         return TagValues(time_of_day(now), values)
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Do nothing: no resource is open."""
 
 
 def _replay(recording: SensorRecording, settings: ReplaySettings, clocks: Clocks) -> Callable[[], float]:
-    """Return the function that says which moment of the recording is now."""
+    """Return a function that gives the replay's present time."""
     first_day = datetime.fromtimestamp(recording.first).date()
     if settings.fixed_hour >= 0.0:
         seconds = settings.fixed_hour * 3600.0 % SECONDS_PER_DAY

@@ -1,12 +1,12 @@
-"""A recording: a CSV file with a header, in one of two forms.
+"""Reads a recording, a CSV file with a header in one of two forms, and reports all errors with their places.
 
-Long: a row for each value, with the columns `tag_id`, `sensor`, `value`, `stamp` and, if wanted, `unit`;
-others are left alone. A row without a value says that the sensor measured nothing from then on.
+Long: a row for each value, with the columns `tag_id`, `sensor`, `value`, `stamp` and optionally `unit`; other
+columns are ignored. A row without a value means that the sensor measured nothing from then on.
 
 Wide: a row for each reading of a tag, with the columns `tag_id` and `stamp`, and one for each sensor. An
-empty cell says nothing, `NaN` that the sensor measured nothing from then on. This is also what the digital
-twin exports: `observed_at` is another name of `stamp`, rows of another `kind` than `reading` are passed over,
-and its columns that are no sensors are known.
+empty cell means nothing, `NaN` that the sensor measured nothing from then on. The digital twin exports this
+form: `observed_at` stands for `stamp`, rows whose `kind` is not `reading` are skipped, as are its columns
+that are no sensors.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ NO_SENSORS = {TAG, STAMP, OBSERVED_AT, KIND, "mission_id", "source", "x", "y", "
 NO_SENSORS |= {"species_confidence", "pest", "blooms", "description", "severity"}
 SENSOR_PREFIX = "sensor "
 
-#: How many mistakes are told one by one.
-MAX_TOLD = 100
+#: The most mistakes that are reported one by one.
+MAX_REPORTED = 100
 
 
 @dataclass
 class Series:
-    """What one sensor measured: rising stamps and their values; None is where it stopped measuring."""
+    """The values of one sensor with rising stamps; None is where it stopped measuring."""
 
     stamps: list[float] = field(default_factory=list)
     values: list[float | None] = field(default_factory=list)
@@ -63,7 +63,7 @@ def load_recording(file: str) -> SensorRecording:
     """Read a recording.
 
     Raises:
-        LupinError: it cannot be read, or has mistakes; each is told as FILE:LINE:COLUMN.
+        LupinError: it cannot be read, or has errors, up to `MAX_REPORTED`, each as FILE:LINE:COLUMN.
     """
     if not file:
         raise LupinError("backend 'recorded' needs the parameter recording_file, a CSV file")
@@ -84,7 +84,7 @@ def load_recording(file: str) -> SensorRecording:
 
 @dataclass(frozen=True)
 class _CsvRow:
-    """The cells of a row, and the text from which they come, which begins in `line`."""
+    """The cells of a row, and its source text, which begins in `line`."""
 
     line: int
     lines: Sequence[str]
@@ -111,7 +111,7 @@ class _CsvRow:
 
 @dataclass(frozen=True)
 class _Value:
-    """What a sensor measured; `line` is for what contradicts it."""
+    """One value; `line` is for messages about contradictions."""
 
     tag: str
     sensor: str
@@ -121,7 +121,7 @@ class _Value:
 
 
 class _Mistakes:
-    """What is wrong with a file, told all at once."""
+    """Collects the errors of a file."""
 
     def __init__(self, file: str) -> None:
         self._file = file
@@ -131,17 +131,19 @@ class _Mistakes:
         self._found.append((*place, problem))
 
     def complain(self) -> None:
-        """Raise LupinError if there was any."""
+        """Raise LupinError if there are any."""
         self._found.sort()
-        told = [f"{Place(self._file, line, column)}: {text}" for line, column, text in self._found[:MAX_TOLD]]
-        if len(self._found) > MAX_TOLD:
-            told.append(f"and {len(self._found) - MAX_TOLD} more")
-        if told:
-            raise LupinError("\n".join(told))
+        problems = [
+            f"{Place(self._file, line, column)}: {text}" for line, column, text in self._found[:MAX_REPORTED]
+        ]
+        if len(self._found) > MAX_REPORTED:
+            problems.append(f"and {len(self._found) - MAX_REPORTED} more")
+        if problems:
+            raise LupinError("\n".join(problems))
 
 
 def _series(values: Iterator[_Value], mistakes: _Mistakes) -> dict[str, dict[str, Series]]:
-    """Sort the values into series; two for the same sensor at the same time are a mistake."""
+    """Sort the values into series; two of a sensor at the same time are an error."""
     series: dict[str, dict[str, Series]] = {}
     before: _Value | None = None
     for value in sorted(values, key=lambda one: (one.tag, one.sensor, one.stamp, one.line)):
@@ -159,7 +161,7 @@ def _series(values: Iterator[_Value], mistakes: _Mistakes) -> dict[str, dict[str
 
 
 def _values(text: str, mistakes: _Mistakes) -> Iterator[_Value]:
-    """Yield what a file says, in the order of its rows; nothing where its header is wrong."""
+    """Yield the values of a file, in the order of its rows; none where its header is wrong."""
     rows = _rows(text, mistakes)
     first = next(rows, None)
     header = [name.strip() for name in first.cells] if first else []
@@ -180,7 +182,7 @@ def _values(text: str, mistakes: _Mistakes) -> Iterator[_Value]:
 
 
 def _columns(header: Sequence[str], mistakes: _Mistakes) -> Mapping[str, int] | None:
-    """Return where each column is, the stamps' by their own name; None where the header has mistakes."""
+    """Return the index of each column, the stamps' by their own name; None where the header has errors."""
     if not any(header):
         expected = ",".join((TAG, SENSOR, VALUE, STAMP, UNIT))
         mistakes.add((1, 1), f"no header; expected such as {expected}")
@@ -199,12 +201,12 @@ def _columns(header: Sequence[str], mistakes: _Mistakes) -> Mapping[str, int] | 
 
 
 def _is_long(columns: Iterable[str]) -> bool:
-    """Tell whether a file has a row for each value."""
+    """Return whether a file has a row for each value."""
     return bool({SENSOR, VALUE}.intersection(columns))
 
 
 def _rows(text: str, mistakes: _Mistakes) -> Iterator[_CsvRow]:
-    """Yield the rows that are not empty; a quoted cell may go over several lines."""
+    """Yield the rows that are not empty; a quoted cell may span several lines."""
     lines = text.split("\n")
     reader = csv.reader(io.StringIO(text))
     begin = 0
@@ -218,7 +220,7 @@ def _rows(text: str, mistakes: _Mistakes) -> Iterator[_CsvRow]:
 
 
 def _instead(header: Sequence[str]) -> str:
-    """Say what the header has in place of a column."""
+    """Describe a header that lacks a column."""
     if len(header) == 1 and ";" in header[0]:
         return "cells are separated by commas, not by semicolons"
     return f"the file has {_quoted(header)}"

@@ -1,4 +1,4 @@
-"""Points in time as recordings and sensors write them, and the time of the day."""
+"""Parses points in time as recordings and sensors write them."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _LATEST = 1e14
 
 
 def number(written: str | float) -> float:
-    """Read a number.
+    """Parse a number.
 
     Raises:
-        ValueError: it is none; 2_1.5 is one to Python alone, and to people a mistake.
+        ValueError: it is none; underscores, which Python allows, are refused.
     """
     if isinstance(written, str) and "_" in written:
         raise ValueError(written)
@@ -24,7 +24,7 @@ def number(written: str | float) -> float:
 
 
 def seconds_since_1970(written: str | float) -> float:
-    """Read seconds or milliseconds since 1970, or ISO 8601, which without a zone is local time.
+    """Parse seconds or milliseconds since 1970, or ISO 8601, which without a zone is local time.
 
     Raises:
         ValueError: it is neither.

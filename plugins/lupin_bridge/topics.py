@@ -1,8 +1,8 @@
-"""Topics and payloads of sensors on MQTT: what a message says about which tag. Pure.
+"""Parses topics and payloads of MQTT sensors to samples of tags. Pure.
 
-A topic is told by a template such as `greenhouse/{tag}/{sensor}`. The payload is a number, or a JSON object
-with `value` and, if wanted, `unit` and `stamp`. Without `{sensor}` in the template a message carries several
-sensors of a tag: a JSON object with a number for each, and `stamp` if wanted.
+A topic template is such as `greenhouse/{tag}/{sensor}`. The payload is a number, or a JSON object with
+`value` and optionally `unit` and `stamp`. Without `{sensor}` a message has several sensors of a tag: a JSON
+object with a number for each, and optionally `stamp`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _NAME = re.compile(rf"[^\s/+#\x00-\x1f\x7f]{{1,{MAX_NAME}}}")
 
 
 class Rejected(ValueError):
-    """A message that says nothing about a sensor; `kind` is why, in words that do not change."""
+    """An unusable message; `kind` is the reason in fixed words, by which they are counted."""
 
     def __init__(self, kind: str, detail: str = "") -> None:
         super().__init__(f"{kind}: {detail}" if detail else kind)
@@ -38,7 +38,7 @@ class Rejected(ValueError):
 
 @dataclass(frozen=True)
 class SensorSample:
-    """A value in the unit of its sensor; `stamp` is when it was measured, if the message tells."""
+    """A value in the unit of its sensor; `stamp` is when it was measured, if the message has it."""
 
     sensor: str
     value: float
@@ -49,7 +49,7 @@ class Template:
     """A topic template.
 
     Raises:
-        LupinError: it is none.
+        LupinError: the text is no valid template.
     """
 
     def __init__(self, text: str) -> None:
@@ -77,7 +77,7 @@ class Template:
         """Return tag and sensor of a topic; the sensor is '' where the template has none.
 
         Raises:
-            Rejected: the topic is not of this form, or a name is none.
+            Rejected: the topic does not match, or a name is invalid.
         """
         match = self._topic.fullmatch(topic)
         if match is None:
@@ -95,13 +95,13 @@ def samples(
     allowed: Iterable[str] | None = None,
     units: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[list[SensorSample], list[Rejected]]:
-    """Read a payload: of one `sensor`, or where that is '' of those of the `allowed` sensors that it names.
+    """Parse a payload: of one `sensor`, or, where that is '', of the `allowed` sensors that it names.
 
-    `units` are those of sensors whose messages name none; others are in the bridge's own unit. Returns what
-    can be used, and why the rest cannot.
+    `units` are those of sensors whose messages have none; the others then use the bridge's own unit. Returns
+    the samples, and why other values were rejected.
 
     Raises:
-        Rejected: it says nothing that can be used.
+        Rejected: no value can be used.
     """
     data = _decoded(payload)
     if sensor:

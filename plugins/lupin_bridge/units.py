@@ -1,4 +1,4 @@
-"""The unit of each sensor, the units that are converted to it, and its possible range."""
+"""Units: each sensor's unit, conversions to it, and the range of possible values."""
 
 from __future__ import annotations
 
@@ -49,15 +49,15 @@ QUANTITIES: Mapping[str, UnitRange] = MappingProxyType(
 
 
 def unit_of(sensor: str) -> str:
-    """Return the unit in which the bridge serves a sensor; '' for one that is not known."""
+    """Return the unit in which the bridge serves a sensor; '' for an unknown sensor."""
     return QUANTITIES[sensor].unit if sensor in QUANTITIES else ""
 
 
 def checked(sensor: str, value: float, unit: str = "") -> float:
-    """Return a value in the unit of its sensor; without `unit` it is in that one already.
+    """Return a value converted to its sensor's unit; `unit` '' means it is in that one.
 
     Raises:
-        ValueError: not finite, a unit of something else, or out of the range of what can be.
+        ValueError: it is not finite, the unit does not fit the sensor, or the value is impossible.
     """
     if not math.isfinite(value):
         raise ValueError(f"{value} is no measurement")
@@ -88,7 +88,7 @@ def given_units(written: Iterable[str]) -> Mapping[str, str]:
     """Return the unit of each sensor of a setting: `SENSOR=UNIT`, such as `soil_moisture=%`.
 
     Raises:
-        LupinError: every one that is no known sensor, or no unit of it.
+        LupinError: all unknown sensors, and units that do not fit.
     """
     problems, found = Problems(), dict[str, str]()
     for text in written:

@@ -1,1 +1,2 @@
-"""The gateway: pages in a browser speak rosbridge's protocol to the robot, and none can hold it up."""
+"""The gateway: serves the console and rosbridge's protocol to browsers, with roles, limits and a software
+stop."""

@@ -1,7 +1,7 @@
-"""The audit log: one JSON line for each command, written by a thread of its own.
+"""The audit log: one JSON line for each command, in a rotating file, written by a thread of its own.
 
-Whoever writes a line waits for nothing: lines that the disk does not take, or not in time, are counted, and
-the count is written as soon as it takes them again.
+`AuditLog.write` never blocks: lines that do not fit the queue (10,000), or that the disk refuses, are lost.
+They are counted, and a line with `"what": "lost"` follows as soon as writing works again.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ MOST_TOPICS = 256
 
 
 class _PrivateFile(RotatingFileHandler):
-    """A rotating file that only its owner can read. Where it cannot be opened, each line tries again."""
+    """A rotating file, mode 600. Where it cannot be opened, each line tries again."""
 
-    def __init__(self, file: Path, told: Callable[[str], object]) -> None:
+    def __init__(self, file: Path, report: Callable[[str], object]) -> None:
         super().__init__(file, maxBytes=FILE_BYTES, backupCount=OLDER_FILES, encoding="utf-8", delay=True)
-        self._told = told
-        self._fails = self._is_told = False
+        self._report = report
+        self._fails = self._is_reported = False
         try:
             self.stream = self._open()
         except OSError:
@@ -53,33 +53,33 @@ class _PrivateFile(RotatingFileHandler):
         return os.fdopen(descriptor, self.mode, encoding=self.encoding)
 
     def take(self, text: str) -> bool:
-        """Write a line; False where that fails, of which the first one of several is told."""
+        """Write a line; return whether that worked. Of failures in a row only the first one is reported."""
         self._fails = False
         self.handle(logging.LogRecord("audit", logging.INFO, "", 0, text, None, None))
-        self._is_told &= self._fails
+        self._is_reported &= self._fails
         return not self._fails
 
     def abandon(self) -> None:
-        """Do not keep the process from ending: `logging` would wait then for the disk that hangs."""
+        """Give up the file without flushing: closing it would wait for a disk that hangs."""
         self.lock = None
         self.flush = self.close = lambda: None  # type: ignore[method-assign]
 
     def handleError(self, _: logging.LogRecord) -> None:  # noqa: N802
         """See `take`."""
         self._fails = True
-        if not self._is_told:
-            self._told(f"{self.baseFilename}: the audit log cannot be written: {sys.exc_info()[1]}")
-        self._is_told = True
+        if not self._is_reported:
+            self._report(f"{self.baseFilename}: the audit log cannot be written: {sys.exc_info()[1]}")
+        self._is_reported = True
 
 
 class AuditLog:
-    """The log in one file; to be closed, which writes what still waits."""
+    """The log in one file; `close` flushes the queue, for at most twice `CLOSE_S`."""
 
-    def __init__(self, file: Path, told: Callable[[str], object] = lambda _: None) -> None:
-        """Older files are `FILE.1` and so on; `told` gets why it cannot be written, on whatever thread."""
+    def __init__(self, file: Path, report: Callable[[str], object] = lambda _: None) -> None:
+        """Older files are `FILE.1` and so on; `report` gets why writing fails, on whatever thread."""
         self._lost = 0
         self._waiting: queue.Queue[tuple[str, int] | None] = queue.Queue(WAITING)
-        self._handler = _PrivateFile(file, told)
+        self._handler = _PrivateFile(file, report)
         self._writer = threading.Thread(target=self._write_all, name="audit", daemon=True)
         self._writer.start()
 
@@ -93,7 +93,7 @@ class AuditLog:
                 refused += lines
 
     def write(self, line: Mapping[str, Any]) -> None:
-        """Write a line; returns at once."""
+        """Queue a line; returns at once."""
         lost = {"wall": line.get("wall", ""), "what": "lost", "lines": self._lost}
         if self._lost and self._put(lost, self._lost):
             self._lost = 0
@@ -109,7 +109,7 @@ class AuditLog:
         return True
 
     def close(self) -> None:
-        """Write what waits, as far as the disk takes it soon, and close the file."""
+        """Flush the queue and close the file; a disk that hangs is abandoned after `CLOSE_S`."""
         with contextlib.suppress(queue.Full):
             self._waiting.put(None, timeout=CLOSE_S)
         self._writer.join(CLOSE_S)
@@ -151,7 +151,7 @@ def command_line(
 
 
 def login_line(wall: float, who: str, address: str, accepted: bool, answer: str) -> dict[str, Any]:
-    """Return the line of who came in, or did not; it names no topic or service, and is no command."""
+    """Return the line of a login, a refused one, or a connection that is ended; it has no `name`."""
     moment = datetime.fromtimestamp(wall, timezone.utc).isoformat(timespec="milliseconds")
     return {
         "wall": moment,
@@ -179,7 +179,7 @@ def _text(sent: Any) -> str:
 
 
 def last_lines(file: Path, most: int) -> list[dict[str, Any]]:
-    """Return the last lines of a log, as far as they are its own; none where there is no log."""
+    """Return the last commands in a log, of at most `most` lines; none where it cannot be read."""
     try:
         with file.open("rb") as log:
             size = log.seek(0, os.SEEK_END)
@@ -195,13 +195,13 @@ def last_lines(file: Path, most: int) -> list[dict[str, Any]]:
 
 
 class Repetitions:
-    """What one page publishes steadily: the same message again and again is one command."""
+    """Deduplicates the publications of a page: the same message again within `STEADY_S` is no new command."""
 
     def __init__(self) -> None:
         self._last: dict[str, tuple[float, int]] = {}
 
     def is_command(self, topic: str, message: Any, now: float) -> bool:
-        """Say whether a message is another one than the last, or comes after a pause."""
+        """Return whether a message differs from the topic's last one, or comes `STEADY_S` after it."""
         mark = hash(_text(message))
         at, before = self._last.get(topic, (-STEADY_S, 0))
         if len(self._last) >= MOST_TOPICS:

@@ -1,4 +1,4 @@
-"""What the gateway offers: a node, and nothing for missions."""
+"""The catalog of the gateway's node and its parameters; it offers nothing to missions."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Serialized messages (CDR, as DDS sends them) as plain data: a function for each type, made once.
+"""Decodes serialized messages (little-endian CDR, as DDS sends them) to plain data.
 
-Its source is written from the shape of the message: neighbouring numbers become one `struct`, nested
-structures included, and lists of numbers arrays of numpy over the bytes as they are. Making the objects of
-rclpy, and reading those, takes several times as long (docs/decisions/ros.md).
+For each message type the source of one decoder is generated and compiled once: neighbouring numbers become
+one `struct`, nested structures included, and lists of numbers are numpy views of the bytes. Building rclpy's
+objects, and reading those, takes several times as long (docs/decisions/ros.md).
 """
 
 from __future__ import annotations
@@ -24,10 +24,9 @@ Reader = Callable[[bytes, int], tuple[Any, int]]
 
 
 def decoder(shape: MessageShape) -> Callable[[bytes], dict[str, Any]]:
-    """Return what reads a serialized message: dictionaries, lists, scalars, bytes, arrays of numpy.
+    """Return the decoder of a type: it gives dictionaries, lists, scalars, bytes and numpy arrays.
 
-    The arrays lie over the bytes that were given. What it returns raises `NotCarried` for bytes that are no
-    such message.
+    The arrays are views of the given bytes. It raises `NotCarried` for bytes that are no such message.
     """
     read = _reader(shape)
 
@@ -49,7 +48,7 @@ def _reader(shape: MessageShape) -> Reader:
 
 
 def _aligned(codes: str) -> tuple[list[Callable[..., tuple[Any, ...]]], list[int]]:
-    """Return how numbers are read, and how many bytes they take, by the place of the first modulo 8."""
+    """Return readers of consecutive numbers and their padded sizes, by the first one's offset modulo 8."""
     readers: list[Callable[..., tuple[Any, ...]]] = []
     sizes: list[int] = []
     for start in range(8):
@@ -65,7 +64,7 @@ def _aligned(codes: str) -> tuple[list[Callable[..., tuple[Any, ...]]], list[int
 
 
 def _text(data: bytes, at: int) -> tuple[str, int]:
-    """Read a text at its place: its length with the closing zero, then UTF-8."""
+    """Read a text at an offset: its length with the closing zero, then UTF-8."""
     begin = (at + 3 & -4) + 4
     end = begin + int.from_bytes(data[begin - 4 : begin], "little")
     if end > len(data):
@@ -74,7 +73,7 @@ def _text(data: bytes, at: int) -> tuple[str, int]:
 
 
 def _numbers(data: bytes, at: int, kind: np.dtype[Any], count: int) -> tuple[Any, int]:
-    """Read numbers in a row as an array over the bytes."""
+    """Return numbers in a row as a view of the bytes, with the offset behind them."""
     width = kind.itemsize
     begin = at + -at % width if count else at
     return np.frombuffer(data, kind, count, begin), begin + count * width

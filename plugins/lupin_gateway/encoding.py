@@ -1,7 +1,7 @@
-"""Frames for clients, of plain data: JSON, CBOR with typed arrays, and CBOR around the serialized message.
+"""Encodes frames for clients: JSON, CBOR with typed arrays, and `cbor-raw` (the serialized message in CBOR).
 
-Lists of numbers are written by orjson and cbor2 from arrays of numpy, never number by number. In JSON what
-is not a number, or infinite, is null, and a list of bytes is base64; in CBOR it is a byte string.
+orjson and cbor2 write numpy arrays directly, never number by number. In JSON, NaN and infinity are null and
+a list of bytes is base64; in CBOR it is a byte string.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _other_cbor(encoder: cbor2.CBOREncoder, value: Any) -> None:
 
 
 class Sample:
-    """One message of a topic; decoded once, and encoded once for each compression, when somebody wants it."""
+    """One message of a topic; decoded once, and encoded once for each compression, on demand."""
 
     def __init__(
         self,
@@ -74,11 +74,11 @@ class Sample:
         self._frames: dict[Compression, FrameData] = {}
 
     def same(self, other: Sample) -> bool:
-        """Say whether both are one message that came twice."""
+        """Return whether both are the same message, delivered twice."""
         return self.stamp_ns == other.stamp_ns and self.serialized == other.serialized
 
     def frame(self, compression: Compression) -> FrameData:
-        """Return the frame that brings it to a client; of what is no such message, a status that says so."""
+        """Return the publish frame for a client; a status frame with the error where decoding fails."""
         found = self._frames.get(compression)
         if found is None:
             try:

@@ -1,7 +1,8 @@
-"""What a client sends, written into a message of ROS: every value checked, all that is wrong told at once.
+"""Validates a client's JSON against a message type and writes it into a ROS message; reports all errors at
+once.
 
-The generated classes check only while Python runs without `-O`, one value at a time, and in words for
-programmers; a field that they do not know they would not mention.
+The generated classes do not do: they check nothing under `python -O`, report one value at a time, and ignore
+unknown fields.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from lupin_gateway.shapes import BYTES, NUMBERS, TEXT, Listed, MessageShape
 
 #: The largest value of a float32.
 _LARGEST_FLOAT = 3.4028234663852886e38
-#: How many problems of one message are told; in a long list every number may be wrong.
+#: The most problems of one message that are reported; in a long list every number may be wrong.
 MOST_PROBLEMS = 10
 
 
 class DoesNotFit(ValueError):
-    """What does not fit; the text names every field, from the outside in."""
+    """The data does not fit the type; the text names up to `MOST_PROBLEMS` fields by their paths."""
 
 
 def filled(shape: MessageShape, data: Any) -> Any:
@@ -46,7 +47,7 @@ def filled(shape: MessageShape, data: Any) -> Any:
 
 
 class _ProblemList:
-    """What is wrong, up to a number of them."""
+    """Collects up to `MOST_PROBLEMS` errors."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
@@ -65,7 +66,7 @@ def _structure(shape: MessageShape, data: Any, where: str, problems: _ProblemLis
     if data is None:
         return message
     if not isinstance(data, Mapping):
-        problems.add(where, f"a {shape.name} is an object of fields, not {_told(data)}")
+        problems.add(where, f"a {shape.name} is an object of fields, not {_described(data)}")
         return message
     for name, value in data.items():
         inside = f"{where}.{name}" if where else name
@@ -94,11 +95,11 @@ def _value(kind: str | Listed | MessageShape, value: Any, where: str, problems: 
 def _scalar(kind: str, value: Any) -> Any:
     if kind == TEXT:
         if not isinstance(value, str) or "\0" in value:
-            raise ValueError(f"expected a text, got {_told(value)}")
+            raise ValueError(f"expected a text, got {_described(value)}")
         return value
     if kind == "boolean":
         if not isinstance(value, bool):
-            raise ValueError(f"expected true or false, got {_told(value)}")
+            raise ValueError(f"expected true or false, got {_described(value)}")
         return value
     if kind in ("float", "double"):
         return _float(kind, value)
@@ -110,7 +111,7 @@ def _float(kind: str, value: Any) -> float:
     if value is None:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ValueError(f"expected a number, got {_told(value)}")
+        raise ValueError(f"expected a number, got {_described(value)}")
     if kind == "float" and _LARGEST_FLOAT < abs(value) < math.inf:
         raise ValueError(f"{value} is too large for a float32")
     return float(value)
@@ -119,7 +120,7 @@ def _float(kind: str, value: Any) -> float:
 def _integer(kind: str, value: Any) -> int:
     is_whole = value.is_integer() if isinstance(value, float) else isinstance(value, int)
     if isinstance(value, bool) or not is_whole:
-        raise ValueError(f"expected a whole number, got {_told(value)}")
+        raise ValueError(f"expected a whole number, got {_described(value)}")
     code = NUMBERS[kind][1]
     bits = 8 * int(code[-1])
     low, high = (0, 2**bits - 1) if "u" in code else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
@@ -133,7 +134,7 @@ def _list(kind: Listed, value: Any, where: str, problems: _ProblemList) -> Any:
         value = _from_base64(value, where, problems)
     if not isinstance(value, list):
         if value is not None:
-            problems.add(where, f"expected a list, got {_told(value)}")
+            problems.add(where, f"expected a list, got {_described(value)}")
         return None
     if kind.length is not None and len(value) != kind.length:
         problems.add(where, f"expected {kind.length} elements, got {len(value)}")
@@ -152,7 +153,7 @@ def _list(kind: Listed, value: Any, where: str, problems: _ProblemList) -> Any:
 
 
 def _are_plain_numbers(kind: str, value: list[Any]) -> bool:
-    """Say whether all fit, where that can be seen without a look at each; a page may send many."""
+    """Return whether all elements fit, judged by their types, minimum and maximum only: lists may be long."""
     wanted = {int, float} if kind in ("float", "double") else {int}
     if (
         kind not in NUMBERS
@@ -175,8 +176,8 @@ def _from_base64(text: str, where: str, problems: _ProblemList) -> list[int] | N
         return None
 
 
-def _told(value: Any) -> str:
-    """Return a value in short: it may be long, and goes into one line."""
+def _described(value: Any) -> str:
+    """Return a value for an error message, shortened to one line."""
     if value is None:
         return "null"
     if isinstance(value, (Mapping, list)):

@@ -1,6 +1,7 @@
-"""What stands between pages and the robot: the house rules of all connections, and the guard of each.
+"""Enforces roles, limits and the stop: `GatewayRules` for the whole gateway, and a `Guard` per connection.
 
-A guard says what its client may do, keeps its stop, and writes down its commands. Nothing here waits.
+A guard decides whether an operation is allowed, passes on its page's stop, and writes commands to the audit
+log. Nothing here blocks; all of it runs on the event loop. `session` asks the guard, `server` calls `tick`.
 """
 
 from __future__ import annotations
@@ -13,8 +14,17 @@ from typing import Any
 
 from lupin_engine.plugin import Access
 from lupin_gateway import protocol
+from lupin_gateway.access import (
+    STOP_TOPIC,
+    AccessControl,
+    Allowance,
+    AllowList,
+    NotAdmitted,
+    Use,
+    UserRole,
+    Visitor,
+)
 from lupin_gateway.audit import AuditLog, Repetitions, command_line, login_line
-from lupin_gateway.doors import STOP_TOPIC, Allowance, AllowList, Doors, NotAdmitted, Use, UserRole, Visitor
 from lupin_gateway.entry.attempts import WrongAttempts, delay, is_written_down
 from lupin_gateway.entry.invitations import Invitations
 from lupin_gateway.motion import BASE_TOPIC, TAKE_BASE, MotionGate
@@ -42,41 +52,41 @@ STOP_FRAME = 4_000
 
 
 @dataclass(frozen=True)
-class Hands:
-    """What the rules do to the robot: tell it the stop, tell pages which stops there are, ask for a pause.
+class RuleOutputs:
+    """The rules' effects on ROS: publish the stop and the list of stops, request a pause, save the stops.
 
-    `tell_base` tells pages who has the base, `halt` ends what pages drive.
+    `publish_base` publishes who has the base, `halt` ends all motion that pages have started.
     """
 
-    tell_stop: Callable[[bool], None]
-    tell_state: Callable[[str], None]
+    publish_stop: Callable[[bool], None]
+    publish_stops: Callable[[str], None]
     pause: Callable[[Callable[[Any], None]], None]
     keep: Callable[[KeptStops], object]
-    tell_base: Callable[[str], None] = lambda _: None
+    publish_base: Callable[[str], None] = lambda _: None
     halt: Callable[[], None] = lambda: None
 
 
 @dataclass(frozen=True)
-class TwoClocks:
-    """Seconds of a clock that never goes back, and of the wall's (UNIX)."""
+class ClockPair:
+    """A steady clock and the wall clock (UNIX), in seconds."""
 
     steady: Callable[[], float]
     wall: Callable[[], float]
 
 
-class HouseRules:
-    """What holds for all connections of the gateway."""
+class GatewayRules:
+    """The state that all connections share: access, stops, motion, people, and the audit log."""
 
     def __init__(
         self,
-        doors: Doors,
+        access: AccessControl,
         allowed: AllowList,
         stops: StopArbiter,
         log: AuditLog | None,
-        clocks: TwoClocks,
-        hands: Hands,
+        clocks: ClockPair,
+        outputs: RuleOutputs,
     ) -> None:
-        self.doors = doors
+        self.access = access
         self.allowed = allowed
         self.stops = stops
         self.clocks = clocks
@@ -88,23 +98,23 @@ class HouseRules:
         #: Logs what is wrong for a while.
         self.warn: Callable[[str], object] = lambda _: None
         self._log = log
-        self._hands = hands
+        self._outputs = outputs
         self._connections = 0
         self._wrong = WrongAttempts()
-        self._told: tuple[bool, str] | None = None
+        self._published: tuple[bool, str] | None = None
         self._kept = stops.kept()
         #: When the pause for a lost link is asked for again, which has reached nobody.
         self._pause_at: float | None = None
 
     def enter(self, visitor: Visitor, address: str, browser: str) -> Guard:
-        """Return the guard of a client that has connected; its `leave` is to be called."""
+        """Register a client that has connected; its guard's `leave` must be called."""
         self._connections += 1
         guard = Guard(self, self._connections, visitor, address, browser)
-        self.tell_changes()
+        self.publish_changes()
         return guard
 
     def refused_entry(self, address: str, refused: NotAdmitted) -> float:
-        """Take notice that somebody was not let in; return how many seconds the answer is to wait."""
+        """Count and log a refused client; return how many seconds its answer is to wait."""
         if not refused.wrong:
             return 0.0
         times = self._wrong.count(address, self.clocks.steady())
@@ -113,10 +123,10 @@ class HouseRules:
         return delay(times)
 
     def use_invitation(self, code: str) -> str:
-        """Return whom the code of a link lets in; it is used up by that.
+        """Return the name that a one-time code was made for; the code is used up.
 
         Raises:
-            NotAdmitted: it is no code, or not any more.
+            NotAdmitted: the code is unknown, used or expired.
         """
         name = self.invitations.use(code, self.clocks.wall()) if self.invitations else ""
         if not name:
@@ -125,26 +135,29 @@ class HouseRules:
         return name
 
     def write_login(self, who: str, address: str, accepted: bool, answer: str, **more: int) -> None:
-        """Write a line of the audit log about who came in, or did not, or had to go."""
+        """Log a login, a refused one, or a connection that is ended."""
         if self._log is not None:
             self._log.write({**login_line(self.clocks.wall(), who, address, accepted, answer), **more})
 
     def tick(self) -> None:
-        """Tell the stop, and decide about a lost link; to be called `TELL_HZ` times a second."""
+        """Publish the stop, and act on a lost link; to be called `PUBLISH_HZ` times a second.
+
+        A pause that no orchestrator answers is requested again every `PAUSE_AGAIN_S` while the link is lost.
+        """
         now = self.clocks.steady()
         decision = self.stops.link_lost(now)
         again = self._pause_at is not None and now >= self._pause_at and self.stops.link_is_lost
         if decision is OnLinkLost.PAUSE or again:
             self._pause_at = None
-            self._hands.pause(partial(self._paused, is_first=not again))
+            self._outputs.pause(partial(self._paused, is_first=not again))
         elif decision is OnLinkLost.STOP:
             self._decided("stop", {"accepted": True})
-        self._hands.tell_stop(self.stops.stopped)
+        self._outputs.publish_stop(self.stops.stopped)
         self.people.nodes.look(self.clocks.wall(), self.clocks.steady())
-        self.tell_changes()
+        self.publish_changes()
 
     def _paused(self, answer: Any, is_first: bool) -> None:
-        """Take the answer to a pause for a lost link; without one the orchestrator may just be starting."""
+        """Take the answer to a pause; without one, ask again: the orchestrator may be starting."""
         is_answer = isinstance(answer, Mapping)
         if not is_answer:
             self._pause_at = self.clocks.steady() + PAUSE_AGAIN_S
@@ -152,50 +165,50 @@ class HouseRules:
             self._decided("pause", answer)
 
     def _decided(self, what: str, answer: Any) -> None:
-        told = answer if isinstance(answer, Mapping) else str(getattr(answer, "text", answer))
-        self.write(_GATEWAY, "on_link_lost", what, {}, told)
+        recorded = answer if isinstance(answer, Mapping) else str(getattr(answer, "text", answer))
+        self.write(_GATEWAY, "on_link_lost", what, {}, recorded)
 
     def hear_stops(self, sources: Iterable[str]) -> None:
-        """Take the names of the sources of the stop that hold the robot."""
+        """Take the names of the engaged sources of the robot's stop."""
         self.motion.hear_stops(sources)
         self.settle_motion()
 
     def settle_motion(self) -> None:
-        """Look at what keeps pages from moving the robot, end what they drive, tell who has the base."""
+        """Evaluate the motion gate, end motion that is no longer allowed, publish who has the base."""
         driver = self.motion.taken_by
         if self.motion.settle(self.stops.stopped, self.clocks.steady()):
-            self._hands.halt()
+            self._outputs.halt()
         if driver and not self.motion.taken_by:
             self.write(_GATEWAY, "base_taken_back", driver, {}, {"accepted": True, **self.motion.state()})
-        told = json.dumps(self.motion.state())
-        if told != self._base:
-            self._base = told
-            self._hands.tell_base(told)
+        state = json.dumps(self.motion.state())
+        if state != self._base:
+            self._base = state
+            self._outputs.publish_base(state)
 
     def give_back_base(self, page: str) -> None:
-        """End the drive of the page that has taken the base; nothing happens where it has not."""
+        """Take the base from a page and end its motion; does nothing where that page has not taken it."""
         if page and self.motion.taken_by == page:
             self.motion.taken_by = ""
-            self._hands.halt()
+            self._outputs.halt()
             self.settle_motion()
 
-    def tell_changes(self) -> None:
-        """Tell what has changed: the stop first of all."""
+    def publish_changes(self) -> None:
+        """Publish and save whatever has changed; the stop goes first."""
         now, stopped = self.clocks.steady(), self.stops.stopped
         state = self.stops.state(now)
         stops = [{**stop, "age": 0.0} for stop in state["stops"]]
-        told = (stopped, json.dumps({**state, "stops": stops}))
-        before, self._told = self._told, told
+        published = (stopped, json.dumps({**state, "stops": stops}))
+        before, self._published = self._published, published
         if before is None or before[0] is not stopped:
-            self._hands.tell_stop(stopped)
+            self._outputs.publish_stop(stopped)
         self.settle_motion()
-        if before != told:
-            self._hands.tell_state(json.dumps(state))
+        if before != published:
+            self._outputs.publish_stops(json.dumps(state))
         if (kept := self.stops.kept()) != self._kept:
             self._kept = kept
-            self._hands.keep(kept)
+            self._outputs.keep(kept)
         self.people.stops.take([stop["name"] for stop in state["stops"]], self.clocks.wall())
-        self.people.tell_changes()
+        self.people.publish_changes()
 
     def write(self, who: Mapping[str, str], what: str, name: str, sent: Any, answer: Any) -> None:
         """Write a line of the audit log."""
@@ -206,9 +219,11 @@ class HouseRules:
 
 
 class Guard:
-    """One connection: who is there, and what that client may do."""
+    """The permissions, limits and stop of one connection."""
 
-    def __init__(self, rules: HouseRules, number: int, visitor: Visitor, address: str, browser: str) -> None:
+    def __init__(
+        self, rules: GatewayRules, number: int, visitor: Visitor, address: str, browser: str
+    ) -> None:
         self._rules = rules
         self._number = number
         self.visitor = visitor
@@ -227,7 +242,7 @@ class Guard:
     # -- what it may ----------------------------------------------------------------------------------------
 
     def frame_refusal(self, frame: str | bytes) -> str:
-        """Return why a frame is not even read; '' where it is."""
+        """Return why a frame is dropped unread; '' where it is read. Short frames pass the rate limit."""
         size = len(frame) if isinstance(frame, bytes) or frame.isascii() else len(frame.encode())
         refused = self._allowance.frame(size)
         if not refused and size > STOP_FRAME:
@@ -237,7 +252,8 @@ class Guard:
     def refusal(self, operation: protocol.Operation | protocol.BadFrame, subscriptions: int) -> str:
         """Return why an operation is not carried out; '' where it is. `subscriptions` are those it has.
 
-        What is not understood counts like an operation. A stop does not count, and is never too much.
+        Frames that cannot be parsed count as operations. A stop is never counted or refused; a release only
+        where the token has expired.
         """
         if isinstance(operation, protocol.PublishMessage) and operation.topic == STOP_TOPIC:
             return (
@@ -270,7 +286,7 @@ class Guard:
         return self._rules.allowed.refusal(self.visitor, use, name)
 
     def _motion_refusal(self, operation: protocol.Operation) -> str:
-        """Return why an operation does not move the robot; '' where it does, or moves nothing."""
+        """Return why an operation may not move the robot; '' where it may, or moves nothing."""
         name = self._rules.allowed.moving.moved_by(operation)
         if not name:
             return ""
@@ -280,18 +296,18 @@ class Guard:
 
     # -- what it does -----------------------------------------------------------------------------------
 
-    def told_stop(self, message: Any) -> str:
-        """Take what the page says of its stop; return why it is not taken, '' where it is."""
+    def report_stop(self, message: Any) -> str:
+        """Report the page's stop to the arbiter; return why it is refused, '' where it is not."""
         rules, stopped = self._rules, stop_of(message)
-        refused = rules.stops.told(self._number, stopped, rules.clocks.steady())
-        rules.tell_changes()
+        refused = rules.stops.report(self._number, stopped, rules.clocks.steady())
+        rules.publish_changes()
         if stopped is not self._was_stopped:
             rules.write(self._who, "publish", STOP_TOPIC, {"data": stopped}, refused or None)
         self._was_stopped = stopped
         return refused
 
     def serve(self, service: str, arguments: Any) -> Mapping[str, Any] | None:
-        """Return the response of a service that the gateway itself offers; None where it does not."""
+        """Return the response of a service that the gateway itself offers; None for every other service."""
         own = {
             RESET_STOP: self._reset_stop,
             HERE: self._is_here,
@@ -305,16 +321,16 @@ class Guard:
         return found and found(arguments)
 
     def _is_here(self, arguments: Any) -> Mapping[str, Any]:
-        """Take which view the page shows, and return the name of its connection."""
+        """Record which view the page shows; return the name of its connection."""
         view = arguments.get("view") if isinstance(arguments, Mapping) else None
         page = self._rules.people.presence.shows(self._number, view if isinstance(view, str) else "")
-        self._rules.people.tell_changes()
+        self._rules.people.publish_changes()
         return {"page": page}
 
     def _acknowledge(self, arguments: Any) -> Mapping[str, Any]:
         people = self._rules.people
         answer = people.acknowledge(arguments, self.name, self._rules.clocks.wall())
-        people.tell_changes()
+        people.publish_changes()
         return answer
 
     def _reset_stop(self, arguments: Any) -> Mapping[str, Any]:
@@ -322,7 +338,7 @@ class Guard:
         given = arguments.get("name") if isinstance(arguments, Mapping) else None
         name = given if isinstance(given, str) else ""
         refused = self._rules.stops.reset(name)
-        self._rules.tell_changes()
+        self._rules.publish_changes()
         return {"success": not refused, "message": refused or f"the stop of {name} is released"}
 
     def _take_base(self, arguments: Any) -> Mapping[str, Any]:
@@ -336,19 +352,19 @@ class Guard:
         return {"success": not refused, "message": refused or f"{self.name} has the base"}
 
     def _is_repeated(self, operation: protocol.Operation) -> bool:
-        """Whether a publication repeats the last one: it is written down once."""
+        """Return whether a publication repeats the last one: only the first is logged."""
         if not isinstance(operation, protocol.PublishMessage):
             return False
         now = self._rules.clocks.steady()
         return not self._repetitions.is_command(operation.topic, operation.message, now)
 
     def published(self, operation: protocol.PublishMessage) -> None:
-        """Write down a publication, unless it repeats the last one."""
+        """Log a publication, unless it repeats the last one."""
         if not self._is_repeated(operation):
             self._rules.write(self._who, "publish", operation.topic, operation.message, None)
 
     def answered(self, operation: protocol.Operation, answer: Any) -> None:
-        """Write down a command with its answer: fields by name, or why there are none."""
+        """Log a command with its answer: fields by name, or an error. Reading calls are not logged."""
         if named := _command(operation):
             what, name, _ = named
             is_call = what == "call_service"
@@ -357,22 +373,22 @@ class Guard:
             )
             if not reads:
                 self._rules.write(self._who, *named, answer)
-                self._rules.people.tell_changes()
+                self._rules.people.publish_changes()
 
-    def turned_out(self, reason: str) -> None:
-        """The client has to go."""
+    def log_disconnect(self, reason: str) -> None:
+        """Log that the server ends this connection."""
         self._rules.write_login(self.visitor.name, self._who["from"], False, f"{self.name}: {reason}")
 
     def leave(self) -> None:
-        """The client has gone; its stop stays."""
+        """The client has disconnected: give back the base; its stop stays engaged."""
         self._rules.give_back_base(self.name)
         self._rules.stops.gone(self._number, self._rules.clocks.steady())
         self._rules.people.presence.gone(self._number)
-        self._rules.tell_changes()
+        self._rules.publish_changes()
 
 
 def _command(operation: protocol.Operation) -> tuple[str, str, Any] | None:
-    """Return what a command is called, of what, with what was sent; None for what commands nothing."""
+    """Return kind, name and payload of a command for the log; None for an operation that commands nothing."""
     match operation:
         case protocol.CallService(service=name, arguments=sent):
             return "call_service", name, sent

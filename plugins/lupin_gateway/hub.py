@@ -1,8 +1,8 @@
-"""Topics and their subscribers: one subscription of ROS for each, and every client in its own time.
+"""Fans topics out to clients: one ROS subscription for each topic and type, and a bounded queue per client.
 
-A message reaches all clients as the same frame. Each client has an outbox of its own, so that a slow one
-delays nobody: of states it loses the oldest, of events as few as possible, and is told how many those were.
-Everything here runs on the loop of asyncio.
+A message is encoded once for all clients. A client that reads too slowly delays nobody: its outbox (4 MB)
+drops the oldest states first, then events, and the client gets a warning with the number of lost events. All
+of it runs on the event loop.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Feed(Protocol):
     """A subscription of ROS."""
 
     def close(self) -> None:
-        """End it; nothing is told any more."""
+        """End it; no callback follows."""
 
 
 #: Begins a subscription of ROS of a topic and a type ('' means that of the topic's publishers). The first
@@ -39,9 +39,9 @@ Listen = Callable[[str, str, Callable[[Sample, bool], None], Callable[[str], Non
 
 @dataclass(frozen=True)
 class Backlog:
-    """What a topic keeps for later subscribers: so many samples, of events or of states.
+    """How many samples of a topic are kept for later subscribers, and whether they are events.
 
-    Of events each one counts: they are dropped last, and their loss is told.
+    Events are dropped after all states, and clients are warned of lost ones; lost states are silent.
     """
 
     depth: int = 1
@@ -57,7 +57,7 @@ class _WaitingFrame:
 
 
 class Outbox:
-    """What waits to be sent to one client, in order; `full` is called when even replies do not fit."""
+    """The send queue of one client, in order; `full` is called when even replies exceed `OUTBOX_BYTES`."""
 
     def __init__(self, full: Callable[[], None]) -> None:
         self._waiting: OrderedDict[_WaitingFrame, None] = OrderedDict()
@@ -68,7 +68,7 @@ class Outbox:
         self.held = 0
 
     def put(self, frame: FrameData, source: Subscriber | None = None) -> None:
-        """Send a frame when its turn comes; one of a subscription may be dropped before that."""
+        """Queue a frame. A subscription's may be dropped later; one too long becomes an error."""
         if source is not None and len(frame) > OUTBOX_BYTES:  # all others would be dropped for it, and it too
             frame = status("error", f"{source.topic}: a message of {len(frame)} bytes is too long", source.id)
         waiting = _WaitingFrame(frame, source)
@@ -85,7 +85,7 @@ class Outbox:
         self._filled.set()
 
     def _lose_oldest(self) -> bool:
-        """Drop the oldest state, else the oldest event; False where only replies are left."""
+        """Drop the oldest state, else the oldest event; return False where only replies are left."""
         oldest: tuple[_WaitingFrame, Subscriber] | None = None
         for waiting in self._waiting:
             if waiting.source is not None and (oldest is None or not waiting.source.kept.events):
@@ -102,7 +102,7 @@ class Outbox:
         self.drop(waiting)
 
     def drop(self, waiting: _WaitingFrame) -> None:
-        """Do not send it after all."""
+        """Remove a frame from the queue."""
         del self._waiting[waiting]
         self.bytes -= len(waiting.frame)
 
@@ -122,7 +122,7 @@ class Outbox:
         return waiting.frame
 
     def _about_losses(self, waiting: _WaitingFrame, source: Subscriber, lost: int) -> FrameData:
-        """Return a word about lost events; what waited comes next."""
+        """Return a warning about lost events, and put the frame back at the head of the queue."""
         kept = _WaitingFrame(waiting.frame, None)
         self._waiting[kept] = None
         self._waiting.move_to_end(kept, last=False)
@@ -132,9 +132,9 @@ class Outbox:
 
 @dataclass(eq=False)
 class Subscriber:
-    """One subscription of a client: how it wants the samples of a topic, and which of them wait.
+    """One subscription of a client: its options, and its frames in the outbox.
 
-    `throttle` is the least time between two in seconds; `queue` is how many may wait, 0 for what is usual.
+    `throttle` is the least time between two in seconds; `queue` is how many may wait, 0 for the default.
     """
 
     topic: str
@@ -155,7 +155,7 @@ class Subscriber:
         return self.queue or (WAITING_EVENTS if self.kept.events else WAITING_STATES)
 
     def offer(self, sample: Sample) -> None:
-        """Send a sample, or hold it back until the throttle lets it pass: the last one always comes."""
+        """Send a sample, or hold it for the throttle; of held ones the newest is never dropped."""
         if not self.throttle:
             self.outbox.put(sample.frame(self.compression), self)
             return
@@ -169,7 +169,7 @@ class Subscriber:
             self._next_held()
 
     def complain(self, problem: str) -> None:
-        """Tell the client what is wrong with the topic."""
+        """Send the client an error about the topic."""
         self.outbox.put(status("error", problem, self.id))
 
     def _next_held(self) -> Sample:
@@ -184,7 +184,7 @@ class Subscriber:
             self._release = asyncio.get_running_loop().call_later(self.throttle, self._pass_one)
 
     def close(self) -> None:
-        """Send nothing more, also not what waits."""
+        """Send nothing more; drop its waiting frames."""
         if self._release is not None:
             self._release.cancel()
         while self._held:
@@ -208,7 +208,7 @@ class _OpenTopic:
         self.ending: asyncio.TimerHandle | None = None
 
     def deliver(self, sample: Sample, latched: bool) -> None:
-        """Give a sample to everybody; where a subscription of ROS was made anew, old ones come again."""
+        """Give a sample to all subscribers; repetitions of a new ROS subscription are dropped."""
         if latched or self.kept.events:
             if any(old.same(sample) for old in self.backlog):
                 return
@@ -216,8 +216,8 @@ class _OpenTopic:
         for subscriber in self.subscribers:
             subscriber.offer(sample)
 
-    def tell(self, problem: str) -> None:
-        """Tell everybody what is wrong; who comes later is told too."""
+    def report_problem(self, problem: str) -> None:
+        """Send a new problem to all subscribers, and keep it for later ones; '' clears it."""
         if problem and problem != self.problem:
             for subscriber in self.subscribers:
                 subscriber.complain(problem)
@@ -225,7 +225,7 @@ class _OpenTopic:
 
 
 class Hub:
-    """All topics that are subscribed to; `kept` says what each keeps for later subscribers."""
+    """All subscribed topics; `kept` gives the backlog that each keeps for later subscribers."""
 
     def __init__(self, listen: Listen, kept: Callable[[str], Backlog]) -> None:
         self._listen = listen
@@ -234,7 +234,7 @@ class Hub:
         self._last: dict[str, Sample] = {}
 
     def subscribe(self, subscriber: Subscriber, type_: str) -> None:
-        """Send all that is kept, and from now on all that comes; `type_` may be '', that of the topic."""
+        """Send the backlog (latched and event topics have one), then new samples; `type_` '': the topic's."""
         channel = self._channels.get((subscriber.topic, type_)) or self._open(subscriber.topic, type_)
         if channel.ending is not None:
             channel.ending.cancel()
@@ -257,7 +257,7 @@ class Hub:
                     channel.ending = later(LINGER_S, self._close, channel)
 
     def forget(self) -> None:
-        """Keep nothing of what was told so far for later subscribers."""
+        """Clear the backlogs of all topics."""
         self._last.clear()
         for channel in self._channels.values():
             channel.backlog.clear()
@@ -272,11 +272,11 @@ class Hub:
 
     def _open(self, topic: str, type_: str) -> _OpenTopic:
         channel = self._channels[topic, type_] = _OpenTopic(topic, type_, self._kept(topic))
-        channel.feed = self._listen(topic, type_, partial(self._deliver, channel), channel.tell)
+        channel.feed = self._listen(topic, type_, partial(self._deliver, channel), channel.report_problem)
         return channel
 
     def _deliver(self, channel: _OpenTopic, sample: Sample, latched: bool) -> None:
-        """Give a sample to a topic's subscribers, decoded once for those with a type and those without."""
+        """Give a sample to a topic's subscribers, decoded once for all of them."""
         last = self._last.get(channel.name)
         if last is None or not last.same(sample):
             last = self._last[channel.name] = sample

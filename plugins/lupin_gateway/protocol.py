@@ -1,6 +1,6 @@
-"""The frames of rosbridge's protocol, version 2: what a client asks for, or what is wrong.
+"""Parses the frames of rosbridge's protocol, version 2, to operations; `BadFrame` where that fails.
 
-Fields that an operation does not have are ignored, as rosbridge does: libraries send more than they need.
+Unknown fields are ignored, as in rosbridge: client libraries send more than they need.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MOST_LISTS = 10_000
 
 @dataclass(frozen=True)
 class BadFrame:
-    """A frame that is not understood: why, and its id and operation where those can be told."""
+    """A frame that cannot be parsed, or is not offered: why, with id and operation if known."""
 
     text: str
     id: str | None = None
@@ -34,7 +34,7 @@ class BadFrame:
 
 @dataclass(frozen=True)
 class SubscribeTopic:
-    """Send the messages of a topic; `throttle` in seconds between two, `queue` as asked (0: ours)."""
+    """Subscribe to a topic; `throttle` in seconds between two, `queue` as asked (0: the default)."""
 
     topic: str
     type: str = ""
@@ -46,7 +46,7 @@ class SubscribeTopic:
 
 @dataclass(frozen=True)
 class UnsubscribeTopic:
-    """Send them no more; without an id none of the topic, whoever of the page asked for them."""
+    """Unsubscribe; without an id, from all of this client's subscriptions to the topic."""
 
     topic: str
     id: str | None = None
@@ -81,7 +81,7 @@ class PublishMessage:
 
 @dataclass(frozen=True)
 class CallService:
-    """Call a service; `timeout` is what the client wants at most, in seconds, and 0 means ours."""
+    """Call a service; `timeout` is the client's limit in seconds, 0 for the gateway's."""
 
     service: str
     arguments: Any = field(default_factory=dict)
@@ -111,7 +111,7 @@ class CancelGoalById:
 
 @dataclass(frozen=True)
 class SetLevel:
-    """Tell only status of this level and worse."""
+    """Send only status frames of this level and worse."""
 
     level: str
     id: str | None = None
@@ -155,7 +155,7 @@ class _WrongField(Exception):
 
 
 def parse(frame: str | bytes) -> Operation | BadFrame:
-    """Return what a client asks for; nothing that it can send raises."""
+    """Return the operation of a frame; never raises, whatever a client sends."""
     if isinstance(frame, bytes):
         return BadFrame("binary frames are not understood: send JSON as text")
     if frame.count("[") + frame.count("{") > MOST_LISTS:
@@ -184,7 +184,7 @@ def parse(frame: str | bytes) -> Operation | BadFrame:
 
 
 def full_type(name: str, kind: str) -> str:
-    """Return a type with its kind (`msg`, `srv`, `action`), whether it was given or not; '' stays.
+    """Return a type with its kind (`msg`, `srv`, `action`), added where it is missing; '' stays.
 
     Raises:
         ValueError: it is no name of a type.
@@ -261,7 +261,7 @@ class _Fields:
 
 
 def _called(value: Any) -> str:
-    """Return what a value is, in words of JSON: values themselves may be long."""
+    """Return a value's JSON type for a message: the value itself may be long."""
     names = {dict: "an object", list: "a list", str: "a text", bool: "true or false", type(None): "nothing"}
     return names.get(type(value), "a number")
 
@@ -299,7 +299,7 @@ def _level(fields: _Fields) -> SetLevel:
 def _call(fields: _Fields) -> CallService:
     if fields.number("fragment_size", 1e12):
         raise _WrongField("'fragment_size' is not offered: every answer comes in one frame")
-    # A page calls /rosapi with types that no installation has; what is no type at all is told by the call.
+    # A page calls /rosapi with types that no installation has; the call reports one that is no type at all.
     return CallService(
         fields.name("service"),
         fields.any("args"),
@@ -310,7 +310,7 @@ def _call(fields: _Fields) -> CallService:
 
 
 def _timeout(fields: _Fields) -> float:
-    """Return the limit that a client wants; for roslib one that is not positive means none, so ours holds."""
+    """Return the client's limit; 0 where it is not positive, which roslib sends for "none"."""
     wanted = fields.any("timeout")
     is_none = isinstance(wanted, (int, float)) and wanted <= 0
     return 0.0 if is_none else fields.number("timeout", 86_400)

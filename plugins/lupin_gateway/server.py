@@ -1,4 +1,9 @@
-"""The web server: files of the console, and the rosbridge protocol at `/_ros` and `/`, on one port or two."""
+"""The web server (Starlette on uvicorn): console files, `/status`, `/history`, and WebSockets at `/_ros` and
+`/`.
+
+A second port may serve the protocol only. Clients that do not read are disconnected (code 1013), and those
+whose token is no longer valid (1008). Exceptions in periodic work are logged and do not stop it.
+"""
 
 from __future__ import annotations
 
@@ -25,15 +30,21 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from lupin_engine.errors import UsageError, shortened
-from lupin_gateway.doors import NotAdmitted, Use
+from lupin_gateway.access import NotAdmitted, Use
 from lupin_gateway.encoding import FrameData
-from lupin_gateway.entry.entrance import SHIELDS, Entrance, address_of, browser_of, come_in
+from lupin_gateway.entry.entrance import (
+    SECURITY_HEADERS,
+    AuthMiddleware,
+    address_of,
+    admit_visitor,
+    browser_of,
+)
 from lupin_gateway.entry.gate import Gate, GateListener, places
-from lupin_gateway.guard import Guard, HouseRules
+from lupin_gateway.guard import GatewayRules, Guard
 from lupin_gateway.hub import Hub, Outbox
+from lupin_gateway.ports import HistoryPort, RosPort
 from lupin_gateway.session import Limits, Session
-from lupin_gateway.sides import KeptPast, RosSide
-from lupin_gateway.stop import TELL_HZ
+from lupin_gateway.stop import PUBLISH_HZ
 
 #: The files that are served: the console, as console/build.mjs makes it.
 PAGES = Path(__file__).with_name("pages")
@@ -99,28 +110,30 @@ def _listening(host: str, port: int) -> GateListener:
 
 
 class _ConsoleFiles(StaticFiles):
-    """Files of the console; a browser asks each time whether they are still the same."""
+    """Static files of the console; browsers revalidate them each time."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Return a file with what a browser is to keep to, and by what it is known on all its connections."""
+        """Return a file with the security headers and the cookie by which the browser is known."""
         response = await super().get_response(path, scope)
         _, known = browser_of(Headers(scope=scope), secure=scope["scheme"] == "https")
         response.raw_headers.extend(known)
-        response.headers.update({**SHIELDS, "content-security-policy": POLICY, "cache-control": "no-cache"})
+        response.headers.update(
+            {**SECURITY_HEADERS, "content-security-policy": POLICY, "cache-control": "no-cache"}
+        )
         return response
 
 
 class Gateway:
-    """All connections of one process."""
+    """The connections of one process."""
 
     def __init__(
         self,
-        ros: RosSide,
+        ros: RosPort,
         hub: Hub,
         limits: Limits,
-        rules: HouseRules,
+        rules: GatewayRules,
         tls: Mapping[str, str],
-        history: KeptPast,
+        history: HistoryPort,
     ) -> None:
         """`tls` are the files of the server's certificate, by uvicorn's names; none: nothing is encrypted."""
         self.rules = rules
@@ -135,7 +148,7 @@ class Gateway:
         self._must_go: set[Guard] = set()
 
     def application(self) -> ASGIApp:
-        """Return what answers the first port."""
+        """Return the ASGI application of the first port."""
         routes: list[BaseRoute] = [
             WebSocketRoute("/_ros", self._connect),
             WebSocketRoute("/", self._connect),
@@ -143,10 +156,10 @@ class Gateway:
             Route("/history", self._history),
             Mount("/", _ConsoleFiles(directory=PAGES, html=True)),
         ]
-        return self._watched(Entrance(Starlette(routes=routes), self.rules, self.gate))
+        return self._watched(AuthMiddleware(Starlette(routes=routes), self.rules, self.gate))
 
     def protocol_only(self) -> ASGIApp:
-        """Return what answers the second port: any path, as rosbridge does."""
+        """Return the ASGI application of the second port: the protocol at any path, as in rosbridge."""
         return self._watched(Starlette(routes=[WebSocketRoute("/{path:path}", self._connect)]))
 
     def _watched(self, application: ASGIApp) -> ASGIApp:
@@ -154,12 +167,12 @@ class Gateway:
         return self.gate.watching(ProxyHeadersMiddleware(application, trusted))  # type: ignore[arg-type]
 
     async def _status(self, request: Request) -> JSONResponse:
-        visitor = self.rules.doors.admit(request.headers, self.rules.clocks.wall())
-        told = {"clients": len(self._clients), "topics": self._hub.topics(), **self._ros.about()}
-        return JSONResponse({**told, "name": visitor.name, "role": visitor.role.word})
+        visitor = self.rules.access.admit(request.headers, self.rules.clocks.wall())
+        state = {"clients": len(self._clients), "topics": self._hub.topics(), **self._ros.about()}
+        return JSONResponse({**state, "name": visitor.name, "role": visitor.role.word})
 
     async def _history(self, request: Request) -> Response:
-        visitor = self.rules.doors.admit(request.headers, self.rules.clocks.wall())
+        visitor = self.rules.access.admit(request.headers, self.rules.clocks.wall())
         given = request.query_params.get("since", "0")
         try:
             begin = float(given)
@@ -173,7 +186,7 @@ class Gateway:
         known = set(self.history.topics) & set(named.split(",")) if named else self.history.topics
         topics = [each for each in known if not allowed.refusal(visitor, Use.SUBSCRIBE, each)]
         packed = "gzip" in request.headers.get("accept-encoding", "")
-        headers = {**SHIELDS, "cache-control": "no-store"}
+        headers = {**SECURITY_HEADERS, "cache-control": "no-store"}
         if packed:
             headers["content-encoding"] = "gzip"
         parts = _in_turns(self.history.lines(begin, topics), packed)
@@ -181,7 +194,7 @@ class Gateway:
 
     async def _connect(self, socket_: WebSocket) -> None:
         try:
-            visitor = await come_in(self.rules, self.gate, socket_)
+            visitor = await admit_visitor(self.rules, self.gate, socket_)
         except NotAdmitted as refused:
             await socket_.send_denial_response(PlainTextResponse(f"{refused}\n", refused.status))
             return
@@ -196,7 +209,7 @@ class Gateway:
         def turn_out(reason: str) -> None:
             nonlocal leaving
             leaving = TURNED_OUT, reason
-            guard.turned_out(reason)
+            guard.log_disconnect(reason)
             sending.cancel()
 
         outbox = Outbox(stop_sending)
@@ -215,9 +228,9 @@ class Gateway:
             await _send_away(socket_, *leaving)
 
     def look(self) -> None:
-        """End connections whose token is not one any more, and those that are silent before they are in."""
+        """End connections whose token was invalid twice in a row, and strangers that are silent."""
         guards = list(self._clients)
-        reasons = self.rules.doors.reasons_to_go([one.visitor for one in guards], self.rules.clocks.wall())
+        reasons = self.rules.access.reasons_to_go([one.visitor for one in guards], self.rules.clocks.wall())
         must_go = {one: reason for one, reason in zip(guards, reasons, strict=True) if reason}
         for one in self._must_go & must_go.keys():
             self._clients[one](must_go[one])
@@ -226,7 +239,7 @@ class Gateway:
 
 
 async def _in_turns(lines: Iterator[bytes], packed: bool) -> AsyncIterator[bytes]:
-    """Yield lines in parts, packed by gzip if wanted, with a turn for others between two."""
+    """Yield lines in parts, compressed by gzip if wanted; other work of the loop comes in between."""
     packer = zlib.compressobj(1, wbits=31)
     part, end = bytearray(), time.monotonic() + HISTORY_TURN_S
     for line in lines:
@@ -245,19 +258,19 @@ async def _receive_all(receive: Callable[[FrameData], None], socket_: WebSocket)
         if message["type"] == "websocket.disconnect":
             return
         text = message.get("text")
-        with _telling_defects():
+        with _logging_defects():
             receive(text if text is not None else message.get("bytes") or b"")
         await asyncio.sleep(0)  # frames of others come between two of one client
 
 
 @contextlib.contextmanager
-def _telling_defects() -> Iterator[None]:
-    """Log a defect of ours, and do not let it end a connection, or the telling of the stop."""
+def _logging_defects() -> Iterator[None]:
+    """Log an exception instead of ending a connection, or the publishing of the stop."""
     try:
         yield
     except Exception as defect:
-        told = {"message": "the gateway has a defect", "exception": defect}
-        asyncio.get_running_loop().call_exception_handler(told)
+        context = {"message": "the gateway has a defect", "exception": defect}
+        asyncio.get_running_loop().call_exception_handler(context)
 
 
 async def _send_all(outbox: Outbox, socket_: WebSocket) -> None:
@@ -276,10 +289,10 @@ async def _send_away(socket_: WebSocket, code: int, reason: str) -> None:
 
 
 async def serve(gateway: Gateway, sockets: Sequence[GateListener], until: asyncio.Future[None]) -> None:
-    """Serve on the sockets (the first one: files too) until told to stop, then close all connections.
+    """Serve on the sockets (the first one with files) until the future is done, then close all connections.
 
     Raises:
-        RuntimeError: a server, or the telling of the stop, ended without being told to.
+        RuntimeError: a server or a periodic task ended by itself.
     """
     for each in sockets:
         each.gate = gateway.gate
@@ -290,10 +303,10 @@ async def serve(gateway: Gateway, sockets: Sequence[GateListener], until: asynci
         for server, each in zip(servers, sockets, strict=True)
     ]
     gateway.history.start()
-    telling = asyncio.ensure_future(_tell_steadily(gateway.rules))
+    ticking = asyncio.ensure_future(_tick_steadily(gateway.rules))
     looking = asyncio.ensure_future(_look_steadily(gateway))
-    ended, _ = await asyncio.wait({until, telling, looking, *running}, return_when=asyncio.FIRST_COMPLETED)
-    telling.cancel()
+    ended, _ = await asyncio.wait({until, ticking, looking, *running}, return_when=asyncio.FIRST_COMPLETED)
+    ticking.cancel()
     looking.cancel()
     for server in servers:
         server.should_exit = True
@@ -303,17 +316,17 @@ async def serve(gateway: Gateway, sockets: Sequence[GateListener], until: asynci
         raise RuntimeError("a part of the gateway ended by itself") from causes[0]
 
 
-async def _tell_steadily(rules: HouseRules) -> None:
+async def _tick_steadily(rules: GatewayRules) -> None:
     while True:
-        with _telling_defects():
+        with _logging_defects():
             rules.tick()
-        await asyncio.sleep(1.0 / TELL_HZ)
+        await asyncio.sleep(1.0 / PUBLISH_HZ)
 
 
 async def _look_steadily(gateway: Gateway) -> None:
     report_at = 0.0
     while True:
-        with _telling_defects():
+        with _logging_defects():
             gateway.look()
             if time.monotonic() >= report_at and (report := gateway.gate.report()):
                 gateway.rules.warn(report)
@@ -322,11 +335,11 @@ async def _look_steadily(gateway: Gateway) -> None:
 
 
 class _QuietServer(uvicorn.Server):
-    """A server that leaves signals to whoever runs the process."""
+    """A uvicorn server that installs no signal handlers; the process has its own."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Capture none."""
+        """Install none."""
         yield
 
 

@@ -1,6 +1,7 @@
-"""One connection: what its frames ask for is begun at once, and answered whenever the answer is there.
+"""The session of one connection: carries out its frames, and sends each answer when it arrives.
 
-Nothing in here waits for ROS, so no call keeps a publication, above all a stop, from being carried out.
+Nothing here waits for ROS, so a call never delays a publication, above all a stop. Answers that come after
+the connection has closed are dropped.
 """
 
 from __future__ import annotations
@@ -11,11 +12,11 @@ from functools import partial
 from typing import Any
 
 from lupin_gateway import protocol
-from lupin_gateway.doors import STOP_TOPIC
+from lupin_gateway.access import STOP_TOPIC
 from lupin_gateway.encoding import Compression, reply, status
 from lupin_gateway.guard import Guard
 from lupin_gateway.hub import Hub, Outbox, Subscriber
-from lupin_gateway.sides import CallFailed, GoalEnd, RosSide
+from lupin_gateway.ports import CallFailed, GoalEnd, RosPort
 
 #: Services that the gateway answers itself.
 ROSAPI = "/rosapi/"
@@ -27,27 +28,27 @@ MOST_GOALS = 20
 
 @dataclass(frozen=True)
 class Limits:
-    """How long a call may take, in seconds: `usual`, or `slow` where the service's name begins with one."""
+    """Limits of calls in seconds: `usual`, or `slow` for names that begin with a slow service's."""
 
     usual: float = 5.0
     slow: float = 15.0
     slow_services: tuple[str, ...] = ("/lupin/arm/",)
 
     def of(self, service: str, wanted: float) -> float:
-        """Return the limit of a call; a client may want a shorter one (0: it does not say)."""
+        """Return the limit of a call; a client may only shorten it (0: no wish)."""
         limit = self.slow if service.startswith(self.slow_services) else self.usual
         return min(limit, wanted) if wanted else limit
 
 
 @dataclass(eq=False)
 class _Wishes:
-    """The subscriptions of one client to one topic, by their ids, and what becomes of them together."""
+    """All subscriptions of one client to one topic, by id; they share one `Subscriber`."""
 
     subscriber: Subscriber
     by_id: dict[str | None, protocol.SubscribeTopic] = field(default_factory=dict)
 
     def settle(self) -> None:
-        """Let the most demanding decide: the fastest, the longest queue, CBOR if anybody wants it."""
+        """Merge their options: the shortest throttle, the longest queue, CBOR if any wants it."""
         wishes = list(self.by_id.values())
         asked = {wish.compression for wish in wishes}
         self.subscriber.id = wishes[0].id
@@ -57,9 +58,9 @@ class _Wishes:
 
 
 class Session:
-    """The operations of one client, until it goes."""
+    """The operations of one client, until it disconnects."""
 
-    def __init__(self, ros: RosSide, hub: Hub, outbox: Outbox, limits: Limits, guard: Guard) -> None:
+    def __init__(self, ros: RosPort, hub: Hub, outbox: Outbox, limits: Limits, guard: Guard) -> None:
         self._ros = ros
         self._hub = hub
         self._outbox = outbox
@@ -72,24 +73,24 @@ class Session:
         self._closed = False
 
     def receive(self, frame: str | bytes) -> None:
-        """Begin what a frame asks for."""
+        """Check, parse and carry out a frame; refusals are answered."""
         refused = self._guard.frame_refusal(frame)
         if refused:
-            self.tell("error", refused)
+            self.send_status("error", refused)
             return
         operation = protocol.parse(frame)
         subscriptions = sum(len(wishes.by_id) for wishes in self._wishes.values())
         refused = self._guard.refusal(operation, subscriptions)
         if refused:
-            self._tell_bad(_as_bad(operation, refused))
+            self._answer_bad(_as_bad(operation, refused))
             return
         if isinstance(operation, protocol.BadFrame):
-            self._tell_bad(operation)
+            self._answer_bad(operation)
             return
         _HANDLERS[type(operation)](self, operation)
 
     def close(self) -> None:
-        """The client has gone: end its subscriptions and goals; answers to come are dropped."""
+        """The client has disconnected: end its subscriptions and goals."""
         self._closed = True
         self._guard.leave()
         for wishes in self._wishes.values():
@@ -99,15 +100,15 @@ class Session:
         for cancel in list(self._goals.values()):
             cancel()
 
-    # --- what is told
+    # --- status frames
 
-    def tell(self, level: str, text: str, about: str | None = None) -> None:
-        """Send a status frame, unless the client wants none of this level."""
+    def send_status(self, level: str, text: str, about: str | None = None) -> None:
+        """Send a status frame, unless it is below the client's level."""
         if text and protocol.LEVELS.index(level) <= self._level:
             self._send(status(level, text, about))
 
-    def _tell_bad(self, bad: protocol.BadFrame) -> None:
-        self.tell("error", bad.text, bad.id)
+    def _answer_bad(self, bad: protocol.BadFrame) -> None:
+        self.send_status("error", bad.text, bad.id)
         if bad.operation == "call_service" and bad.id is not None:
             self._answer(protocol.CallService(bad.name, id=bad.id), CallFailed(bad.text))
         elif bad.operation == "send_action_goal" and bad.id is not None:
@@ -120,12 +121,12 @@ class Session:
     # --- topics
 
     def _subscribe(self, operation: protocol.SubscribeTopic) -> None:
-        """Begin a subscription, or change it: a client gets each message of a topic once."""
+        """Add or change a subscription; several of a client to one topic get each message once."""
         wishes = self._wishes.setdefault(operation.topic, _Wishes(Subscriber(operation.topic, self._outbox)))
         other = next((wish.type for wish in wishes.by_id.values() if wish.type), "")
         if operation.type and other and operation.type != other:
             text = f"{operation.topic} is subscribed to as {other} already, not as {operation.type}"
-            self.tell("error", text, operation.id)
+            self.send_status("error", text, operation.id)
             return
         is_first = not wishes.by_id
         wishes.by_id[operation.id] = operation
@@ -152,8 +153,8 @@ class Session:
         if operation.topic in self._advertised:
             self._ros.unadvertise(operation.topic)
         self._advertised.add(operation.topic)
-        told = partial(self.tell, "error", about=operation.id)
-        self._ros.advertise(operation.topic, operation.type, operation.latch, told)
+        report = partial(self.send_status, "error", about=operation.id)
+        self._ros.advertise(operation.topic, operation.type, operation.latch, report)
 
     def _unadvertise(self, operation: protocol.Unadvertise) -> None:
         if operation.topic in self._advertised:
@@ -162,10 +163,12 @@ class Session:
 
     def _publish(self, operation: protocol.PublishMessage) -> None:
         if operation.topic == STOP_TOPIC:
-            self.tell("error", self._guard.told_stop(operation.message), operation.id)
+            self.send_status("error", self._guard.report_stop(operation.message), operation.id)
             return
         self._guard.published(operation)
-        self._ros.publish(operation.topic, operation.message, partial(self.tell, "error", about=operation.id))
+        self._ros.publish(
+            operation.topic, operation.message, partial(self.send_status, "error", about=operation.id)
+        )
 
     # --- services
 
@@ -212,7 +215,7 @@ class Session:
                 operation, CallFailed(f"{operation.action}: {MOST_GOALS} goals of this client are under way")
             )
             return
-        feedback = partial(self._tell_feedback, operation) if operation.feedback else _nobody
+        feedback = partial(self._send_feedback, operation) if operation.feedback else _nobody
         done = partial(self._ended, operation)
         cancel = self._ros.send_goal(operation.action, operation.arguments, feedback, done)
         self._goals[operation.id] = cancel
@@ -222,17 +225,17 @@ class Session:
         cancel = self._goals.get(operation.id)
         if cancel is None:
             known = f"{operation.action}: no goal with the id {operation.id!r} is under way"
-            self.tell("error", known, operation.id)
+            self.send_status("error", known, operation.id)
             return
         self._guard.answered(operation, None)
         cancel()
 
-    def _tell_feedback(self, operation: protocol.SendGoal, values: Mapping[str, Any]) -> None:
+    def _send_feedback(self, operation: protocol.SendGoal, values: Mapping[str, Any]) -> None:
         self._send(reply("action_feedback", id=operation.id, action=operation.action, values=values))
 
     def _ended(self, operation: protocol.SendGoal, outcome: GoalEnd | CallFailed) -> None:
         self._goals.pop(operation.id, None)
-        self._guard.answered(operation, _told(outcome))
+        self._guard.answered(operation, _log_entry(outcome))
         self._end(operation, outcome)
 
     def _end(self, operation: protocol.SendGoal, outcome: GoalEnd | CallFailed) -> None:
@@ -252,19 +255,19 @@ class Session:
         self._level = protocol.LEVELS.index(operation.level)
 
 
-def _told(outcome: GoalEnd | CallFailed) -> str | Mapping[str, Any]:
-    """Return the end of a goal for the log."""
+def _log_entry(outcome: GoalEnd | CallFailed) -> str | Mapping[str, Any]:
+    """Return the end of a goal for the audit log."""
     if isinstance(outcome, CallFailed):
         return outcome.text
     return {"accepted": True, "message": f"ended with status {outcome.status}"}
 
 
 def _nobody(_: Mapping[str, Any]) -> None:
-    """Take feedback that the client does not want."""
+    """Drop feedback that the client does not want."""
 
 
 def _as_bad(operation: protocol.Operation | protocol.BadFrame, text: str) -> protocol.BadFrame:
-    """Return a refusal in the form of a frame that is not understood: both are answered alike."""
+    """Return a refusal as a `BadFrame`: both are answered alike."""
     if isinstance(operation, protocol.CallService):
         return protocol.BadFrame(text, operation.id, "call_service", operation.service)
     if isinstance(operation, protocol.SendGoal):

@@ -1,4 +1,4 @@
-"""What a message consists of, as plain data: scalars, lists and structures; knows no ROS."""
+"""Describes the structure of message types as plain data: scalars, lists and structures. Knows no ROS."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _BOUND = re.compile(r"string<\d+>$")
 
 
 class NotCarried(Exception):
-    """A type, or a message, that the gateway cannot carry; the text is for the user."""
+    """A type or message that the gateway does not support; the text is for the user."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def shape_of(kind: Any, find: Callable[[str], Any], name: str) -> MessageShape:
 
 
 class _ShapeReader:
-    """Reads each class once."""
+    """Builds shapes, one for each class."""
 
     def __init__(self, find: Callable[[str], Any]) -> None:
         self._find = find

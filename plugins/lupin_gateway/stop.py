@@ -1,6 +1,7 @@
-"""The software stop of all pages: each page's own, their OR, what pages left behind, and a link that is lost.
+"""Arbitrates the software stops of all pages: their OR is the gateway's stop, and a stop outlives its page.
 
-Pure: connections are numbers, and time is an argument, in seconds of a clock that never goes back.
+A lost operator link may engage one too (`OnLinkLost`). Pure: connections are numbers, and times are in
+seconds of a steady clock.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypedDict
 
 #: How often ROS hears the stop beside each change, in Hz.
-TELL_HZ = 5.0
+PUBLISH_HZ = 5.0
 #: A page that is loaded anew is away for less than this, in seconds: the link is not lost by that.
 LINK_GRACE_S = 2.0
 #: Pages try to reach a gateway that starts again at least so often, in seconds.
@@ -22,7 +23,7 @@ LINK = "link"
 
 
 class OnLinkLost(enum.Enum):
-    """What happens when the last operator's connection is gone."""
+    """The reaction to the loss of the last operator's connection."""
 
     CONTINUE = "continue"
     PAUSE = "pause"
@@ -31,19 +32,19 @@ class OnLinkLost(enum.Enum):
 
 @dataclass
 class _StopOfPage:
-    """A page that is connected. `overruled`: an operator has reset its stop, and it repeats it."""
+    """A connected page. `overruled`: an operator has reset its stop, which the page still repeats."""
 
     name: str
     browser: str
     is_operator: bool
     stopped_at: float | None = None
     overruled: bool = False
-    has_told: bool = False
+    has_reported: bool = False
 
 
 @dataclass(frozen=True)
 class LeftStop:
-    """A stop whose page is gone: the name of its connection, its browser ('': unknown), and since when."""
+    """A stop whose page is gone: the connection's name, its browser ('': unknown), and since when."""
 
     name: str
     browser: str
@@ -52,7 +53,7 @@ class LeftStop:
 
 @dataclass(frozen=True)
 class KeptStops:
-    """What outlives a gateway: names of stops with their browsers, and whether an operator was connected."""
+    """The saved state: engaged stops with their browsers, and whether an operator was connected."""
 
     stops: tuple[tuple[str, str], ...] = ()
     operator: bool = False
@@ -77,11 +78,11 @@ class StopsRecord(TypedDict):
 
 
 class StopArbiter:
-    """Keeps the stop of each page by itself; ROS is told whether any of them is engaged.
+    """Keeps the stop of each page, connected or gone; the robot is stopped while any of them is engaged.
 
-    Who sees a danger may stop the robot, so a viewer may too, unless `viewers_stop` is false. That the danger
-    is over is for an operator to say: a viewer's `false` withdraws nothing, and an operator resets that stop
-    by its name, like one whose page is gone.
+    Anybody who sees a danger may stop the robot: viewers too, unless `viewers_stop` is false. Only an
+    operator may release: a viewer's `false` is refused, and an operator resets that stop by its name, as one
+    whose page is gone.
     """
 
     def __init__(self, on_link_lost: OnLinkLost = OnLinkLost.CONTINUE, viewers_stop: bool = True) -> None:
@@ -95,21 +96,21 @@ class StopArbiter:
 
     @property
     def stopped(self) -> bool:
-        """What ROS is told: whether any stop is engaged."""
+        """Whether any stop is engaged."""
         return bool(self._left) or any(page.stopped_at is not None for page in self._pages.values())
 
     # -- what pages do ----------------------------------------------------------------------------------
 
     def joined(self, page: int, name: str, *, operator: bool, browser: str = "") -> None:
-        """A page has connected. `name` is of this connection alone; `browser` proves that it is one known."""
+        """Add a page. `name` is unique to this connection; `browser` identifies a reloaded page."""
         self._pages[page] = _StopOfPage(name, browser, operator)
         if operator:
             self._lost_at, self._is_decided = None, False
 
-    def told(self, page: int, stopped: bool, now: float) -> str:
-        """A page says whether its stop is engaged; return why that is not taken, '' where it is."""
+    def report(self, page: int, stopped: bool, now: float) -> str:
+        """Take a page's report whether its stop is engaged; return why it is refused, '' where it is not."""
         one = self._pages[page]
-        first, one.has_told = not one.has_told, True
+        first, one.has_reported = not one.has_reported, True
         if not one.is_operator and not self._viewers_stop:
             return "the stop is for operators here (viewers_stop is off)" if stopped else ""
         if not stopped:
@@ -127,7 +128,7 @@ class StopArbiter:
         return ""
 
     def _take_over(self, page: _StopOfPage) -> None:
-        """Let a page that comes back stopped have the stop that its browser left last; loading does that."""
+        """Give a page that reconnects stopped the last stop that its browser has left: it was reloaded."""
         own = [left for left in self._left.values() if left.browser and left.browser == page.browser]
         if own:
             newest = max(own, key=lambda left: left.since)
@@ -135,7 +136,7 @@ class StopArbiter:
             del self._left[newest.name]
 
     def gone(self, page: int, now: float) -> None:
-        """A page is not connected any more; its stop stays."""
+        """Remove a page; its stop stays engaged."""
         one = self._pages.pop(page, None)
         if one is None:
             return
@@ -145,7 +146,10 @@ class StopArbiter:
             self._lost_at, self._is_decided = now, False
 
     def reset(self, name: str) -> str:
-        """Release a stop by name, for an operator; return why it is not, '' where it is."""
+        """Release a stop by name, for an operator; return why it is not, '' where it is.
+
+        The stop of a connected operator is released on that page only.
+        """
         if self._left.pop(name, None) is not None:
             return ""
         engaged = {one.name: one for one in self._pages.values() if one.stopped_at is not None}
@@ -164,9 +168,9 @@ class StopArbiter:
         return sum(one.is_operator for one in self._pages.values())
 
     def link_lost(self, now: float) -> OnLinkLost | None:
-        """Return what to do now that the last operator's link is lost; once for each loss, else None.
+        """Return the reaction to a lost operator link, once for each loss, after `LINK_GRACE_S`; else None.
 
-        The stop that is meant by `OnLinkLost.STOP` is engaged by this call, under the name `LINK`.
+        With `OnLinkLost.STOP` this call also engages the stop named `LINK`.
         """
         if self._lost_at is None or self._is_decided or now < self._lost_at + LINK_GRACE_S:
             return None
@@ -177,13 +181,13 @@ class StopArbiter:
 
     @property
     def link_is_lost(self) -> bool:
-        """Whether no operator is connected, and what to do about that was decided."""
+        """Whether the link is lost and the reaction to it was returned."""
         return self._is_decided and not self._operators()
 
     # -- what is shown and kept -------------------------------------------------------------------------
 
     def state(self, now: float) -> StopsRecord:
-        """Return what pages can show: which stops are engaged, for how many seconds, and the link."""
+        """Return the state for pages: engaged stops with their ages in seconds, and the link."""
         pages = [(p.name, p.stopped_at, False) for p in self._pages.values() if p.stopped_at is not None]
         left = [(one.name, one.since, True) for one in self._left.values()]
         return {
@@ -198,15 +202,15 @@ class StopArbiter:
         }
 
     def kept(self) -> KeptStops:
-        """Return what a gateway that starts again must know."""
+        """Return the state to save for the next gateway."""
         pages = [(one.name, one.browser) for one in self._pages.values() if one.stopped_at is not None]
         stops = sorted([*((left.name, left.browser) for left in self._left.values()), *pages])
         return KeptStops(tuple(stops), bool(self._operators()))
 
     def restore(self, kept: KeptStops, now: float) -> None:
-        """Engage the stops that an earlier gateway had: its pages are gone, and none said all is well.
+        """Engage the stops of an earlier gateway: its pages are gone, and none has released its stop.
 
-        Where an operator was connected, that link is lost unless somebody is back within `BACK_WITHIN_S`.
+        If an operator was connected then, the link is lost unless one is back within `BACK_WITHIN_S`.
         """
         for name, browser in kept.stops:
             self._leave(name, browser, now)
@@ -214,14 +218,14 @@ class StopArbiter:
             self._lost_at = now + BACK_WITHIN_S - LINK_GRACE_S
 
     def _leave(self, name: str, browser: str, since: float) -> None:
-        """Keep a stop that nobody tells any more, under a name that no other has: a reset is of one alone."""
+        """Keep a stop whose page is gone, under a unique name, so that a reset releases this one alone."""
         while name in self._left:
             name += "'"
         self._left[name] = LeftStop(name, browser, since)
 
 
 def stop_of(message: Any) -> bool:
-    """Return whether a published std_msgs/Bool says stop; what says nothing clear is a stop."""
+    """Return whether a published std_msgs/Bool engages the stop; anything but a clear false does."""
     data = message.get("data", True) if isinstance(message, Mapping) else True
     if isinstance(data, (int, float)) and not math.isnan(data):
         return bool(data)

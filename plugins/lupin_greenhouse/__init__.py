@@ -1,7 +1,6 @@
-"""The profile of greenhouse robots (`profile.py`), and what several plugins know of their world.
+"""The greenhouse profile (`profile.py`), and shared models: frames, poses, layout, messages, the stop.
 
-Places and turns, the layout, what `lupin_msgs` mean, when a mission is under way: pure Python and numpy, in
-metres, radians and seconds. Only `node` knows ROS.
+Pure Python and numpy, in metres, radians and seconds. Only `node` knows ROS.
 """
 
 import lazy_loader

@@ -23,7 +23,7 @@ from .poses import Pose as Pose
 from .poses import heading as heading
 from .poses import matrix as matrix
 from .poses import pose_of as pose_of
-from .poses import seen_turn as seen_turn
+from .poses import seen_rotation as seen_rotation
 from .profile import PROFILE as PROFILE
 from .readings import MEASURED as MEASURED
 from .readings import SENSOR as SENSOR

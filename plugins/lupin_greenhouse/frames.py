@@ -1,9 +1,8 @@
-"""Where a frame is in another, by the transforms that others publish. Pure.
+"""A small tf2: a tree of transforms with their last 10 s, and the pose of one frame in another. Pure.
 
-The wheels of ROS 2 have no tf2 for Python; this is the part of it that is needed: a tree of frames with
-their last seconds, asked for the latest moment at which all transforms on the way are known, as tf2 does for
-time 0. Moments are seconds of whatever clock stamped the transforms; when a transform came in is told by the
-caller's own clock, because the two may disagree. Poses are as in `poses`.
+ROS 2 has no tf2 wheel for Python. As tf2 does for time 0, a lookup uses the latest moment at which every
+transform on the way is known; between two transforms it interpolates, and it never extrapolates. Stamps are
+of the publishers' clock, arrival times (`heard`) of the caller's. Beyond 2,000 frames new ones are refused.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ MAX_FRAMES = 2000
 
 @dataclass
 class _Track:
-    """Where one frame was in its parent, oldest first. A static one has one pose, good for every moment."""
+    """The poses of one frame in its parent, oldest first. A static frame has one, valid for every moment."""
 
     parent: str
     static: bool
@@ -47,7 +46,7 @@ class _Track:
         del self.moments[:too_old], self.poses[:too_old]
 
     def at(self, moment: float) -> Pose:
-        """Return the pose at a moment that is not before the oldest and not after the latest."""
+        """Return the interpolated pose; the moment must be between the oldest and the latest."""
         after = bisect_right(self.moments, moment)
         if self.static or after == len(self.moments):
             return self.poses[-1]
@@ -59,15 +58,15 @@ class Frames:
     """The transforms of the last seconds, as a tree of frames."""
 
     def __init__(self) -> None:
-        """Nothing is known at first."""
+        """Begin empty."""
         self._tracks: dict[str, _Track] = {}
-        #: Tracks of frames in another parent than the one that was told last: a tag that two cameras see.
+        #: Tracks of frames in another parent than the latest one: a tag that two cameras see.
         self._resting: dict[tuple[str, str], _Track] = {}
 
     def add(
         self, parent: str, child: str, pose: Pose, moment: float, *, static: bool = False, heard: float = 0.0
     ) -> bool:
-        """Take in where `child` is in `parent`, `heard` now; False when there are too many frames already."""
+        """Add the pose of `child` in `parent`, arrived at `heard`; return False where it is full."""
         child, parent = frame_name(child), frame_name(parent)
         track = self._tracks.get(child)
         if track is None and len(self._tracks) >= MAX_FRAMES:
@@ -81,14 +80,14 @@ class Frames:
         return True
 
     def _exchanged(self, child: str, track: _Track, parent: str) -> _Track:
-        """Put a track aside; return the one of the same frame in another parent."""
+        """Store a track whose frame has changed its parent; return the one stored for that parent."""
         if len(self._resting) >= MAX_FRAMES:
             self._resting.clear()
         self._resting[child, track.parent] = track
         return self._resting.pop((child, parent), None) or _Track(parent, static=False)
 
     def take(self, transforms: Iterable[Any], *, static: bool = False, heard: float = 0.0) -> list[str]:
-        """Take in the transforms of a TFMessage; returns what was left out, once for each kind of fault."""
+        """Add the transforms of a TFMessage; return the problems of those left out, once for each kind."""
         problems = dict.fromkeys(self._take(stamped, static, heard) for stamped in transforms)
         return [problem for problem in problems if problem]
 
@@ -106,9 +105,9 @@ class Frames:
     def find(self, target: str, source: str, since: float = -math.inf) -> Pose | None:
         """Return the latest pose of frame `source` in frame `target`; None when it is not known.
 
-        All transforms are taken at one moment, the last for which every frame on the way is known: a tag
-        that was seen a second ago is placed by where the camera was then, not by where it is now. A moving
-        frame that was last heard of before `since` may be anywhere by now.
+        All transforms are taken at one moment, the latest for which every frame on the way is known: a tag
+        that was seen a second ago is placed by the camera's pose then, not now. A moving frame whose last
+        transform arrived before `since` counts as unknown.
         """
         frames = self._chain(frame_name(target), frame_name(source))
         if frames is None:
@@ -126,7 +125,7 @@ class Frames:
         return pose
 
     def gap(self, target: str, source: str, since: float = -math.inf) -> str:
-        """Say why `find` knew nothing: a frame hangs nowhere, has gone silent, or moments do not meet."""
+        """Return why `find` found nothing: a frame is unconnected or silent, or times do not overlap."""
         target, source = frame_name(target), frame_name(source)
         frames = self._chain(target, source)
         if frames is None:
@@ -148,7 +147,7 @@ class Frames:
         return not track.static and track.heard < since
 
     def _top(self, frame: str) -> str:
-        """Return the frame at the top of the tree, or one of those that go in circles."""
+        """Return the root above a frame, or a frame of the cycle that it is in."""
         passed = set[str]()
         while frame in self._tracks and frame not in passed:
             passed.add(frame)
@@ -168,5 +167,5 @@ class Frames:
 
 
 def frame_name(frame: str) -> str:
-    """Return a frame's name as ROS 2 spells it; some publishers still put a slash before it."""
+    """Return a frame's name without the leading slash that some publishers still add."""
     return frame.lstrip("/")

@@ -1,11 +1,10 @@
-"""The known layout of a greenhouse: where its tags and its tables are.
+"""Reads the layout of a greenhouse, the positions of its tags and tables, and reports all errors at once.
 
-Metres in frame `map`. The file is the one that the greenhouse simulator, the bridge and the world also
-read: `{"units": "m", "tags": {id: {"x", "y", "sensors", "facing"}}, "tables": {name: {"x0", "x1", "y0",
-"y1"}}}`. A file without `tags` is taken as the tag map itself. `facing` is optional: the axis of the map
-along which a tag's plate looks, "+x", "+y", "-x" or "-y". The bundled `greenhouse.json` is the layout of
-mdp-greenhouse 1.0.8 (29 tags, 10 tables, no tag 8). That has no `facing`: what stands here is the guess of
-`lupin_nav.plates`, written down; nobody has looked in the greenhouse.
+Metres in frame `map`. The simulator, the bridge and the world read the same file: `{"units": "m", "tags":
+{id: {"x", "y", "sensors", "facing"}}, "tables": {name: {"x0", "x1", "y0", "y1"}}}`; one without `tags` is
+the tag map itself. `facing` is optional: the map axis of a plate's normal, "+x", "+y", "-x" or "-y". The
+bundled `greenhouse.json` is that of mdp-greenhouse 1.0.8 (29 tags, 10 tables, no tag 8), whose plates have
+no `facing`; ours are the guesses of `lupin_nav.plates`, and nobody has checked them on site.
 """
 
 from __future__ import annotations
@@ -33,9 +32,9 @@ MAX_PROBLEMS = 20
 
 @dataclass(frozen=True)
 class Tag:
-    """A tag of the layout: position of its plate in metres, and the sensors that it answers for, in order.
+    """A tag: the position of its plate in metres, and the sensors that it stands for, in order.
 
-    `facing` is the heading of the plate's outward normal in radians, None where the layout does not say it.
+    `facing` is the heading of the plate's outward normal in radians; None where the layout has none.
     """
 
     id: str
@@ -56,7 +55,7 @@ class Table:
     y1: float
 
     def distance(self, x: float, y: float) -> float:
-        """Return how far a place is from this table; 0 on it."""
+        """Return the distance of a point from this table; 0 on it."""
         return math.hypot(max(self.x0 - x, 0.0, x - self.x1), max(self.y0 - y, 0.0, y - self.y1))
 
 
@@ -100,18 +99,18 @@ class Layout:
 
 
 def numeric_key(tag_id: str) -> tuple[bool, int, str, str]:
-    """Return the sort key of a tag id: numbers by value before names by letter."""
+    """Return the sort key of a tag id: numbers by value, before names."""
     is_number = tag_id.isascii() and tag_id.isdecimal()
     digits = tag_id.lstrip("0") if is_number else ""
     return not is_number, len(digits), digits, tag_id
 
 
 def load(path: str = "", parameter: str = "tag_locations_file") -> Layout:
-    """Read a layout file; an empty path means the bundled greenhouse.
+    """Read a layout file; an empty path means the bundled one.
 
     Raises:
-        LupinError: the file cannot be read, is no JSON, has a name twice, or `parse` refuses it; the text
-            has all of that, each with its name and the `parameter` that it was given by.
+        LupinError: the file cannot be read, is no JSON, has a name twice, or `parse` refuses it; all errors,
+            each with the file's name and the `parameter` that named it.
     """
     # Unlike Path.expanduser, this leaves the home of a user that does not exist as it is written.
     file = Path(os.path.expanduser(path)) if path else BUNDLED
@@ -130,14 +129,14 @@ def load(path: str = "", parameter: str = "tag_locations_file") -> Layout:
 
 @lru_cache(maxsize=8)
 def _read(text: str) -> Layout:
-    """Return the layout that a file holds; every function and reader that needs it reads the file anew."""
+    """Return the layout in a file; nothing is cached."""
     twice: list[str] = []
     data = json.loads(text, object_pairs_hook=partial(_once, twice))
     return _checked(data, twice)
 
 
 def _once(problems: list[str], pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Record names that occur twice: JSON would take the last of them, and lose a tag silently."""
+    """Record duplicate names: JSON would keep the last one, and lose a tag silently."""
     found = dict(pairs)
     if len(found) < len(pairs):
         counts = Counter(name for name, _ in pairs)
@@ -157,7 +156,7 @@ def parse(data: Any) -> Layout:
 
 
 def _checked(data: Any, known: Sequence[str]) -> Layout:
-    """As `parse`; `known` are problems that have been found before."""
+    """As `parse`; `known` are errors that have been found before."""
     problems = [*known, *_problems(data)]
     if problems:
         raise ValueError(_joined(problems))
@@ -188,7 +187,7 @@ def _problems(data: Any) -> Iterator[str]:
 
 
 def _joined(problems: Sequence[str]) -> str:
-    """Return problems, each on a line; of many, that there are more."""
+    """Return errors, one a line; beyond `MAX_PROBLEMS` a note that there are more."""
     more = [f"and {len(problems) - MAX_PROBLEMS} more"] if len(problems) > MAX_PROBLEMS else []
     return "\n".join([*problems[:MAX_PROBLEMS], *more])
 

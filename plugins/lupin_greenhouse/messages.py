@@ -1,4 +1,7 @@
-"""`lupin_msgs` of the orchestrator as plain data: what is published of a mission, and what it says."""
+"""Translates between the engine's data and `lupin_msgs`: requests, MissionState, Observation. Needs no ROS.
+
+The profile names these functions; orchestrator, pages and CLI call them. Counters are clamped at uint16.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,7 @@ def start_fields(asked: StartRequest) -> Fields:
 
 
 def read_start(data: Fields) -> StartRequest:
-    """Return what a request asks for."""
+    """Return the request in a message."""
     request = dict(data)
     return StartRequest(str(request.pop("mission_type")), request)
 
@@ -73,7 +76,7 @@ def answer_fields(answer: StartAnswer) -> Fields:
 
 
 def read_answer(data: Fields) -> StartAnswer:
-    """Return what a response says."""
+    """Return the answer in a message."""
     return StartAnswer(bool(data["accepted"]), str(data["mission_id"]), str(data["error_message"]))
 
 
@@ -81,7 +84,7 @@ def read_answer(data: Fields) -> StartAnswer:
 
 
 def state_fields(now: Situation) -> Fields:
-    """Return the published state; where no mission runs or has ended, the mission's fields are empty."""
+    """Return MissionState; without a mission its fields are empty."""
     if now.lifecycle in (*STAGES.starting, *STAGES.ready):
         none: dict[str, Any] = {"mission": "", "mission_id": "", "target": "", "started": None}
         now = replace(now, **none, total=0, counts={}, request={})
@@ -123,7 +126,7 @@ def _count(number: int) -> int:
 
 
 def read_state(data: Fields) -> Progress:
-    """Return what a MissionState says."""
+    """Return the progress in a MissionState; missing fields count as empty."""
     return Progress(
         mission=str(data.get("mission_type", "")),
         mission_id=str(data.get("mission_id", "")),
@@ -147,12 +150,11 @@ def read_state(data: Fields) -> Progress:
 
 
 def observation_fields(published: Publish, value: Callable[[str], Any], stamp: Fields) -> Fields:
-    """Return the observation of one closed visit, or of a reading on the way.
+    """Return the Observation of a closed visit, or of a reading on the way.
 
-    All fields are there, also those of other kinds: a page of a simulation gets them as they are. The
-    target's id and the time are carried whatever the outcome, because consumers key on the one and show
-    the other; a reading and a place only with OK. Where nobody knows the place, `orientation.w` is 0, which
-    means "never observed".
+    All fields are there, also those of other kinds, because pages of a simulation get them as they are. Tag
+    id and time are set whatever the outcome: consumers use them as key and label. A reading and a pose come
+    only with OK. An unknown pose has `orientation.w` 0, which means "never observed".
     """
     fields: dict[str, Any] = {
         "header": {"stamp": stamp, "frame_id": "map"},
@@ -181,14 +183,14 @@ def observation_fields(published: Publish, value: Callable[[str], Any], stamp: F
 
 
 def _reason(published: Publish) -> str:
-    """Return why a visit failed: of a drive with its code, as in `last_error`; else in the server's words."""
+    """Return why a visit failed: a drive's code and detail as in `last_error`; else the server's text."""
     if published.status == "UNREACHABLE" and published.code and published.detail:
         return f"{published.code}: {published.detail}"
     return published.detail or published.code
 
 
 def _whole_pose(position: Fields, orientation: Fields) -> Fields:
-    """Return a pose with all its numbers; an orientation that is not given is 0."""
+    """Return a pose with all its numbers; a missing orientation is all zeros."""
     none = dict.fromkeys("xyz", 0.0)
     return {"position": {**none, **position}, "orientation": {**none, "w": 0.0, **orientation}}
 
@@ -211,7 +213,7 @@ _NO_FLOWER: Fields = {
 
 
 def reading_fields(tag_id: str, reading: Mapping[str, Any]) -> Fields:
-    """Return a TagReading as the bridge gave it."""
+    """Return a TagReading, as the bridge published it."""
     return {
         "tag_id": tag_id,
         "stamp": time_fields(float(reading.get("stamp", 0.0))),
@@ -224,7 +226,7 @@ def reading_fields(tag_id: str, reading: Mapping[str, Any]) -> Fields:
 
 
 def values_of(reading: Mapping[str, Any]) -> Mapping[str, float]:
-    """Return what the sensors of a tag said."""
+    """Return a tag's measured values by sensor."""
     return {str(sensor["name"]): float(sensor["value"]) for sensor in reading.get("readings", ())}
 
 
@@ -236,9 +238,9 @@ NEAR_M = 2.0
 
 
 def remember_places(before: Any, _: str, reported: Any) -> Mapping[str, Any]:
-    """Return the tags whose places are known, by id: as `reported` now, and as they were seen before.
+    """Return the poses of tags by id: those just `reported`, and up to `MOST_PLACES` earlier ones.
 
-    The aggregator forgets its tags when a mission begins. The oldest places give way.
+    The aggregator clears its tags when a mission begins, so they are kept here.
     """
     seen = {tag["id"]: tag for tag in reported}
     known = {**before["before"], **before["seen"]} if before else {}
@@ -257,7 +259,10 @@ PROJECTIONS: Mapping[str, Projection] = {
 def place_of(
     target: str, places: Mapping[str, Mapping[str, Any]], robot: Mapping[str, float] | None
 ) -> Fields | None:
-    """Return where a target is: its own pose where it was seen, else that of the robot in front of it."""
+    """Return the pose of a target as seen now, or earlier within `NEAR_M` of the robot; else the robot's own.
+
+    None where nothing is known.
+    """
     seen, before = (places.get(when, {}).get(target) for when in ("seen", "before"))
     if seen is None and before is not None and robot is not None:
         away = math.hypot(before["x"] - robot["x"], before["y"] - robot["y"])
@@ -268,7 +273,7 @@ def place_of(
 
 
 def plate_pose(seen: Mapping[str, Any]) -> Fields:
-    """Return the pose of a tag that was seen; an orientation that nobody filled in becomes the identity."""
+    """Return the pose of a tag that was seen; an orientation of zeros becomes the identity."""
     facing = {axis: float(value) for axis, value in seen.get("facing", {}).items()}
     if any(facing.values()):
         facing["w"] = filled_in(facing.get("w", 1.0))
@@ -285,7 +290,7 @@ def floor_pose(pose: Mapping[str, float]) -> Fields:
 
 
 def read_observation(data: Fields) -> TargetResult | Remark | None:
-    """Return what an observation tells."""
+    """Return an Observation as a result or a remark; None for an unknown kind."""
     kind, mission_id = int(data.get("kind", TAG_READING)), str(data.get("mission_id", ""))
     if kind == FLOWER:
         return Remark(*_flowers(data["flower"]), mission_id)

@@ -1,4 +1,5 @@
-"""What several plugins know of missions, out of what the orchestrator publishes about them."""
+"""Tells from the orchestrator's published state whether a mission is active, and when silence means it is
+gone."""
 
 from __future__ import annotations
 
@@ -18,8 +19,9 @@ SILENCE_S = 3.0
 
 
 def is_under_way(lifecycle_state: str) -> bool:
-    """Return whether a mission is under way in a published lifecycle state.
+    """Return whether a mission is active in a published lifecycle state.
 
-    The missions' own states are never listed: a mission that nobody here has seen must count as one.
+    States without a mission are listed, not the others: a state of a mission unknown here must count as
+    active.
     """
     return lifecycle_state not in _WITHOUT_MISSION

@@ -1,4 +1,4 @@
-"""Numbers that somebody else wrote: JSON and YAML have some that nothing can be placed by."""
+"""Validates numbers of JSON and YAML: NaN, infinity and booleans are refused."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def finite(value: Any) -> float | None:
-    """Return a number as a float; None for what is none, not finite, or larger than any float."""
+    """Return a number as a float; None for anything that is no finite number in a float's range."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return None
     try:

@@ -1,7 +1,4 @@
-"""Measures of the greenhouse that its layout file does not have. Pure.
-
-Metres in frame `map`.
-"""
+"""Fixed measures of the greenhouse that its layout file does not have. Pure; metres in frame `map`."""
 
 from __future__ import annotations
 
@@ -16,5 +13,5 @@ PLATE_M = 0.16
 
 
 def clearance(tables: Sequence[Table], x: float, y: float) -> float:
-    """Return how far a place is from the nearest table or wall; 0 on a table, negative behind a wall."""
+    """Return the distance of a point from the nearest table or wall; 0 on a table, negative beyond a wall."""
     return min(x, WIDTH - x, y, LENGTH - y, *(table.distance(x, y) for table in tables))

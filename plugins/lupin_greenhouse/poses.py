@@ -1,7 +1,7 @@
-"""Poses in space: composed, turned, interpolated. Pure.
+"""Rigid transforms: composition, rotation matrices, interpolation. Pure.
 
-Metres; rotations are unit quaternions (x, y, z, w) as in ROS, x forward, y left, z up (REP 103). The formulas
-are those of any textbook on rotations, written for Hamilton's quaternions, ij = k.
+Metres; rotations are unit quaternions (x, y, z, w) as in ROS, x forward, y left, z up (REP 103), in
+Hamilton's convention, ij = k.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ _SHORTEST = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A place (x, y, z) and a rotation (x, y, z, w) in some frame, or a frame in its parent."""
+    """A position (x, y, z) and a rotation (x, y, z, w) in some frame; also a frame in its parent."""
 
     position: Array
     rotation: Array
 
     def __matmul__(self, inner: Pose) -> Pose:
-        """Return `inner`, which is told in this frame, in the frame that this one is told in.
+        """Return `inner`, given in this frame, in this frame's parent.
 
         p = p1 + R(q1) p2 and q = q1 q2.
         """
@@ -43,43 +43,42 @@ class Pose:
 
 
 def pose_of(position: Iterable[float], rotation: Iterable[float]) -> Pose | None:
-    """Return a pose with a unit quaternion; None when numbers are not finite or say no rotation."""
+    """Return a pose with a unit quaternion; None where numbers are not finite or the quaternion is zero."""
     place, turn = (*position,), (*rotation,)
     length = math.hypot(*turn)  # does not overflow where a sum of squares would
     if not all(map(math.isfinite, (*place, *turn, length))) or length < _SHORTEST:
         return None
-    # Plain numbers until here: numpy takes ten times as long for so few, and robots tell a hundred a second.
+    # Plain numbers until here: for so few numpy takes ten times as long, and there are a hundred a second.
     return Pose(np.array(place, dtype=float), np.array([part / length for part in turn], dtype=float))
 
 
-def seen_turn(rotation: Any) -> tuple[float, float, float, float] | None:
-    """Return the rotation (x, y, z, w) of length 1 of a tag that was seen; None where it is no number.
+def seen_rotation(rotation: Any) -> tuple[float, float, float, float] | None:
+    """Return the unit quaternion (x, y, z, w) of a tag that was seen; None where it is not finite.
 
-    Whoever tells a DiscoveredTag has seen it: all zeros there are an orientation that nobody filled in, which
-    becomes the identity, and w = 0 is a true half turn. The rule that w = 0 means "no pose" is about
-    Observation, TwinTagState and ConfirmTag only.
+    In a DiscoveredTag all zeros mean that nobody set the orientation, so the identity is returned, and w = 0
+    is a true half turn. That w = 0 means "no pose" holds for Observation, TwinTagState and ConfirmTag only.
     """
-    told = rotation.x, rotation.y, rotation.z, rotation.w
-    length = math.hypot(*told)
-    if not all(map(math.isfinite, told)) or not math.isfinite(length):
+    given = rotation.x, rotation.y, rotation.z, rotation.w
+    length = math.hypot(*given)
+    if not all(map(math.isfinite, given)) or not math.isfinite(length):
         return None
-    x, y, z, w = told if length >= _SHORTEST else (0.0, 0.0, 0.0, 1.0)
+    x, y, z, w = given if length >= _SHORTEST else (0.0, 0.0, 0.0, 1.0)
     length = length if length >= _SHORTEST else 1.0
     return x / length, y / length, z / length, w / length
 
 
 def heading(rotation: Any) -> float:
-    """Return the turn about the vertical of a quaternion message, in radians from -pi to pi.
+    """Return the yaw of a quaternion message, in radians from -pi to pi.
 
-    atan2(2 (w z + x y), w^2 + x^2 - y^2 - z^2): where the turned x axis points on the plane, whatever the
-    length of the quaternion. One that nobody filled in (all zeros) is no turn.
+    atan2(2 (w z + x y), w^2 + x^2 - y^2 - z^2), the direction of the rotated x axis in the plane, for
+    quaternions of any length; all zeros give 0.
     """
     x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 def product(first: Array, second: Array) -> Array:
-    """Return the quaternion that turns by `second` and then by `first` (Hamilton's product)."""
+    """Return Hamilton's product: the rotation by `second`, then by `first`."""
     x1, y1, z1, w1 = first.tolist()
     x2, y2, z2, w2 = second.tolist()
     return np.array(
@@ -93,7 +92,7 @@ def product(first: Array, second: Array) -> Array:
 
 
 def matrix(rotation: Array) -> Array:
-    """Return the rotation matrix of a unit quaternion; its columns are where the axes point."""
+    """Return the rotation matrix of a unit quaternion."""
     x, y, z, w = rotation.tolist()
     return np.array(
         (
@@ -105,10 +104,10 @@ def matrix(rotation: Array) -> Array:
 
 
 def between(first: Pose, second: Pose, share: float) -> Pose:
-    """Return the pose at `share` (0 to 1) of the way: a line, and a rotation by the shorter way.
+    """Return the pose at `share` (0 to 1) of the way: linear, and nlerp by the shorter way for the rotation.
 
-    q ∝ (1 - s) q1 ± s q2: off the true great circle by less than 1 % of the angle for turns up to 60°, and
-    two transforms of one frame are closer than that.
+    q ∝ (1 - s) q1 ± s q2: off the true great circle by less than 1 % of the angle for turns up to 60°;
+    consecutive transforms of a frame are closer than that.
     """
     other = second.rotation if float(first.rotation @ second.rotation) >= 0.0 else -second.rotation
     turn = (1.0 - share) * first.rotation + share * other

@@ -1,4 +1,4 @@
-"""The profile of greenhouse robots: they visit tags, read sensors there, and speak `lupin_msgs`."""
+"""The profile `greenhouse`: vocabulary and wire types of robots that visit tags and read sensors there."""
 
 from __future__ import annotations
 

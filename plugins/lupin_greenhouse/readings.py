@@ -1,4 +1,4 @@
-"""What sensors in the greenhouse measure: names and units, and the type of what one of them tells."""
+"""The sensors' vocabulary: names, units, and the type of a measured value."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from lupin_engine.plugin import NUMBER, TEXT, Type, number_in
 
-#: What is measured, each with the unit that it is told in; soil moisture from 0 to 1.
+#: The sensors, each with its unit on the wire; soil moisture from 0 to 1.
 SENSOR_UNITS: Mapping[str, str] = {
     "temperature": "°C",
     "humidity": "%",

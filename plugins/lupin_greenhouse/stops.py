@@ -1,8 +1,8 @@
-"""The emergency stop of a robot as a fold of its sources: the robot is stopped while any of them holds it.
+"""The emergency stop as a fold over its sources: the robot is stopped while any source is engaged.
 
-A topic does not tell who wrote a message, so each source has a topic of its own, and several writers of one
-topic are one source: a false counts only where nobody else can have told the true that it would release.
-Pure: times are arguments, in seconds of one clock that never goes back.
+Each source has a topic of its own, because a message does not name its writer. Several writers of a topic
+are one source: a false counts only if nobody else can have published the true that it would release.
+Pure: times are arguments, in seconds of one steady clock.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 ROBOT, PAGES, HMI = "robot", "pages", "hmi"
 #: The topic of the gateway's pages, of which the gateway is the only writer, and the one that all HMIs share.
 PAGES_TOPIC, HMI_TOPIC = "/lupin/gateway/stop", "/lupin/hmi/estop"
-#: Seconds without a true after which a stop that several may have told is over.
+#: Seconds without a true after which a stop that several may have published is over.
 QUIET_S = 2.0
 #: The same for a source that stays engaged when its writer dies: the middleware remembers a dead writer for
 #: up to 20 s, and only of writers that all live silence is a release.
@@ -28,8 +28,9 @@ GAP, ROW = 0.375, 1.75
 class StopRule:
     """How one source is released, in seconds.
 
-    `forgotten_after`: without a true it is released by that alone. `others_after`: without a true a false of
-    any writer releases it. `silent_after`: silence of it, once it was steady, is a stop; 0: never.
+    `forgotten_after`: it is released by so long without a true. `others_after`: after so long without a true
+    a false of any writer releases it. `silent_after`: its silence, once it was periodic, engages it; 0:
+    never.
     """
 
     forgotten_after: float = math.inf
@@ -39,7 +40,7 @@ class StopRule:
 
 @dataclass(frozen=True)
 class StopState:
-    """The names of the sources that hold the robot, and which of them should be heard and are silent."""
+    """The names of the engaged sources, and which of these are engaged because they are silent."""
 
     sources: tuple[str, ...] = ()
     silent: tuple[str, ...] = ()
@@ -56,7 +57,7 @@ class _Source:
     engaged: bool = False
     silent: bool = False
     last_true: float = -math.inf
-    #: Who may have told the last true.
+    #: Who may have published the last true.
     writers: frozenset[str] = field(default_factory=frozenset)
     last_heard: float = -math.inf
     #: Since when it speaks without a gap.
@@ -76,7 +77,7 @@ class _Source:
             self.engaged = False
 
     def _releases(self, writers: frozenset[str], now: float) -> bool:
-        """Whether a false counts: it is of who told the last true, or nobody has told one for long enough."""
+        """Return whether a false counts: it is of the last true's writer, or that was long enough ago."""
         quiet = now - self.last_true
         if quiet >= self.rule.others_after:
             return True
@@ -97,38 +98,38 @@ class _Source:
 
 
 class StopFold:
-    """Keeps what each source has told; no message of one source changes another's entry."""
+    """Keeps the state of each source; a message of one never changes another's."""
 
     def __init__(self, rules: Mapping[str, StopRule]) -> None:
         self._sources = {name: _Source(rule) for name, rule in rules.items()}
 
     @property
     def state(self) -> StopState:
-        """Which sources hold the robot."""
+        """The engaged sources."""
         held = {name: one for name, one in self._sources.items() if one.engaged or one.silent}
         return StopState(tuple(held), tuple(name for name, one in held.items() if one.silent))
 
     @property
     def waits(self) -> bool:
-        """Whether time alone may change something, so that `look` must be called."""
+        """Whether time alone may change the state, so that `look` must be called."""
         return any(one.engaged or one.waits_for_silence for one in self._sources.values())
 
     def heard(self, source: str, engaged: bool, writers: frozenset[str], now: float) -> None:
-        """Take a message of a source; `writers` are all that write its topic now, by identity."""
+        """Take a message of a source; `writers` are the identities of all current publishers of its topic."""
         self._sources[source].hear(engaged, writers, now)
 
     def look(self, now: float) -> None:
-        """Take notice of the time."""
+        """Apply the timeouts."""
         for one in self._sources.values():
             one.look(now)
 
 
 def rules(robot_silent_after: float | None) -> Mapping[str, StopRule]:
-    """Return the rule of each source; None: there is no robot's own (who publishes it must not hear it).
+    """Return the rule of each source; None: no source for the robot's own, whose publisher must not hear it.
 
-    The robot's own is believed when it says false anew, since its button is looked at and not remembered.
-    The stop of pages outlives its gateway, and a gateway that has forgotten it does not release it. Other
-    HMIs say every 500 ms whether they are stopped, so who says no more is not stopped.
+    The robot's own false is believed: its button is sampled, not remembered. The stop of pages outlives its
+    gateway, and a gateway that has lost it does not release it. Other HMIs repeat their state every 500 ms,
+    so one that is silent is not stopped.
     """
     own = {} if robot_silent_after is None else {ROBOT: StopRule(math.inf, QUIET_S, robot_silent_after)}
     return {**own, PAGES: StopRule(), HMI: StopRule(QUIET_S, QUIET_S)}

@@ -1,1 +1,1 @@
-"""The mobile base: navigation over Nav2, its pose, its battery and its emergency stop."""
+"""The mobile base: navigation over Nav2, localization, exploration, battery and emergency stop."""

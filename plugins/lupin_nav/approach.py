@@ -1,8 +1,7 @@
-"""Where the robot stands to read a tag.
+"""Computes the approach pose: where the robot stands to read a tag. Pure; frame `map`.
 
-Metres and radians in frame `map`. The goal lies on the normal of the plate, because a camera reads no code
-from the side. Of a tag of the layout that is where the layout says that it faces, else a guess from its table
-(see `plates`).
+Metres and radians. The pose lies on the plate's normal, since a code cannot be read from the side. The
+normal is the layout's, else a guess from the nearest table (see `plates`).
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 class ApproachSource(str, enum.Enum):
-    """Which rule gave an approach pose."""
+    """The rule that gave an approach pose."""
 
     GEOMETRY = "geometry"
     OVERRIDE = "override"
@@ -49,10 +48,10 @@ class ApproachSource(str, enum.Enum):
 
 @dataclass(frozen=True)
 class Approach:
-    """Where to stand and look (metres, radians, frame `map`), and how that came about.
+    """The approach pose (metres, radians, frame `map`) and its origin.
 
-    `table` is the nearest table's id where one was looked for; `standoff` is the distance from the tag that
-    was used, in metres.
+    `table` is the nearest table's id where one was looked for; `standoff` is the used distance from the tag,
+    in metres.
     """
 
     x: float
@@ -64,7 +63,7 @@ class Approach:
 
 
 class Tables:
-    """The tables of a layout, and their footprints as arrays, so that every test is one operation."""
+    """The tables of a layout as arrays, so that each test is one numpy operation."""
 
     def __init__(self, tables: Sequence[Table]) -> None:
         # Sorted by id, because the first of equal distances wins.
@@ -73,7 +72,7 @@ class Tables:
         self.high: Array = np.array([(t.x1, t.y1) for t in self.all], dtype=float).reshape(-1, 2)
 
     def inside(self, points: Array) -> NDArray[np.bool_]:
-        """Say for each of `points` (n, 2) whether any table covers it, its edge included."""
+        """Return for each of `points` (n, 2) whether a table covers it, edges included."""
         above = points[:, None, :] >= self.low
         below = points[:, None, :] <= self.high
         covered: NDArray[np.bool_] = np.any(np.all(above & below, axis=2), axis=1)
@@ -81,7 +80,7 @@ class Tables:
 
 
 def clamp_standoff(standoff: float) -> float:
-    """Return `standoff` within 0.2 m ... 1.5 m; what is not finite becomes 0.2 m."""
+    """Clamp a distance to 0.2 m ... 1.5 m; one that is not finite becomes 0.2 m."""
     if not math.isfinite(standoff):
         return MIN_STANDOFF_M
     return min(max(standoff, MIN_STANDOFF_M), MAX_STANDOFF_M)
@@ -89,7 +88,7 @@ def clamp_standoff(standoff: float) -> float:
 
 @lru_cache(maxsize=8)
 def tables_of(tables: tuple[Table, ...]) -> Tables:
-    """Return the tables of a layout as arrays, made once."""
+    """Return the tables of a layout as arrays; cached."""
     return Tables(tables)
 
 
@@ -102,12 +101,12 @@ def approach(
     override: Override | None = None,
     facing: float | None = None,
 ) -> Approach:
-    """Return where to stand for a tag of the known layout, which says where its plate faces, or None.
+    """Return the approach pose for a tag of the layout; `facing` is its plate's heading there, or None.
 
-    A full override (goal_x, goal_y and yaw) is taken as it is. Else the goal lies `standoff` from the tag
-    along the normal of its plate, pulled back towards the tag until no table covers it. Without facing and
-    table, or where nothing is free, the goal is the tag itself (`fallback`). A partial override replaces
-    single fields of what the geometry gave, and leaves the others as they were.
+    A full override (goal_x, goal_y and yaw) is used as it is. Else the goal lies `standoff` from the tag
+    along the plate's normal, and is pulled back towards the tag until no table covers it. Without facing and
+    tables, or where no goal is free, it is the tag itself (`fallback`). A partial override replaces single
+    fields of the result.
     """
     own = override or Override()
     distance = clamp_standoff(standoff if own.standoff is None else own.standoff)
@@ -135,7 +134,7 @@ def _clear_goal(
 ) -> tuple[Array, float] | None:
     """Return the farthest goal that no table covers and its distance from the tag, or None.
 
-    `before` says where a goal lies at a distance from the tag.
+    `before` gives the goal at a distance from the tag.
     """
     steps = int((standoff - MIN_STANDOFF_M + _ROUNDING_M) / PULL_BACK_M) + 1
     distances = standoff - PULL_BACK_M * np.arange(steps)
@@ -154,11 +153,11 @@ def approach_discovered(
     robot: Point | None = None,
     tables: Tables | None = None,
 ) -> Approach:
-    """Return where to stand for a tag that was found on the way, from the direction its plate faces.
+    """Return the approach pose for a tag that was discovered, from its orientation.
 
-    The plate faces along its +Z axis; where that has no horizontal part, the robot's side of the tag is
-    taken, and without a robot position the tag itself. Where the tables are known, the goal is pulled back
-    towards the tag until none covers it; where that finds nothing, it stays.
+    The normal is the plate's +Z axis; where that is vertical, the direction to the robot; without a robot's
+    position the goal is the tag itself. With tables the goal is pulled back towards the tag until none covers
+    it; where that finds no free one, it stays as it was.
     """
     distance = clamp_standoff(standoff)
     qx, qy, qz, qw = facing

@@ -1,4 +1,4 @@
-"""The charge of the battery as a fraction, whatever scale its drivers use; of several sources the worst."""
+"""The battery's charge as a fraction, whatever the driver's scale; of several sources the lowest counts."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 
 
 def charge(percentage: float) -> float | None:
-    """Return the charge as 0 ... 1, or None for a reading that says nothing (not finite, negative).
+    """Return the charge as 0 ... 1; None for a reading that is negative or not finite.
 
-    `sensor_msgs/BatteryState` says 0 ... 1, but drivers publish 0 ... 100 and NaN as well; what is above 1 is
-    taken as percent and capped at 100 %. A reading between 1 and 2 is ambiguous, and read as 1 ... 2 %: the
-    robot then goes home with a full battery, and does not stay out with an empty one.
+    `sensor_msgs/BatteryState` defines 0 ... 1, but drivers publish 0 ... 100 and NaN too: values above 1
+    count as percent, capped at 100 %. Values between 1 and 2 are ambiguous and count as 1 ... 2 %: the robot
+    rather returns with a full battery than stays out with an empty one.
     """
     if not math.isfinite(percentage) or percentage < 0.0:
         return None
@@ -18,28 +18,28 @@ def charge(percentage: float) -> float | None:
 
 
 class Charges:
-    """What each source has told of the battery: the worst of those that were heard lately counts.
+    """The last charge of each source, with a timeout for silent ones.
 
     Pure: times are arguments, in seconds of one clock that never goes back.
     """
 
     def __init__(self, timeout: float, silent_is_empty: bool = False) -> None:
-        """A source that was heard and is silent for `timeout` s is unknown, or empty; 0: never."""
+        """A source that was heard and is silent for `timeout` s counts as unknown, or as empty; 0: never."""
         self._silent_is_empty = silent_is_empty
         self._timeout = timeout or math.inf
-        #: By source: its charge, and when it told that; when it was heard or reported last.
-        self._told: dict[str, tuple[float, float]] = {}
+        #: By source: its charge, and when it reported that; when it was last heard or reported silent.
+        self._reports: dict[str, tuple[float, float]] = {}
         self._reported: dict[str, float] = {}
 
     def heard(self, source: str, charge: float, now: float) -> None:
-        """Take what a source tells, as a fraction."""
-        self._told[source] = charge, now
+        """Take a source's charge, as a fraction."""
+        self._reports[source] = charge, now
         self._reported[source] = now
 
     def worst(self, now: float) -> tuple[str, float] | None:
         """Return the source with the lowest charge, and that charge; None while none is known."""
         silent = self.silent(now)
-        known = [(charge, source) for source, (charge, _) in self._told.items() if source not in silent]
+        known = [(charge, source) for source, (charge, _) in self._reports.items() if source not in silent]
         if self._silent_is_empty:
             known += [(0.0, source) for source in silent]
         if not known:
@@ -48,11 +48,11 @@ class Charges:
         return source, charge
 
     def silent(self, now: float) -> list[str]:
-        """Return the sources that were heard and are unknown now."""
-        return [source for source, (_, at) in self._told.items() if now - at >= self._timeout]
+        """Return the sources that have timed out."""
+        return [source for source, (_, at) in self._reports.items() if now - at >= self._timeout]
 
     def due(self, now: float) -> list[str]:
-        """Return those of them that are to be reported: at once, and again after each timeout."""
+        """Return the timed-out sources to report now: at once, and again after each further timeout."""
         found = [source for source in self.silent(now) if now - self._reported[source] >= self._timeout]
         self._reported.update(dict.fromkeys(found, now))
         return found

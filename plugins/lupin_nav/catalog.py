@@ -1,4 +1,4 @@
-"""What the mobile base offers a mission, as data: loads without ROS, numpy or a file."""
+"""The catalog of the mobile base: operations, functions, values, parameters. Needs no ROS, numpy or file."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ CHARGE = Type("number", "number", minimum=0.0, maximum=1.0)
 
 UNKNOWN_TAG = Code("unknown_tag", "unknown tag", advice="Name a tag that the greenhouse has.")
 
-#: An end that ROS has no name for is told as status 0 (UNKNOWN), so three statuses are all a goal can end in
+#: An end without a name in ROS is reported as status 0 (UNKNOWN), so three statuses are all a goal can end in
 #: without success: see `goal_status.failure`.
 DRIVE_CODES = (
     Code(
@@ -218,7 +218,7 @@ VALUES: Mapping[str, LiveValue] = {
     ),
     "robot.battery_source": LiveValue("topic that tells the worst charge", TEXT, initial=""),
     # No freshness: a machine may have none, or one that speaks only when it is pressed; a silence that is a
-    # fault the client tells as engaged (`estop_timeout_s`).
+    # fault the client reports as engaged (`estop_timeout_s`).
     "robot.estop": LiveValue("whether the emergency stop is engaged", BOOL, initial=False),
 }
 

@@ -1,6 +1,7 @@
-"""The mobile base over ROS: Nav2's action server, the localizer, the battery and the emergency stop.
+"""The driver of the mobile base over ROS: Nav2's action server, localizer, battery and emergency stop.
 
-Every callback runs on the node's one thread, so nothing here is locked.
+A robot that still moves after a cancel is reported (`cancel_refused`), as is a battery source that falls
+silent. Poses in another frame than the map are ignored. All callbacks run on the node's one thread.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from lupin_ros.adapter import (
     WarnOnce,
 )
 
-#: What people are told when the robot does not stop.
+#: The text for people when the robot does not stop.
 REFUSES = "the robot may be moving: navigation refuses to stop"
 #: How often a map is searched again while a frontier is waited for, in seconds; each new map is, too.
 SEARCH_PERIOD_S = 1.0
@@ -47,14 +48,14 @@ BATTERY_LOOKS = 12
 
 @dataclass
 class _Localizing:
-    """One attempt that waits for a pose."""
+    """An attempt that waits for a pose."""
 
     limit: float
-    told: str = ""
+    reported: str = ""
 
 
 class NavClient:
-    """The driver of plugin `nav`: see `Driver` for what every call promises."""
+    """The driver of plugin `nav`; see `Driver` for the contract of each call."""
 
     def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
         self._ros = ros
@@ -67,7 +68,7 @@ class NavClient:
         self._closed = False
         self._server = ActionServer(ros, NavigateToPose, parameters["nav_action_name"], ours=True)
         self._driving = ActionOperation(
-            self._server, _outcome, _told, "nav_rejected", "nav_unavailable", refused=REFUSES
+            self._server, _outcome, _feedback_text, "nav_rejected", "nav_unavailable", refused=REFUSES
         )
         self._standstill = MovementWatch()
         self._pose_topic = ros.node.resolve_topic_name(parameters["amcl_pose_topic"])
@@ -99,7 +100,7 @@ class NavClient:
             )
 
     def missing(self) -> list[str]:
-        """Name the action server while it cannot be reached, or its old goals are not yet cancelled."""
+        """Return the action server while it cannot be reached, or its old goals are not cancelled yet."""
         return self._server.missing()
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
@@ -116,7 +117,7 @@ class NavClient:
             raise ValueError(f"nav has no operation {operation!r}")
 
     def cancel(self, attempt: str) -> None:
-        """Ask that an attempt ends; a goal not yet accepted is left to be cancelled when it is."""
+        """Cancel an attempt; a goal that is not accepted yet is cancelled once it is."""
         drives = self._drives.runs(attempt)
         self._drives.cancel(attempt)
         if drives:
@@ -126,7 +127,7 @@ class NavClient:
         self._explorer.cancel(attempt)
 
     def recover(self, attempt: str, operation: str, *, adopt: bool) -> None:
-        """Have a drive of a process that is gone ended; what that process only looked for ended with it."""
+        """Adopt or cancel a drive of an earlier process; its other attempts ended with that process."""
         if operation in ("go_to", "dock"):
             if not adopt:
                 self._standstill.cancelled(attempt, self._ros.elapsed())
@@ -135,11 +136,11 @@ class NavClient:
             self._outlet.cancelled(attempt)
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
-        """Nothing: this plugin has no actions."""
+        """Raise ValueError: this plugin has no actions."""
         raise ValueError(f"nav has no action {action!r}")
 
     def close(self) -> None:
-        """Cancel all goals as far as the server can be reached, and report nothing from now on."""
+        """Cancel all goals as far as the server can be reached; report nothing more."""
         self._closed = True
         self._localizing.clear()
         self._explorer.close()
@@ -170,15 +171,14 @@ class NavClient:
             if not reason:
                 del self._localizing[attempt]
                 self._outlet.done(attempt, {})
-            elif reason != waiting.told:
-                waiting.told = reason
+            elif reason != waiting.reported:
+                waiting.reported = reason
                 self._outlet.progress(attempt, reason)
 
     def _pose_is_live(self) -> bool:
-        """Whether the last pose is reliable.
+        """Return whether the last pose is reliable: its publisher still exists, where that is required.
 
-        Age cannot tell: a localizer is silent while the robot stands. One that died can be told by its
-        publisher, which no longer exists.
+        Age does not show it: a localizer is silent while the robot stands.
         """
         must_live = self._parameters["amcl_pose_must_live"]
         return not must_live or self._ros.node.count_publishers(self._pose_topic) > 0
@@ -203,7 +203,7 @@ class NavClient:
             self._outlet.cancel_refused(attempt, REFUSES)
 
     def _is_in_map(self, frame: str, topic: str) -> bool:
-        """Whether a message is in frame `map`; others are ignored with one warning."""
+        """Return whether a message is in frame `map`; others are ignored, with one warning."""
         frame, expected = frame_name(frame), self._parameters["frame_id"]
         if frame in ("", expected):
             return True
@@ -218,7 +218,7 @@ class NavClient:
         self._explorer.start(attempt, [(pose["x"], pose["y"]) for pose in avoid])
 
     def _start_exploring(self) -> None:
-        """Subscribe to map and transforms at the first search: without one they cost nothing."""
+        """Subscribe to map and transforms at the first search: without exploration they cost nothing."""
         if self._explores:
             return
         self._explores = True
@@ -277,7 +277,7 @@ class NavClient:
         self._report_battery()
 
     def _look_at_battery(self) -> None:
-        """Count looks and not seconds: a node that was busy itself hears what has waited before the next."""
+        """Count ticks instead of seconds: after a block of its own the node reads waiting messages first."""
         self._battery_looks += 1
         for topic in self._charges.due(self._battery_looks):
             self._ros.log.warning("the battery is not heard any more: its charge is unknown", topic=topic)
@@ -311,5 +311,5 @@ def _outcome(status: int, result: Any) -> Done | Failed:
     return Done() if status == goal_status.SUCCEEDED else Failed(*goal_status.failure(status, result))
 
 
-def _told(feedback: NavigateToPose.Feedback) -> str:
+def _feedback_text(feedback: NavigateToPose.Feedback) -> str:
     return f"{feedback.distance_remaining:.1f} m to go, {feedback.number_of_recoveries} recoveries"

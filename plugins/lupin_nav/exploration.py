@@ -1,6 +1,7 @@
-"""The operation `choose_frontier`: waits for a map with a frontier, and reports meanwhile what is missing.
+"""The operation `choose_frontier`: waits for a map with a frontier; its progress text is the missing input.
 
-Knows no ROS: the client passes messages in, reports go out through the outlet.
+Knows no ROS: the client passes messages in, reports go out through the outlet. It never fails by itself;
+the mission's timeout ends it.
 """
 
 from __future__ import annotations
@@ -26,11 +27,11 @@ class _Waiting:
     """One attempt: the places to avoid, and its last progress text."""
 
     avoid: Sequence[Point]
-    told: str = ""
+    reported: str = ""
 
 
 class Explorer:
-    """The attempts that wait for a frontier, and what they know: the last map and the transforms."""
+    """The waiting attempts, and their inputs: the last map and the transforms."""
 
     def __init__(
         self,
@@ -39,7 +40,7 @@ class Explorer:
         localizer: Whereabouts,
         clock: Callable[[], float],
     ) -> None:
-        """`localizer` is asked where no transform leads from the robot to the map; `clock` is in seconds."""
+        """`localizer` gives the position where no transform leads to the robot; `clock` is in seconds."""
         self._clock = clock
         self._outlet = outlet
         self._parameters = parameters
@@ -56,7 +57,7 @@ class Explorer:
         return not self._waiting
 
     def start(self, attempt: str, avoid: Sequence[Point] = ()) -> None:
-        """Begin to wait for a frontier that is none of those to avoid; ends at once where there is one."""
+        """Wait for a frontier that is not near `avoid`; ends at once where there is one."""
         self._waiting[attempt] = _Waiting(avoid)
         self._outlet.accepted(attempt)
         self.look()
@@ -67,7 +68,7 @@ class Explorer:
             self._outlet.cancelled(attempt)
 
     def close(self) -> None:
-        """Stop waiting and report nothing."""
+        """Stop waiting; report nothing more."""
         self._waiting.clear()
 
     def take_transforms(self, message: Any, static: bool = False) -> None:
@@ -75,7 +76,7 @@ class Explorer:
         self._frames.take(message.transforms, static=static, heard=self._clock())
 
     def take_map(self, message: Any) -> None:
-        """Process an OccupancyGrid in the frame of the map, and end the attempts that find a frontier."""
+        """Take an OccupancyGrid in frame `map`, and end the attempts that find a frontier."""
         info = message.info
         origin = info.origin.position.x, info.origin.position.y, heading(info.origin.orientation)
         self._grid = make_grid(message.data, info.width, info.height, info.resolution, origin)
@@ -83,7 +84,7 @@ class Explorer:
         self.look()
 
     def look(self) -> None:
-        """End the waiting attempts, or report what is missing where that has changed."""
+        """End each attempt that finds a frontier; report a change of what the others lack."""
         if self.idle:
             return
         since = self._clock() - SILENCE_S
@@ -95,12 +96,12 @@ class Explorer:
                 del self._waiting[attempt]
                 yaw = math.atan2(found.y - robot[1], found.x - robot[0])
                 self._outlet.done(attempt, {"pose": {"x": found.x, "y": found.y, "yaw": yaw}})
-            elif missing != waiting.told:
-                waiting.told = missing
+            elif missing != waiting.reported:
+                waiting.reported = missing
                 self._outlet.progress(attempt, missing)
 
     def _search(self, robot: Point | None, avoid: Sequence[Point]) -> tuple[str, Frontier | None]:
-        """Return what is missing, or the frontier to drive to."""
+        """Return the missing input, or the frontier to drive to."""
         topic = self._parameters["map_topic"]
         if not self._map_came:
             return f"no {topic} received", None
@@ -114,7 +115,7 @@ class Explorer:
 
 
 def thresholds_of(parameters: Mapping[str, Any]) -> Thresholds:
-    """Return what the parameters say about frontiers."""
+    """Return the frontier thresholds of the parameters."""
     return Thresholds(
         free=parameters["frontier_free_thresh"],
         occupied=parameters["frontier_occupied_thresh"],
@@ -127,7 +128,7 @@ def thresholds_of(parameters: Mapping[str, Any]) -> Thresholds:
 
 
 def nothing_found(result: Survey) -> str:
-    """Say what a grid without a frontier has instead."""
+    """Describe a grid without a frontier, by the counts of its cells."""
     text = f"no frontier in a map of {result.known} known cells"
     text += f" ({result.small} clusters too small, {result.cramped} cells without clearance"
     text += f", {result.avoided} avoided" if result.avoided else ""

@@ -1,12 +1,11 @@
-"""Frontier-based exploration: the frontiers of an occupancy grid, and the best of them. Pure, without ROS.
+"""Frontier-based exploration (Yamauchi): finds the best frontier of an occupancy grid. Pure, without ROS.
 
-A frontier cell is free and has an unknown cell to its left, right, top or bottom. Frontier cells that touch,
-corners included, are one frontier. The best is large and near: of the frontiers with enough cells the one
-with the highest `cells / (1 + distance)`, and of equal ones the first, row by row from the grid's origin.
-One that is near to a place to avoid is not chosen.
+A frontier cell is free and has an unknown 4-neighbour; 8-connected frontier cells are one frontier. Of those
+with enough cells, and not near a place to avoid, the best has the highest `cells / (1 + distance)`; of equal
+ones the first, row by row from the grid's origin.
 
 Occupancy is as in nav_msgs/OccupancyGrid: -1 unknown, 0 free to 100 occupied, row by row, x running fastest.
-Lengths are metres and angles radians in the frame of the map; the grid may be turned in it.
+Lengths are metres and angles radians in the frame of the map; the grid may be rotated in it.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class OccupancyGrid:
-    """An occupancy grid: `cells[row, column]`, metres a cell, and where the corner of cell (0, 0) lies."""
+    """An occupancy grid: `cells[row, column]`, metres a cell, and the pose of the corner of cell (0, 0)."""
 
     cells: Cells
     resolution: float
@@ -55,12 +54,12 @@ class OccupancyGrid:
 
 @dataclass(frozen=True)
 class Thresholds:
-    """What counts as free, as solid, as wide enough and as large enough.
+    """The thresholds of the search.
 
-    Cells from `occupied` on are solid, and those between `free` and `occupied` are neither: the search only
-    counts them, because a map full of them has no frontiers and looks as if it should. Solid to the clearance
-    is what reaches `clearance_occupied`, which may be stricter. `radius_cells` of 0 or more stands in for
-    `clearance` (m). Places nearer than `avoid_distance` (m) to one that is avoided are the same place.
+    Cells from `occupied` on are solid; those between `free` and `occupied` are neither, and are only counted:
+    a map full of them has no frontiers, to everybody's surprise. For the clearance, cells from
+    `clearance_occupied` on are solid, which may be stricter. `radius_cells` of 0 or more replaces `clearance`
+    (m). Places nearer than `avoid_distance` (m) to an avoided one count as that one.
     """
 
     free: int = 20
@@ -80,7 +79,7 @@ class Thresholds:
 
 @dataclass(frozen=True)
 class Frontier:
-    """The chosen frontier: its cell nearest to the middle (m), its size, how many could be chosen from."""
+    """The chosen frontier: its cell nearest to the centroid (m), its size, and the number of candidates."""
 
     x: float
     y: float
@@ -90,8 +89,9 @@ class Frontier:
 
 @dataclass(frozen=True)
 class Survey:
-    """The best frontier, if any, and what else the grid has: cells that are known, that are neither free nor
-    solid, that are frontier without clearance, and frontiers that are too small or avoided.
+    """The best frontier, if any, and counts: cells that are known, that are neither free nor solid, frontier
+    cells
+    without clearance, and frontiers that are too small or avoided.
     """
 
     frontier: Frontier | None
@@ -105,7 +105,7 @@ class Survey:
 def make_grid(
     data: ArrayLike, width: int, height: int, resolution: float, origin: Sequence[float] = (0.0, 0.0)
 ) -> OccupancyGrid | None:
-    """Return the grid of row-major `data`; None when size, resolution or origin (x, y[, yaw]) are none."""
+    """Return the grid of row-major `data`; None when size, resolution or origin (x, y[, yaw]) are invalid."""
     if width <= 0 or height <= 0 or not (math.isfinite(resolution) and resolution > 0.0):
         return None
     flat = np.asarray(data, dtype=np.int8).reshape(-1)
@@ -122,9 +122,9 @@ def survey(
     thresholds: Thresholds | None = None,
     avoid: Sequence[Point] = (),
 ) -> Survey:
-    """Look for the best frontier that is none of those to avoid (m).
+    """Search for the best frontier outside of `avoid` (m).
 
-    Without the place of the robot (m) size alone decides.
+    Without the robot's position (m) only the size counts.
     """
     limits = thresholds or Thresholds()
     rows, columns = np.nonzero(_frontier_cells(grid.cells, limits.free))
@@ -159,10 +159,10 @@ def _frontier_cells(cells: Cells, free: int) -> Mask:
 
 
 def _near(solid: Mask, rows: Indices, columns: Indices, radius: int) -> Mask:
-    """Say for each cell whether the square of 2·radius + 1 cells around it has a solid one.
+    """Return for each cell whether the square of 2·radius + 1 cells around it has a solid one.
 
-    What lies outside the grid is not solid. `sums[r, c]` counts the solid cells above and left of (r, c), so
-    that a square of any size costs four look-ups.
+    Cells outside the grid are not solid. A summed-area table: `sums[r, c]` counts the solid cells above and
+    left of (r, c), so that a square of any size costs four look-ups.
     """
     height, width = solid.shape
     radius = min(radius, height + width)  # all of the grid, however small its cells are said to be
@@ -176,7 +176,7 @@ def _near(solid: Mask, rows: Indices, columns: Indices, radius: int) -> Mask:
 
 
 def _clusters(rows: Indices, columns: Indices, shape: tuple[int, ...]) -> tuple[Indices, Indices]:
-    """Return the cluster of each cell, and the size of each cluster; numbered as they come row by row."""
+    """Return the cluster of each cell, and the size of each cluster; numbered row by row."""
     count = rows.size
     one, other = _touching(rows, columns, shape)
     # Each cell takes the lowest number that it can reach: over a touching cell, or from the cell whose number
@@ -209,7 +209,7 @@ def _touching(rows: Indices, columns: Indices, shape: tuple[int, ...]) -> tuple[
 
 
 def _apart(xs: Numbers, ys: Numbers, avoid: Sequence[Point], distance: float) -> Mask:
-    """Say for each place whether it is farther than `distance` from everything to avoid."""
+    """Return for each place whether it is farther than `distance` from everything to avoid."""
     apart = np.ones(xs.size, dtype=np.bool_)
     for x, y in avoid:
         apart &= np.hypot(xs - x, ys - y) > distance

@@ -1,4 +1,4 @@
-"""The functions that missions call, bound to the layout and the parameters of a run."""
+"""Binds the functions that missions call to the layout and parameters of a run."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def bind_approach(parameters: Parameters) -> Callable[[TagRecord], Pose]:
 def bind_approach_discovered(parameters: Parameters) -> Callable[[TagRecord, Pose], Pose]:
     """Return `approach_discovered(target, robot)` for the layout, standoff and heading of the parameters.
 
-    A map in the making may lie anywhere: its tables are those of the layout only where a tag of the layout
-    was found at its place.
+    The map of an exploration may have another origin, so the layout's tables are used only if a tag of the
+    layout was found at its place.
 
     Raises:
         LupinError: the layout cannot be used.
@@ -69,12 +69,12 @@ def bind_approach_discovered(parameters: Parameters) -> Callable[[TagRecord, Pos
 
 
 def bind_distance(_: Parameters) -> Callable[[Pose, Pose], float]:
-    """Return `distance(a, b)` in metres; headings play no part."""
+    """Return `distance(a, b)` in metres; headings are ignored."""
     return lambda a, b: math.hypot(a["x"] - b["x"], a["y"] - b["y"])
 
 
 def bind_add_place(_: Parameters) -> Callable[[list[Pose], Pose], list[Pose]]:
-    """Return `add_place(places, place)`: what a mission that keeps places in its memory needs."""
+    """Return `add_place(places, place)`, which appends and keeps the last `MAX_PLACES`."""
     return lambda places, place: [*places, place][-MAX_PLACES:]
 
 
@@ -97,10 +97,10 @@ def bind_tag_reader(parameters: Parameters) -> Callable[[Any], TagRecord]:
 
 
 def bind_home_pose(parameters: Parameters) -> Callable[[Pose], Pose]:
-    """Return `home_pose(start)`.
+    """Return `home_pose(start)`: the dock of the parameters.
 
-    A dock at exactly (0, 0) is one that nobody has set: the robot then comes back to where it started, with
-    the heading of the parameter.
+    A dock at exactly (0, 0) counts as not set: the robot then returns to its start, with the parameter's
+    heading.
     """
     dock = parameters["dock_pose"]
 

@@ -1,4 +1,4 @@
-"""The error of a drive that ended without success: code and detail by the status of its goal."""
+"""Maps the status of a failed Nav2 goal to an error code and detail."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ NAMES = ("UNKNOWN", "ACCEPTED", "EXECUTING", "CANCELING", "SUCCEEDED", "CANCELED
 
 
 def failure(status: int, result: Any) -> tuple[str, str]:
-    """Return the code and the detail of a goal that ended in `status` without success and without our asking.
+    """Return code and detail of a goal that ended in `status` without success, and that we did not cancel.
 
-    CANCELED and ABORTED have codes of their own. A server that no longer knows the goal answers UNKNOWN, and
-    a status in which no goal can end is as good as that: both are `nav_status_0`, told apart by the detail.
+    CANCELED and ABORTED have codes of their own; all others are `nav_status_0`, with the status in the
+    detail: UNKNOWN from a server that has lost the goal, or a status in which no goal can end.
     """
     name = NAMES[status] if 0 <= status < len(NAMES) else f"status {status}"
     code = f"nav_status_{status}" if status in (CANCELED, ABORTED) else "nav_status_0"

@@ -1,7 +1,7 @@
-"""The quality of the robot's localization, and whether it is good enough to drive.
+"""Decides by the localizer's covariance whether the robot is localized well enough to drive.
 
-The measure is the largest of the variances of x, y (m²) and yaw (rad²). The other entries of the covariance
-say nothing here: a planar localizer leaves those of z, roll and pitch at huge values.
+The measure is the largest variance of x, y (m²) and yaw (rad²). Other entries are ignored: a planar localizer
+leaves those of z, roll and pitch at huge values.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class Fix:
 
 
 def fix(message: Any) -> Fix | None:
-    """Read a PoseWithCovarianceStamped; None when its numbers describe no place.
+    """Read a PoseWithCovarianceStamped; None where its numbers are no pose.
 
-    A quaternion of all zeros is what a message has that nobody filled in.
+    A quaternion of all zeros counts as unset.
     """
     position, q = message.pose.pose.position, message.pose.pose.orientation
     numbers = (position.x, position.y, q.x, q.y, q.z, q.w)
@@ -45,13 +45,13 @@ def fix(message: Any) -> Fix | None:
 
 
 def variance(covariance: Sequence[float]) -> float:
-    """Return the largest variance of x, y and yaw; infinite when one of them is none: not finite, below 0."""
+    """Return the largest variance of x, y and yaw; infinite where one is negative or not finite."""
     planar = [float(covariance[index]) for index in PLANAR]
     return max(planar) if all(math.isfinite(one) and one >= 0.0 for one in planar) else math.inf
 
 
 def waits_for(known: Fix | None, live: bool, limit: float, topic: str) -> str:
-    """Say why the robot does not count as localized yet, or "" when it does."""
+    """Return why the robot does not count as localized yet; "" where it does."""
     if known is None:
         return f"no {topic} received"
     if not live:
@@ -60,10 +60,10 @@ def waits_for(known: Fix | None, live: bool, limit: float, topic: str) -> str:
 
 
 def drift(known: Fix | None, live: bool, limit: float | None) -> str:
-    """Say why the robot must not set off, or "" when it may.
+    """Return why the robot must not set off; "" where it may.
 
-    Without a limit any pose ever received will do: with a map that is still being made, the pose is a seed
-    whose publisher is long gone.
+    Without a limit every received pose will do: while a map is being made, the pose is a seed whose publisher
+    is long gone.
     """
     if known is None or (limit is not None and not live):
         return "amcl_drift_var=unknown"

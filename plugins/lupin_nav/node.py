@@ -1,10 +1,9 @@
-"""The node `nav_watchdog`: ends what navigation drives for a node that is silent, or under a stop.
+"""The node `nav_watchdog`: cancels Nav2's goals under a stop, and when their sender falls silent.
 
-Nav2 follows a goal to its end, whoever sent it and whether that client still lives; a stop only interrupts
-it, and it would drive on at the release. So while a stop is engaged every goal is cancelled, again and again,
-also those that come meanwhile. It listens to the orchestrator while a mission is under way, and to the
-gateway, which cannot cancel what its pages drive when it was killed. It runs beside the simulated base as
-well. This node belongs on the computer of Nav2: from any other one a broken link silences the watchdog too.
+Nav2 follows a goal to its end even if the client is dead, and after a stop's release it would go on. So while
+a stop is engaged every goal is cancelled, repeatedly, new ones too. The node watches the orchestrator while a
+mission is active, and the gateway, which cannot cancel its pages' goals after it was killed. It belongs on
+Nav2's computer: elsewhere a broken link would silence the watchdog too. The simulated base needs it as well.
 """
 
 from __future__ import annotations
@@ -50,10 +49,10 @@ PARAMETERS = {
 
 
 class NavWatchdog:
-    """Cancels the goals of the action while a stop is engaged, and those of an orchestrator that fell silent.
+    """Cancels the action's goals while a stop is engaged, and those of a silent orchestrator or gateway.
 
-    The goals that are to end are those accepted until now, or until the stop was released or the silence was
-    noticed; cancelling them is repeated until the server has agreed for each.
+    Cancelled are the goals accepted until now (until the release, or until the silence was noticed);
+    cancelling is repeated until the server has agreed for each of them.
     """
 
     def __init__(self, ros: RosNode) -> None:
@@ -89,7 +88,7 @@ class NavWatchdog:
         self._watchdog.heard(is_one)
 
     def _on_silent_gateway(self, reason: str) -> None:
-        """End what its pages drive: it does that itself, and leaves the graph, when it ends as it should."""
+        """Cancel its pages' goals, unless a mission drives or the gateway ended in order."""
         if self._ros.node.count_publishers(PAGES_TOPIC) and not self._mission_drives:
             self._end_goals(reason)
 
@@ -123,14 +122,14 @@ class NavWatchdog:
             self._cancelling.stop()
 
     def _left_out(self, answer: CancelGoal.Response) -> bool:
-        """Whether goals go on: a server of rclpy that refuses to end one only leaves it out of its answer."""
+        """Return whether goals go on: an rclpy server omits a goal that it refuses to cancel."""
         until = (self._until.sec, self._until.nanosec)
         to_end = {goal for goal, at in self._driving.items() if self._stopped or at <= until}
         return bool(to_end.difference(bytes(one.goal_id.uuid) for one in answer.goals_canceling))
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the node until it is told to stop; `arguments` are the ROS arguments."""
+    """Run the node until it is stopped; `arguments` are the ROS arguments."""
     with RosNode("nav_watchdog", arguments, PARAMETERS) as ros:
         NavWatchdog(ros)
         ros.spin()

@@ -1,4 +1,4 @@
-"""Approach poses set by hand for single tags.
+"""Reads approach poses that were set by hand for single tags.
 
 The file is YAML: `overrides: {tag id: {yaw, standoff, goal_x, goal_y}}`, every key of a tag optional; radians
 and metres in frame `map`.
@@ -21,7 +21,7 @@ from lupin_greenhouse import finite
 
 @dataclass(frozen=True)
 class Override:
-    """What is set by hand for one tag; None leaves the geometry's own value."""
+    """The values set by hand for one tag; None keeps the computed value."""
 
     yaw: float | None = None
     standoff: float | None = None
@@ -34,7 +34,7 @@ KEYS = tuple(field.name for field in fields(Override))
 
 
 class _Loader(yaml.SafeLoader):
-    """Refuses a name that is there twice: one of the two would be lost without a word."""
+    """A YAML loader that refuses duplicate keys: one of them would be lost silently."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         names = [str(self.construct_object(key)) for key, _ in node.value]
@@ -49,8 +49,8 @@ def load(path: str) -> Mapping[str, Override]:
     """Read an overrides file; an empty path means none.
 
     Raises:
-        LupinError: the file cannot be read, is no YAML, or `parse` refuses it. Whoever names such a file
-            counts on it, so the robot does not set off to the poses that the file would have replaced.
+        LupinError: the file cannot be read, is no YAML, or `parse` refuses it. That is an error, so that the
+            robot does not drive to the poses which the file would have replaced.
     """
     if not path:
         return MappingProxyType({})

@@ -1,7 +1,7 @@
-"""Where a tag's plate faces: as the layout says, else a guess. Pure; metres and radians in frame `map`.
+"""The heading of a tag's plate: the layout's, else a guess. Pure; metres and radians in frame `map`.
 
-Only whoever drives asks this. The simulated greenhouse has plates of its own, so a wrong layout and a wrong
-guess show there as they do in a real one: the robot does not see its tag.
+Only drivers ask this. The simulated greenhouse has plates of its own, so a wrong layout or guess shows as in
+a real one: the robot does not see its tag.
 """
 
 from __future__ import annotations
@@ -18,22 +18,21 @@ VIEWING_M = 0.5
 
 @dataclass(frozen=True)
 class Side:
-    """Where a plate hangs: the heading of its outward normal, and the nearest table, None without tables."""
+    """The side on which a plate hangs: the heading of its outward normal, and the nearest table, if any."""
 
     yaw: float
     table: str | None
 
     def before(self, tag: tuple[float, float], distance: float) -> tuple[float, float]:
-        """Return the place at `distance` from a tag, along the normal."""
+        """Return the point at `distance` from a tag, along the normal."""
         return tag[0] + distance * math.cos(self.yaw), tag[1] + distance * math.sin(self.yaw)
 
 
 def side_of(tag: tuple[float, float], tables: Sequence[Table], facing: float | None = None) -> Side | None:
     """Return the side on which a tag hangs; None where the layout has neither its facing nor tables.
 
-    Where the layout does not say where the plate faces, it is guessed: the nearest side of the nearest table
-    (of equally near tables the first). Near a corner it is the side with most room before it, so that a plate
-    does not face a wall or the next table.
+    Without a facing it is guessed as the nearest side of the nearest table (of equal ones the first). Near a
+    corner it is the side with most room before it, so that a plate does not face a wall or the next table.
     """
     table = min(tables, key=lambda table: table.distance(*tag), default=None)
     if facing is not None:
@@ -49,12 +48,12 @@ def side_of(tag: tuple[float, float], tables: Sequence[Table], facing: float | N
 
 
 def _room(tables: Sequence[Table], x: float, y: float) -> float:
-    """Return the clearance of a place; tables that stand elsewhere are in a greenhouse of unknown walls."""
+    """Return the clearance of a point; of walls only where all tables are inside of them."""
     if all(t.x0 >= 0.0 and t.x1 <= WIDTH and t.y0 >= 0.0 and t.y1 <= LENGTH for t in tables):
         return clearance(tables, x, y)
     return min(table.distance(x, y) for table in tables)
 
 
 def _sides(table: Table, x: float, y: float) -> dict[float, float]:
-    """Return how far inside of each side of a table a place is, by the heading of the side's normal."""
+    """Return how far inside of each side of a table a point is, by the heading of the side's normal."""
     return {0.0: table.x1 - x, math.pi / 2: table.y1 - y, math.pi: x - table.x0, -math.pi / 2: y - table.y0}

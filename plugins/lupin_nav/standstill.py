@@ -1,4 +1,4 @@
-"""Whether the robot stands after a drive was cancelled; a server may agree to stop, and drive on."""
+"""Detects a robot that moves on after its drive was cancelled: a server may accept a cancel and drive on."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STOOD_S, STOOD_M = 1.0, 0.03
 
 
 class MovementWatch:
-    """Watches the poses after the drive that was cancelled last. One jump of the localizer is no movement."""
+    """Watches the poses after the last cancelled drive. A single jump of the localizer is no movement."""
 
     def __init__(self) -> None:
         self.attempt = ""
@@ -28,7 +28,7 @@ class MovementWatch:
         self._jump = 0.0
 
     def cancelled(self, attempt: str, now: float) -> None:
-        """Begin to watch; asking again changes nothing."""
+        """Begin to watch; repeated calls for an attempt change nothing."""
         if attempt != self.attempt:
             self.attempt, self._ended = attempt, False
             self._brake(now)
@@ -38,7 +38,7 @@ class MovementWatch:
         self.attempt = ""
 
     def moves(self, place: Point, now: float, runs: bool) -> bool:
-        """Take a pose, and say once that the robot moves; `runs` says whether the server has the drive."""
+        """Take a pose; return True once where the robot moves. `runs`: the server still has the drive."""
         if not self.attempt:
             return False
         if not (runs or self._ended):
@@ -60,7 +60,7 @@ class MovementWatch:
         return moved
 
     def _way(self, place: Point) -> float:
-        """Return how far a place is from where the robot braked, in metres; 0 where no pose came since."""
+        """Return the distance of a place from where the robot braked, in metres; 0 without a pose since."""
         return 0.0 if self._from is None else math.dist(place, self._from) - self._jump
 
     def _brake(self, now: float) -> None:

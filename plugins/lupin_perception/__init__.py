@@ -1,7 +1,7 @@
-"""What the cameras know: tags on the map, flowers in their boxes, pests.
+"""Perception: tags on the map, flowers in their boxes, pests.
 
-`catalog` says what missions are offered and loads without ROS; `client` is the engine's side. The aggregator
-is `node` around plain Python: `detections` reads what detectors say, `sightings` places tags on the map,
-`registry` remembers them, `boxes` is the geometry of planters, `layout` knows where they are; `flowers` and
-`anomalies` fuse what is seen. `idle` says what is read without a mission, `memory` outlives the process.
+`catalog` is the offer to missions, without ROS; `client` the driver in the orchestrator; `node` the
+aggregator around plain Python: `detections` parses, `sightings` places tags, `registry` keeps them, `boxes`
+and `layout` are the planters' geometry, `flowers` and `anomalies` fuse detections, `idle` schedules readings
+without a mission, `memory` saves state for a restart.
 """

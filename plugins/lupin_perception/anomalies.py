@@ -1,8 +1,8 @@
-"""Reports of pests that belong to no tag. Pure; time is an argument (s).
+"""Reports pests that belong to no tag. Pure; time is an argument (s).
 
-A pest in the scanned box is reported with the flowers of its tag. One that is seen while no tag is in sight
-would be lost, so it is reported by itself, at the position of the robot. It takes several frames in a row,
-because one may be a mistake, and the same place is not reported twice in a mission.
+A pest in the scanned box is reported with its tag's flowers. One seen while no tag is in sight is reported
+here, at the robot's position, after several frames in a row, since one may be a false detection. A place is
+reported once per mission; after `MAX_REPORTS` none is.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Pest:
-    """A pest at no tag, and how sure the detector was (0 to 1)."""
+    """A pest at no tag, with its confidence (0 to 1)."""
 
     name: str
     confidence: float
@@ -38,7 +38,7 @@ class Pest:
 
 
 class AnomalyWatch:
-    """Looks for pests from frame to frame while no tag is in sight."""
+    """Counts frames in a row with a pest, while no tag is in sight."""
 
     def __init__(self, name: str, min_confidence: float, frames: int, spacing: float) -> None:
         """Set the pest's class, its least confidence, the frames in a row, and metres between two reports."""
@@ -56,16 +56,16 @@ class AnomalyWatch:
         return self._reported
 
     def begin(self, reported: Iterable[Point] = ()) -> None:
-        """Begin a mission in which these places were reported already."""
+        """Begin a mission; `reported` are its earlier reports."""
         self._row = 0
         self._reported = list(reported)
 
     def interrupt(self) -> None:
-        """Process a frame that does not count: a tag is in sight, or is being scanned."""
+        """Reset the count: a tag is in sight, or is being scanned."""
         self._row = 0
 
     def add(self, detections: Iterable[Detection], place: Point | None, now: float) -> Pest | None:
-        """Process a frame seen from `place`; return a pest that is to be reported now."""
+        """Count a frame seen from `place`; return a pest to report now."""
         sure = [
             d.confidence for d in detections if d.name == self._name and d.confidence >= self._min_confidence
         ]

@@ -1,16 +1,16 @@
-"""The planter box behind a tag, and where in it a bloom is drawn. Metres and radians, frame `map`. Pure.
+"""The geometry of the planter box behind a tag, and of blooms in it. Metres and radians, frame `map`. Pure.
 
-A box stands behind its tag: the tag hangs in the middle of its front face. On the plane
+A box is behind its tag, which hangs in the middle of its front face. On the plane
 
 * O, the origin, is the middle of the front face,
 * n, the normal, is the tag's own +Z on the plane: out of the bed, into the aisle,
-* l, the lateral axis, is n turned by +90°: (-n_y, n_x), to the right for whoever looks at the tag.
+* l, the lateral axis, is n turned by +90°: (-n_y, n_x), to the right for an observer in the aisle.
 
 A place in the box is a fraction f (-1 left edge, +1 right edge as seen from the aisle) and a depth d (0 front
 face, 1 back): O + l f w/2 - n d D, with width w and depth D of the box.
 
-How deep a bloom stands is not measured (one uncalibrated camera), and its height neither. The depth that is
-drawn is cosmetic: a fixed scatter, so that the blooms of a box do not form a line.
+Depth and height of a bloom are not measured (one uncalibrated camera). The drawn depth is cosmetic: a fixed
+scatter, so that the blooms of a box do not form a line.
 """
 
 from __future__ import annotations
@@ -62,16 +62,16 @@ class PlanterBox:
         return self.place((1.0, -1.0, -1.0, 1.0), (0.0, 0.0, 1.0, 1.0))
 
     def is_like(self, other: PlanterBox, shift: float, turn: float) -> bool:
-        """Say whether both fronts are within `shift` metres and `turn` radians of each other."""
+        """Return whether both fronts are within `shift` metres and `turn` radians of each other."""
         moved = float(np.linalg.norm(self.origin - other.origin))
         return moved <= shift and float(self.normal @ other.normal) >= math.cos(turn)
 
 
 def box_from_tag(tag: Pose, size: Size, lateral_offset: float = 0.0) -> PlanterBox | None:
-    """Return the box behind a tag whose pose in `map` is known; None when the tag faces up or down.
+    """Return the box behind a tag with a known pose in `map`; None when the tag faces up or down.
 
-    The tag's local +Z is the third column of its rotation; its part on the plane is the normal. The tag
-    hangs `lateral_offset` metres to the left of the middle of the box.
+    The normal is the horizontal part of the tag's +Z, the third column of its rotation. The tag hangs
+    `lateral_offset` metres to the left of the middle of the box.
     """
     normal = matrix(tag.rotation)[:2, 2]
     length = float(np.linalg.norm(normal))
@@ -84,7 +84,7 @@ def box_from_tag(tag: Pose, size: Size, lateral_offset: float = 0.0) -> PlanterB
 
 @dataclass(frozen=True)
 class BoxView:
-    """How an image and the arm's pan tell where in the box a bloom is.
+    """Converts the place in the image and the arm's pan to the place in the box.
 
     At `pan_half_span` (rad) of the pan joint a bloom at the image's outer edge, `half_field` (rad) further
     out, is at the edge of the box.
@@ -105,19 +105,18 @@ class BoxView:
 
 
 def is_inside(fraction: ArrayLike, width: float, margin: float) -> NDArray[np.bool_]:
-    """Say which lateral fractions are within the box or `margin` metres beside it.
+    """Return which lateral fractions are within the box or `margin` metres beside it.
 
-    |f| ≤ 1 + m / (w/2). Blooms outside belong to a neighbour: drawn at the nearest edge, they would be
-    credited to this box.
+    |f| ≤ 1 + m / (w/2). Blooms outside belong to a neighbour; clamping would credit them to this box.
     """
     limit = 1.0 + margin / (width / 2.0) if width > 0.0 else -1.0
     return np.asarray(np.abs(fraction) <= limit)
 
 
 def column_of(fraction: ArrayLike, columns: int) -> NDArray[np.intp]:
-    """Return which of the equally wide columns (0 at the left edge) lateral fractions lie in.
+    """Return the column (of equal widths, 0 at the left edge) of each lateral fraction.
 
-    k = floor((f + 1)/2 N), with what is beyond an edge in the outermost column.
+    k = floor((f + 1)/2 N), clamped to the outermost columns.
     """
     f = np.asarray(fraction, dtype=float)
     return np.clip(np.floor((f + 1.0) / 2.0 * columns), 0, columns - 1).astype(np.intp)
@@ -129,10 +128,10 @@ def column_fraction(column: ArrayLike, columns: int) -> Array:
 
 
 def column_depth(column: ArrayLike, base: float, spread: float) -> Array:
-    """Return the depths that the blooms of columns k are drawn at: cosmetic, not measured.
+    """Return the depths at which the blooms of columns k are drawn: cosmetic, not measured.
 
     base + (frac(k φ) - 1/2) 2 spread, within 0 and 1, with the golden ratio's φ = 0.618...: irregular to the
-    eye and the same every time.
+    eye and deterministic.
     """
     jitter = (np.modf(np.asarray(column, dtype=float) * GOLDEN)[0] - 0.5) * 2.0 * spread
     return np.asarray(np.clip(base + jitter, 0.0, 1.0))

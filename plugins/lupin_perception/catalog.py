@@ -1,4 +1,4 @@
-"""What perception offers a mission, as data: loads without ROS."""
+"""The catalog of perception: operations, values, parameters. Loads without ROS."""
 
 from __future__ import annotations
 

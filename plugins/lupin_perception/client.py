@@ -1,4 +1,9 @@
-"""The cameras over ROS: calls of ConfirmTag until a tag is seen, and the tags that were discovered."""
+"""The driver of plugin `perception`: polls ConfirmTag until a tag is seen, and reports discovered tags.
+
+An attempt polls for `within` seconds, then fails with `visual_confirm_missed`; a failed call ends it at once
+(`confirm_failed`). Discovered tags without a pose, or in another frame than `map`, are dropped with a
+warning.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +54,7 @@ class PerceptionClient(ServiceDriver):
         ros.subscribe(DiscoveredTags, topic, Qos.LATCHED, self._on_discovered)
 
     def missing(self) -> list[str]:
-        """Name the service while it cannot be reached and a mission insists on it."""
+        """Return the service while it cannot be reached and a mission requires it."""
         return super().missing() if self._required else []
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
@@ -58,7 +63,7 @@ class PerceptionClient(ServiceDriver):
         super().start(attempt, operation, arguments)
 
     def cancel(self, attempt: str) -> None:
-        """Ask no more."""
+        """Stop asking."""
         self._began.pop(attempt, None)
         self._reasons.pop(attempt, None)
         super().cancel(attempt)
@@ -70,10 +75,10 @@ class PerceptionClient(ServiceDriver):
         arguments: Mapping[str, Any],
         answer: ConfirmTag.Response | CallFailure,
     ) -> None:
-        """Take an answer; one that says "not seen" is asked for again while the attempt has time left.
+        """Take an answer; "not seen" is asked again while the attempt has time left.
 
-        A camera needs some frames, and a robot may still swing: what is not seen yet may be seen in a second.
-        The answer's reason is the attempt's progress, so that a timeout during the next question keeps it.
+        A camera needs some frames, and the robot may still swing. The answer's reason is reported as
+        progress, so that a timeout during the next question keeps it.
         """
         left = self._began[attempt] + arguments.get("within", 0.0) - self._ros.elapsed()
         if not isinstance(answer, CallFailure) and not answer.detected and left > ASK_AGAIN_S:
@@ -86,13 +91,13 @@ class PerceptionClient(ServiceDriver):
         super()._answered(attempt, operation, arguments, answer)
 
     def _report(self, attempt: str, reason: str) -> None:
-        """Report why the tag is not seen, where that is new."""
+        """Report a new reason why the tag is not seen."""
         if self._reasons.get(attempt) != reason:
             self._reasons[attempt] = reason
             self._values.progress(attempt, reason)
 
     def close(self) -> None:
-        """Report no more."""
+        """Report nothing more."""
         self._closed = True
         super().close()
 
@@ -109,7 +114,7 @@ class PerceptionClient(ServiceDriver):
             self._values.value("tags.discovered", placed, self._time_of(message))
 
     def _time_of(self, message: DiscoveredTags) -> float:
-        """Return the stamp; a message that nobody stamped counts from its receipt."""
+        """Return the stamp; without one, the time of receipt."""
         return seconds_of(message.header.stamp) or self._ros.now()
 
 

@@ -1,11 +1,11 @@
-"""What the detectors say, read from the JSON of their String topics. Pure; nothing that comes in is trusted.
+"""Parses the detectors' JSON, and validates every field. Pure.
 
 Tags: a list of `{"id": int, "corners": [[x, y], ...], "dist": metres}`, one message a frame; the distance is
 0 where the camera is not calibrated. Flowers: a list of `{"class": int, "confidence": 0 to 1, "bbox_xyxy":
 [x1, y1, x2, y2], "track_id": int or null, "class_name": text or null}`, boxes in pixels.
 
-What cannot be used is left out, with a text that says why. These texts name the kind of fault and nothing
-that was received, so that a caller can tell each one once.
+Invalid entries are dropped with a problem text, which names the kind of fault and none of the data, so that
+a caller can log each text once.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class TagSeen:
 
 @dataclass(frozen=True)
 class Detection:
-    """Something in the image: its class, how sure the detector is (0 to 1), and where it is.
+    """A detection: its class, its confidence (0 to 1), and its place in the image.
 
     `bearing` is the middle of its box, -1 at the image's left edge and +1 at its right edge.
     """
@@ -56,13 +56,13 @@ class Detection:
 
 @dataclass(frozen=True)
 class UnreadableDetection:
-    """Why something was left out."""
+    """The problem text of a dropped entry."""
 
     reason: str
 
 
 def read_tags(text: str) -> tuple[list[TagSeen], list[str]]:
-    """Return the tags of a frame, each id once (its nearest view), and what was wrong."""
+    """Return the tags of a frame, each id once (its nearest view), and the problems."""
     found, problems = _read(text, TAG_KEYS, _tag)
     nearest: dict[str, TagSeen] = {}
     for tag in found:
@@ -72,14 +72,14 @@ def read_tags(text: str) -> tuple[list[TagSeen], list[str]]:
 
 
 def read_flowers(text: str, classes: Sequence[str], image_width: float) -> tuple[list[Detection], list[str]]:
-    """Return the detections of a frame, and what was wrong; `image_width` in pixels."""
+    """Return the detections of a frame, and the problems; `image_width` in pixels."""
     return _read(text, FLOWER_KEYS, lambda entry: _flower(entry, classes, image_width))
 
 
 def read_boxes(text: str) -> tuple[dict[str, PlanterBox], list[str]]:
-    """Return the boxes of a list, or of an object's list `boxes`, by the id of their tag, and what was wrong.
+    """Return the boxes of a list, or of an object's list `boxes`, by the id of their tag, and the problems.
 
-    An entry tells the centre (m), the heading of the outward normal (rad) and the size (m): `{"id" or
+    An entry has the centre (m), the heading of the outward normal (rad) and the size (m): `{"id" or
     "box_id", "x", "y", "yaw", "width", "depth", "height"}`.
     """
     found, problems = _read(text, BOX_KEYS, _box, "boxes")

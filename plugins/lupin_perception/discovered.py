@@ -1,7 +1,6 @@
-"""The tags of a DiscoveredTags message as plain records; pure.
+"""Reads a DiscoveredTags message to plain records; pure.
 
-What is not finite is no place: such a tag is known by name only and cannot be driven to, so it is left out
-until it has a pose.
+A tag without a finite position cannot be driven to, so it is left out until it has one.
 """
 
 from __future__ import annotations
@@ -10,16 +9,16 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from lupin_greenhouse import numeric_key, seen_turn
+from lupin_greenhouse import numeric_key, seen_rotation
 
 Record = Mapping[str, Any]
 
 
 def records(message: Any) -> tuple[list[Record], list[str]]:
-    """Return the tags that have a place, and the ids of the others.
+    """Return the tags that have a position, and the ids of the others.
 
-    Each id comes once, as it was told last, and numeric ids come first and by number, so that whoever has no
-    other order does not visit 15 before 3.
+    Each id comes once, with its last entry; numeric ids come first and by number, so that a mission without
+    an order of its own does not visit 15 before 3.
     """
     placed: dict[str, Record] = {}
     others: dict[str, None] = {}
@@ -33,7 +32,7 @@ def records(message: Any) -> tuple[list[Record], list[str]]:
 
 
 def _record(tag: Any) -> Record | None:
-    place, turn = tag.pose_in_map.position, seen_turn(tag.pose_in_map.orientation)
+    place, turn = tag.pose_in_map.position, seen_rotation(tag.pose_in_map.orientation)
     if turn is None or not all(map(math.isfinite, (place.x, place.y))):
         return None
     confidence = float(tag.species_confidence)

@@ -1,9 +1,8 @@
-"""What grows in the box that is being scanned: detections of one scan, fused. Pure.
+"""Fuses the flower detections of one scan: the maximum confidence for each kind and column of the box. Pure.
 
-A detection is credited to the tag that is scanned while it comes in, and to no other: with the tag the scan
-begins anew, so that what was seen at the previous tag never bleeds into this one. Across the box lie some
-columns of equal width; a column has at most one bloom. Fusion keeps the surest detection of each kind (a
-species, or the pest) in each column, so the order of detections, and how often one is seen, change nothing.
+A detection is credited to the tag that is scanned when it arrives; another tag begins a new scan, so nothing
+is carried over. The box is divided into columns of equal width with at most one bloom each. A maximum depends
+neither on the order of detections nor on how often one is seen.
 """
 
 from __future__ import annotations
@@ -32,8 +31,8 @@ _NEWS = 0.1
 def scanned_tag(lifecycle: str, phase: str, target: str) -> str:
     """Return the tag that a mission is scanning; '' for none.
 
-    Also in a phase that is named after the lifecycle (`MONITORING_SCANNING`), but not while the tag is only
-    being confirmed.
+    Its phase may be named after the lifecycle (`MONITORING_SCANNING`). A tag that is only being confirmed
+    does not count.
     """
     scans = is_under_way(lifecycle) and lifecycle != SEARCHING and "SCANNING" in phase
     return target if scans else ""
@@ -41,10 +40,10 @@ def scanned_tag(lifecycle: str, phase: str, target: str) -> str:
 
 @dataclass(frozen=True)
 class Rules:
-    """How detections are fused: metres, radians and shares.
+    """The rules of fusion: metres, radians and fractions.
 
-    Detections below `min_confidence` count for nothing; nor, if `gated` and the width of the box is known, do
-    those more than `margin` beside it. Class `anomaly` is the pest, every other one a species.
+    Detections below `min_confidence` are dropped; if `gated` and the width of the box is known, also those
+    more than `margin` beside it. Class `anomaly` is the pest, every other one a species.
     """
 
     view: BoxView
@@ -57,7 +56,7 @@ class Rules:
     def count(
         self, bearings: Array, confidences: Array, pan: float, width: float | None
     ) -> tuple[NDArray[np.bool_], Indices]:
-        """Say which detections count, and in which column of a box so wide (m; None: unknown) each is.
+        """Return which detections count, and the column of each in a box of a `width` (m; None: unknown).
 
         `bearings` from -1 at the image's left edge to +1, `confidences` from 0 to 1, `pan` as in `BoxView`.
         """
@@ -69,13 +68,11 @@ class Rules:
 
 
 def fuse(best: Array, columns: Indices, kinds: Indices, confidences: Array) -> Array:
-    """Return how sure the surest detection of each kind in each column is, `NONE` where there is none.
+    """Return the maximum confidence of each kind in each column, `NONE` where there is none.
 
     `best` has a row for each column and a column for each kind; the others have an entry for each detection:
 
         b'[k, s] = max(b[k, s], max { c_i : k_i = k, s_i = s })
-
-    A maximum asks neither for the order of detections nor how often one was seen.
     """
     fused = best.copy()
     np.maximum.at(fused, (columns, kinds), confidences)
@@ -83,7 +80,7 @@ def fuse(best: Array, columns: Indices, kinds: Indices, confidences: Array) -> A
 
 
 def surest(names: NDArray[np.str_], confidences: Array) -> tuple[str, float]:
-    """Return the name that is surest, argmax_s c_s, of equally sure ones the first, and how sure it is.
+    """Return the name with the highest confidence, of equal ones the first, and that confidence.
 
     Without any, ('', 0.0).
     """
@@ -95,7 +92,7 @@ def surest(names: NDArray[np.str_], confidences: Array) -> tuple[str, float]:
 
 @dataclass(frozen=True)
 class ColumnBloom:
-    """What is in one column: the species that is surest there ('' for none), and whether a pest is."""
+    """The bloom of one column: its surest species ('' for none), and whether there is a pest."""
 
     column: int
     species: str
@@ -112,8 +109,8 @@ class ScanSummary:
     anomaly: bool
     blooms: tuple[ColumnBloom, ...]
 
-    def tells_more_than(self, last: ScanSummary | None) -> bool:
-        """Say whether this is worth telling after `last`: other blooms, or another confidence."""
+    def adds_to(self, last: ScanSummary | None) -> bool:
+        """Return whether to publish this after `last`: other blooms, or another overall confidence."""
         if last is None or abs(self.confidence - last.confidence) > _NEWS:
             return True
         return self._shape() != last._shape()
@@ -139,10 +136,10 @@ class TagScan:
         self._forget()
 
     def aim(self, tag_id: str, width: float | None = None) -> bool:
-        """Say which tag is scanned now, '' for none, and how wide its box is (m), if that is known.
+        """Set the scanned tag, '' for none, and the width of its box (m), if known; return whether that
+        changed.
 
-        Another tag than before begins a new scan, and so does another width: what was seen of the tag so far
-        may belong to its neighbour.
+        Another tag, or another width, begins a new scan: earlier detections may be a neighbour's.
         """
         if (tag_id, width) == (self.tag_id, self._width):
             return False
@@ -151,7 +148,7 @@ class TagScan:
         return True
 
     def add(self, detections: Sequence[Detection], pan: float) -> None:
-        """Credit detections to the tag that is scanned; `pan` in radians, see `BoxView`."""
+        """Credit detections to the scanned tag; `pan` in radians, see `BoxView`."""
         if not self.tag_id or not detections:
             return
         bearings = np.array([detection.bearing for detection in detections])
@@ -165,7 +162,7 @@ class TagScan:
         self._best = fuse(self._best, columns, np.searchsorted(self._kinds, names), confidences)
 
     def resume(self, summary: ScanSummary) -> None:
-        """Continue a scan of an earlier process from its summary, which has no confidence of pests."""
+        """Continue an earlier process's scan from its summary, which has no confidence of pests."""
         found = [(bloom.column, bloom.species, bloom.confidence) for bloom in summary.blooms if bloom.species]
         found += [(bloom.column, self._rules.anomaly, 0.0) for bloom in summary.blooms if bloom.anomaly]
         found = [one for one in found if 0 <= one[0] < self._rules.columns]
@@ -174,11 +171,11 @@ class TagScan:
             self._fuse(columns, names, confidences)
 
     def age(self) -> None:
-        """Forget what was not seen since the last call: for a scan without an end."""
+        """Drop detections from before the last call: for a scan without an end."""
         self._before, self._best = self._best, np.full_like(self._best, NONE)
 
     def summary(self) -> ScanSummary | None:
-        """Return what was seen; None as long as that is nothing."""
+        """Return the summary; None without detections."""
         best = np.maximum(self._best, self._before)
         seen: NDArray[np.bool_] = best > NONE
         is_pest = np.equal(self._kinds, self._rules.anomaly)
@@ -197,7 +194,7 @@ class TagScan:
         self._best = self._before = np.empty((self._rules.columns, 0))
 
     def _make_room(self, names: NDArray[np.str_]) -> None:
-        """Have a place for kinds with these names."""
+        """Add columns to the table for new names."""
         kinds = np.union1d(self._kinds, names)
         if kinds.size > self._kinds.size:
             places = np.searchsorted(kinds, self._kinds)
@@ -208,7 +205,7 @@ class TagScan:
 
 
 def _spread(best: Array, places: Indices, size: int) -> Array:
-    """Return a table of `size` kinds with these columns at their new places, and nothing elsewhere."""
+    """Return a table of `size` kinds with these columns at their new indices, and `NONE` elsewhere."""
     wider = np.full((len(best), size), NONE)
     wider[:, places] = best
     return wider

@@ -1,7 +1,7 @@
-"""Which tags are to be read while no mission is under way. Pure; time is an argument, in seconds.
+"""Schedules sensor readings of tags while no mission is active. Pure; time is an argument, in seconds.
 
-A tag is read once, or again after each period. One that could not be read is tried again after `AGAIN_S`.
-One that the greenhouse does not know is asked for again only after a period: never, where there is none.
+A tag is read once, or again after each period; after a failure again after `AGAIN_S`. A tag that the
+greenhouse does not know waits for the period like one that was read.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ AT_ONCE = 4
 
 
 class Schedule:
-    """When each tag is due, for as long as this process lives."""
+    """The next due time of each tag, for as long as this process lives."""
 
     def __init__(self, period: float) -> None:
         """Read each tag every `period` seconds; 0: once."""
@@ -24,7 +24,7 @@ class Schedule:
         self._under_way: set[str] = set()
 
     def due(self, tags: Iterable[str], now: float) -> list[str]:
-        """Return the tags to be read now; they count as under way until it is said how that went."""
+        """Return the tags to read now, pending until `done` or `failed`; at most `AT_ONCE` are."""
         room = AT_ONCE - len(self._under_way)
         wanted = [tag for tag in tags if tag not in self._under_way and self._due.get(tag, now) <= now]
         self._under_way.update(wanted[:room])

@@ -1,11 +1,11 @@
-"""Planter boxes by the known layout, laid over the map where its tags were found. Pure.
+"""Registers the known layout to the map by its tags (Kabsch), and derives the planter boxes from it. Pure.
 
-The layout tells where tags and tables are in coordinates of its own, the map begins where a robot began. A
-rigid motion of the plane, p -> R(turn) p + shift, leads from the one to the other. It is fitted by least
-squares to the tags that were found (Kabsch's problem, which in the plane has a closed form): with the pairs
-a, b taken from their means, turn = atan2(sum a x b, sum a . b) and shift = mean(b) - R mean(a).
+Layout and map have different origins. A rigid motion of the plane, p -> R(turn) p + shift, leads from one to
+the other, fitted by least squares to the tags that were found; in the plane it has a closed form: with the
+pairs a, b relative to their means, turn = atan2(sum a x b, sum a . b) and shift = mean(b) - R mean(a).
 
-Metres and radians; the result is in frame `map`.
+Outliers are left out, the worst first, but not below three tags. No box comes of a fit with too large an
+error, or of tags too near to each other. Metres and radians; the result is in frame `map`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _SHORTEST_M = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class RigidMotion:
-    """A turn about the origin (rad), then a shift (x, y in m)."""
+    """A rotation about the origin (rad), then a translation (x, y in m)."""
 
     turn: float
     shift: Array
@@ -39,15 +39,15 @@ class RigidMotion:
         return moved
 
     def errors(self, known: ArrayLike, found: ArrayLike) -> Array:
-        """Return how far each known point, moved, is from where it was found, in metres."""
+        """Return the distance of each known point, moved, from where it was found, in metres."""
         distances: Array = np.linalg.norm(self.move(known) - np.asarray(found, dtype=float), axis=-1)
         return distances
 
 
 def fit(known: ArrayLike, found: ArrayLike) -> RigidMotion:
-    """Return the motion that leads points (x, y) of the layout nearest to where they were found.
+    """Return the least-squares motion from points (x, y) of the layout to where they were found.
 
-    Without a pair it is none; a single one, or several at one place, say a shift and no turn.
+    Without pairs it is the identity; a single pair, or several at one place, give a translation only.
     """
     a = np.asarray(known, dtype=float).reshape(-1, 2)
     b = np.asarray(found, dtype=float).reshape(-1, 2)
@@ -61,16 +61,16 @@ def fit(known: ArrayLike, found: ArrayLike) -> RigidMotion:
 
 
 def spread(points: ArrayLike) -> float:
-    """Return how far points (x, y) are from their middle, in metres: the root of the mean square."""
+    """Return the root mean square distance of points (x, y) from their mean, in metres."""
     placed = np.asarray(points, dtype=float)
     return float(np.sqrt(((placed - placed.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
 @dataclass(frozen=True)
 class Quality:
-    """What a fit must reach: the error of its worst tag, and the spread of its tags, both in metres.
+    """The limits of a usable fit: the error of its worst tag, and the least spread of its tags, in metres.
 
-    From tags near to each other the turn is badly known: by about the error divided by the spread.
+    Tags near to each other determine the rotation badly: by about the error divided by the spread.
     """
 
     max_error: float
@@ -79,7 +79,7 @@ class Quality:
 
 @dataclass(frozen=True)
 class Registration:
-    """Boxes by the id of their tag, the tags that hang elsewhere than in the layout, and why it has none."""
+    """The result: boxes by tag id, tags that hang elsewhere, and why there are no boxes."""
 
     boxes: Mapping[str, PlanterBox]
     misplaced: tuple[str, ...] = ()
@@ -89,8 +89,8 @@ class Registration:
 def register(layout: Layout, found: Mapping[str, Pose], quality: Quality) -> Registration:
     """Return the box of every tag that was found where the layout has it.
 
-    Tags far from where all others say they should be are left out, the worst first: plates are moved, and
-    detectors err. The boxes of what is left are good for nothing when a fit does not reach the quality.
+    Outliers are left out, the worst first: plates are moved, and detectors err. A fit that does not reach the
+    quality gives no boxes.
     """
     tags = sorted(tag_id for tag_id in found if tag_id in layout.tags)
     misplaced: list[str] = []
@@ -125,21 +125,21 @@ def _box_of(layout: Layout, tag_id: str, motion: RigidMotion, plate: Pose) -> Pl
     table = nearest_table(layout.tables, tag)
     if table is None:
         return None
-    # The plate's normal as the layout would tell it; without one the way from the table to the tag.
+    # The plate's normal by the layout; without one the direction from the table to the tag.
     normal = _rotation(motion.turn).T @ matrix(plate.rotation)[:2, 2]
     return box_of(table, tag, normal, motion)
 
 
 def nearest_table(tables: Iterable[Table], tag: Tag) -> Table | None:
-    """Return the table that a tag hangs at; of equally near ones the first by id."""
+    """Return the table nearest to a tag; of equally near ones the first by id."""
     return min(tables, key=lambda table: (table.distance(tag.x, tag.y), table.id), default=None)
 
 
 def box_of(table: Table, tag: Tag, normal: ArrayLike, motion: RigidMotion) -> PlanterBox | None:
-    """Return the whole table as a box whose front is the side that the plate's normal leads out of.
+    """Return the whole table as a box whose front is the side that the plate's normal points out of.
 
-    `normal` is told in the layout. Where it tells no side, the front is the long side towards the tag. None
-    for a table without an area.
+    `normal` is in the layout's frame. Where it has no clear side, the front is the long side towards the tag.
+    None for a table without an area.
     """
     low, high = np.array((table.x0, table.y0)), np.array((table.x1, table.y1))
     sides, middle = high - low, (low + high) / 2.0
@@ -169,7 +169,7 @@ Entry = Mapping[str, str | float]
 
 
 def entries(boxes: Mapping[str, PlanterBox], height: float) -> Sequence[Entry]:
-    """Return boxes as they are told to others: `{"id", "x", "y", "yaw", "width", "depth", "height"}` each."""
+    """Return boxes in the published form: `{"id", "x", "y", "yaw", "width", "depth", "height"}` each."""
     return [_entry(tag_id, box, height) for tag_id, box in boxes.items()]
 
 

@@ -1,7 +1,6 @@
-"""The aggregator's state of a mission in a file, so that a restarted aggregator continues.
+"""Saves the aggregator's state of a mission to a file, so that a restarted aggregator continues.
 
-Plain JSON, because a writable file must not be executable code. It is replaced as a whole, so that a reader
-finds the old one or the new one.
+Plain JSON (a writable file must not be executable code), replaced atomically.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ NOWHERE = "none"
 
 @dataclass(frozen=True)
 class Past:
-    """A mission's tags, the places at which pests were reported, and the tag whose scan was under way."""
+    """The saved state: a mission's tags, the places of its pest reports, and the scanned tag."""
 
     mission_id: str
     tags: Sequence[Known] = ()
@@ -36,17 +35,17 @@ class Past:
 
 
 class MissionFile:
-    """The file of the past; without a path nothing is kept."""
+    """The file of the state; without a path nothing is saved."""
 
     def __init__(self, path: Path | None) -> None:
-        """Nothing is read or written yet."""
+        """Set the path; opens nothing."""
         self._path = path
 
     def read(self) -> Past | None:
-        """Return what was kept; None when that is nothing.
+        """Return the saved state; None without a file.
 
         Raises:
-            LupinError: there is a file, but it holds something else.
+            LupinError: the file cannot be read, or holds something else.
         """
         if self._path is None:
             return None
@@ -77,7 +76,7 @@ class MissionFile:
 
 
 def memory_path(given: str, environment: Mapping[str, str]) -> Path | None:
-    """Return where to keep the past; without a name in the user's state, one file for each ROS domain."""
+    """Return the path of the file: the given one, else one for each ROS domain in the user's state folder."""
     if given == NOWHERE:
         return None
     if given:

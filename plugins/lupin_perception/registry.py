@@ -1,9 +1,8 @@
-"""The tags that were seen in the mission under way: where each is, how often it was seen, what grows there.
+"""The registry of tags seen in the present mission: poses, counts of sightings, flowers. At most `MAX_TAGS`.
 
-Pure; time is an argument, in seconds of a clock that never goes back. A tag counts as discovered after some
-sightings, because one may be a mistake of the detector. Of several views the nearest one tells where the tag
-is: its error grows with the distance. What an earlier mission has seen is forgotten when a new one begins,
-so that it never counts as a find of this one.
+Pure; time is an argument, in seconds of a steady clock. A tag is *discovered* after some sightings, since one
+may be a false detection. Its pose is that of the nearest view, whose error is smallest. A new mission clears
+all, so that an earlier find never counts for it.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _STILL_M, _STILL_TURN = 1e-3, 1.0 - 1e-6
 
 @dataclass
 class Known:
-    """A tag: its pose in `map` by the nearest view, how far that was (m), sightings, and the last one (s)."""
+    """A tag: its pose in `map` by the nearest view, with distance (m), sightings, last one (s)."""
 
     id: str
     pose: Pose
@@ -39,7 +38,7 @@ class Known:
 
 @dataclass(frozen=True)
 class Confirmation:
-    """Whether a tag is in sight, how sure that is (0 to 1), its pose, and why not."""
+    """Whether a tag is in sight, the confidence (0 to 1), its pose, and why not."""
 
     detected: bool
     confidence: float
@@ -48,10 +47,10 @@ class Confirmation:
 
 
 class Registry:
-    """The tags of the mission under way, in the order in which they were first seen."""
+    """The tags of the present mission, in the order in which they were first seen."""
 
     def __init__(self, min_sightings: int, max_distance: float, freshness: float) -> None:
-        """Set how many sightings make a discovery, from how far (m; 0: any), and how old one may be (s)."""
+        """Set the sightings of a discovery, their range (m; 0: any), and a confirmation's age (s)."""
         self._enough = min_sightings
         self._reach = max_distance if max_distance > 0.0 else math.inf
         self._freshness = freshness
@@ -62,7 +61,7 @@ class Registry:
         self.revision = 0
 
     def begin(self, mission_id: str) -> bool:
-        """Take in which mission is told of; a new one forgets all. The empty id is no mission."""
+        """Take the published mission id ('': none); return whether it is new, which clears all."""
         if mission_id in ("", self.mission_id):
             return False
         self.mission_id = mission_id
@@ -71,16 +70,16 @@ class Registry:
         return True
 
     def restore(self, tags: Iterable[Known]) -> None:
-        """Take in what an earlier process knew of the same mission."""
+        """Add the tags that an earlier process saved for this mission."""
         self._known.update({known.id: known for known in tags})
         self.revision += 1
 
     def is_near(self, distance: float) -> bool:
-        """Say whether a view from `distance` metres counts; an unknown (infinite) distance does."""
+        """Return whether a view from `distance` metres counts; an unknown (infinite) distance does."""
         return distance <= self._reach or math.isinf(distance)
 
     def add(self, tag_id: str, pose: Pose, distance: float, now: float) -> Known | None:
-        """Count a sighting from near enough; returns the tag, or None when there are too many already.
+        """Count a sighting from near enough; return the tag, or None where the registry is full.
 
         Its pose is that of the nearest view, and of equally near ones (also: of unknown distance) the last.
         """
@@ -99,13 +98,13 @@ class Registry:
         return known
 
     def saw(self, tag_id: str, now: float) -> None:
-        """Take in that a tag is in sight whose place cannot be told now: it counts for nothing but that."""
+        """Record that a tag is in sight without a pose: for confirmations only, no sighting is counted."""
         known = self._known.get(tag_id)
         if known is not None:
             known.last_seen = max(known.last_seen, now)
 
     def classify(self, tag_id: str, summary: ScanSummary) -> None:
-        """Set what grows at a discovered tag: each scan tells it anew."""
+        """Set the flowers of a tag; each scan replaces them."""
         self._known[tag_id].summary = summary
         self.revision += 1
 
@@ -115,11 +114,11 @@ class Registry:
         return known if known is not None and known.sightings >= self._enough else None
 
     def discovered(self) -> Sequence[Known]:
-        """Return the tags that were seen often enough."""
+        """Return the discovered tags."""
         return [known for known in self._known.values() if known.sightings >= self._enough]
 
     def confirm(self, tag_id: str, now: float) -> Confirmation:
-        """Say whether a tag was seen often enough, and lately."""
+        """Return whether a tag is discovered, and was in sight lately."""
         known, name = self._known.get(tag_id), f"tag {shortened(tag_id)!r}"
         if known is None:
             return Confirmation(False, 0.0, error=f"{name} not discovered")
@@ -136,6 +135,6 @@ class Registry:
 
 
 def _has_moved(before: Pose, now: Pose) -> bool:
-    """Say whether two poses differ by more than rounding: a millimetre, or about a tenth of a degree."""
+    """Return whether two poses differ by more than rounding: a millimetre, or about a tenth of a degree."""
     place = float(np.abs(before.position - now.position).max())
     return place > _STILL_M or abs(float(before.rotation @ now.rotation)) < _STILL_TURN

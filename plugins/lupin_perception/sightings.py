@@ -1,7 +1,7 @@
-"""The positions of detected tags on the map: the detector's frames joined with the transforms. Pure.
+"""Places detected tags on the map by joining the detector's frames with transforms. Pure.
 
-They come by two topics, and either may be late; time is an argument, in seconds of a clock that never goes
-back.
+Either may arrive first: a sighting waits up to `LATE_S` for its transform. Time is an argument, in seconds of
+a steady clock.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ LATE_S = 3.0
 
 
 class Sightings:
-    """What is in sight, and what of it waits for a transform; what is placed the registry counts."""
+    """The tags in sight, and the sightings that wait for a transform; the registry counts placed ones."""
 
     def __init__(
         self, tags: Registry, prefix: str, in_sight: float, placed: Callable[[Known | None], None]
     ) -> None:
         """A tag's frame is `prefix` and its id; it is in sight for `in_sight` seconds after its last frame.
 
-        `placed` is called with each tag that was counted, or None where the registry has no room for it.
+        `placed` is called with each tag that was counted, or None where the registry is full.
         """
         self._tags, self._prefix, self._in_sight, self._placed = tags, prefix, in_sight, placed
         self._frames = Frames()
@@ -42,14 +42,14 @@ class Sightings:
         self._unplaced = 0
 
     def take(self, transforms: Iterable[Any], now: float, *, static: bool = False) -> list[str]:
-        """Take in the transforms of a TFMessage; returns what was left out, once for each kind of fault."""
+        """Add the transforms of a TFMessage; return the problems of those left out, once for each kind."""
         problems = self._frames.take(transforms, static=static, heard=now)
         # Whichever transform it was that was missing: that of the tag, or one on the way to the map.
         self._late = {tag: late for tag, late in self._late.items() if not self._place_late(*late, now)}
         return problems
 
     def see(self, seen: Sequence[TagSeen], now: float) -> str:
-        """Take in a frame of the detector; returns what people should know, '' for nothing."""
+        """Take a frame of the detector; return a warning, '' for none."""
         self._forget_sights(now)
         self._sights.update({tag.id: (tag.distance, now) for tag in seen})
         near = [tag for tag in seen if self._tags.is_near(tag.distance)]
@@ -59,7 +59,7 @@ class Sightings:
         self._late.update({tag.id: (tag, now) for tag in unplaced})
         if len(self._late) > MAX_ENTRIES:  # a detector gone wild: each transform would try them all
             self._late = dict(list(self._late.items())[-MAX_ENTRIES:])
-        return self._told_of(near, unplaced, now)
+        return self._undecided(near, unplaced, now)
 
     def in_sight(self, now: float) -> dict[str, float]:
         """Return the tags of the last frames with their distances in metres."""
@@ -67,11 +67,11 @@ class Sightings:
         return {tag: distance for tag, (distance, _) in self._sights.items()}
 
     def where(self, frame: str, now: float) -> Pose | None:
-        """Return where a frame is on the map, None when nobody has said so lately."""
+        """Return the pose of a frame on the map; None without recent transforms."""
         return self._frames.find(MAP, frame, now - LATE_S)
 
     def forget(self) -> None:
-        """Begin a new mission: sightings that still wait belong to the last one."""
+        """Begin a new mission: drop waiting sightings."""
         self._late.clear()
 
     def _forget_sights(self, now: float) -> None:
@@ -82,18 +82,18 @@ class Sightings:
         return f"{self._prefix}{tag.id}"
 
     def _place_late(self, tag: TagSeen, seen: float, now: float) -> bool:
-        """Count a sighting that waits, if it can be placed now; says whether it waits no more."""
+        """Count a waiting sighting, if it can be placed; return whether it is done."""
         return now - seen > LATE_S or self._place(tag, seen, now)
 
     def _place(self, tag: TagSeen, seen: float, now: float) -> bool:
-        """Count a tag that was `seen` then, if its place is known now; says whether it is."""
+        """Count a tag that was `seen` then, if it can be placed; return whether it was."""
         pose = self.where(self._frame_of(tag), now)
         if pose is None:
             return False
         self._placed(self._tags.add(tag.id, pose, tag.distance, seen))
         return True
 
-    def _told_of(self, near: Sequence[TagSeen], unplaced: Sequence[TagSeen], now: float) -> str:
+    def _undecided(self, near: Sequence[TagSeen], unplaced: Sequence[TagSeen], now: float) -> str:
         """Return a warning when tags are seen but none can be placed: an exploration would find nothing."""
         some_placed = len(unplaced) < len(near)
         self._unplaced = 0 if some_placed else self._unplaced + bool(near)

@@ -1,5 +1,5 @@
 """A simulated robot for machines without Nav2: drives in the greenhouse, and fails on request.
 
-`floor` plans around the tables, `robot` moves and drains, `faults` says what goes wrong: plain Python with
-time as an argument. `node` puts them behind the topics and the action that the real robot has.
+`floor` plans around the tables, `robot` moves and drains, `faults` injects faults: plain Python with time as
+an argument. `node` offers them as the real robot's topics and action.
 """

@@ -1,7 +1,6 @@
-"""Which tags the robot's camera sees: near enough, in the field of view, not from behind or through a table.
+"""Computes which tags the camera sees: in range, in the field of view, from the front, not behind a table.
 
-Metres and radians in frame `map`. Heights play no part: tags hang on the sides of tables at about the
-camera's own height.
+Metres and radians in frame `map`. Heights are ignored: tags hang at about the camera's own height.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ MOST_OBLIQUE = math.radians(75.0)
 
 @dataclass(frozen=True)
 class Plate:
-    """A tag's plate: its place as in the layout, the heading of its normal, and where its face is seen."""
+    """A tag's plate: its position in the layout, the heading of its normal, and the position of its face."""
 
     id: str
     x: float
@@ -41,7 +40,7 @@ class Plate:
 
 
 class Camera:
-    """The camera on the robot: looks ahead over `field` radians, as far as `reach` metres."""
+    """The camera of the robot: looks ahead over `field` radians, up to `reach` metres."""
 
     def __init__(self, layout: Floorplan, reach: float, field: float, pests: Sequence[Point] = ()) -> None:
         self._pests: Numbers = np.array(pests, dtype=float).reshape(-1, 2)
@@ -65,7 +64,7 @@ class Camera:
         return [(x, y) for x, y in seen.tolist()]
 
     def _in_view(self, pose: FloorPose, places: Numbers, candidates: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """Return which of the candidates are near enough, in the field of view, and not behind a table."""
+        """Return the candidates that are in range, in the field of view, and not behind a table."""
         eye = np.array((pose.x, pose.y))
         off = places - eye
         seen = candidates & (np.hypot(off[:, 0], off[:, 1]) <= self._reach)
@@ -74,10 +73,9 @@ class Camera:
         return found[~self._hidden(eye, off[found])]
 
     def _hidden(self, eye: Numbers, off: Numbers) -> NDArray[np.bool_]:
-        """Say for each line from `eye` along `off` whether it passes a table.
+        """Return for each line from `eye` along `off` whether it crosses a table (slab test).
 
-        A line is inside a table while it is between its sides in x and in y: `enter` and `leave` are the
-        shares of the line where that begins and ends.
+        `enter` and `leave` are the shares of the line between which it is inside in x and in y.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             one = (self._low - eye) / off[:, None, :]
@@ -89,11 +87,11 @@ class Camera:
 
 
 def plates_of(layout: Floorplan) -> tuple[Plate, ...]:
-    """Return how the tags hang in the simulated greenhouse: as its own layout says.
+    """Return the plates of the simulated greenhouse.
 
-    Where that says nothing, a plate hangs on the side of its table that is nearest, of equally near ones on a
-    long side; without tables it looks at the middle of the floor. Whoever drives is not asked: a robot that
-    has another layout, or guesses, may be wrong.
+    Without `facing` in the layout a plate hangs on the nearest side of its table, of equal ones a long side;
+    without tables it faces the middle of the floor. `lupin_nav` is not asked: a robot with another layout, or
+    a guess, may be wrong.
     """
     return tuple(_plate(tag, layout.tables) for tag in layout.tags)
 
@@ -115,7 +113,7 @@ def _nearest_side(tag: Tag, table: Table) -> float:
 
 
 def _face(tag: Tag, table: Table, yaw: float) -> tuple[float, float]:
-    """Return where a plate is seen: just before its tag, or before the table that the tag is on."""
+    """Return the position of a plate's face: just before its tag, or before the table that the tag is on."""
     dx, dy = math.cos(yaw), math.sin(yaw)
     to_x, to_y = (table.x1 if dx > 0.0 else table.x0), (table.y1 if dy > 0.0 else table.y0)
     ways = ((to_x - tag.x, dx), (to_y - tag.y, dy)) if table.distance(tag.x, tag.y) == 0.0 else ()
@@ -126,8 +124,7 @@ def _face(tag: Tag, table: Table, yaw: float) -> tuple[float, float]:
 def facing(yaw: float) -> tuple[float, float, float, float]:
     """Return the shortest rotation (x, y, z, w) that turns +Z to the horizontal heading `yaw`.
 
-    Its w is never 0, which would mean that nobody has filled it in. How a plate is turned about its own
-    normal is not simulated.
+    Its w is never 0, which would mean unset. The rotation about the plate's own normal is not simulated.
     """
     half = math.sqrt(0.5)
     return -half * math.sin(yaw), half * math.cos(yaw), 0.0, half

@@ -1,4 +1,4 @@
-"""What the simulated robot offers: a node, and nothing to missions (they see it through plugin `nav`)."""
+"""The catalog of the simulated robot: a node, and nothing for missions, which use plugin `nav`."""
 
 from __future__ import annotations
 

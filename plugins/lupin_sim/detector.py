@@ -1,8 +1,8 @@
-"""The detections of the robot's cameras: tags with their corners, and flowers.
+"""Simulates the frames of the two detectors: tags with their corners, and flowers.
 
-Metres, radians, pixels. Two cameras look ahead from where the robot is: one reads tags (its intrinsics are
-those of the simulated camera of the real stack), the one on the gripper sees flowers. Plates hang at the
-height of the cameras. What grows behind a tag is decided by its id, so that every run sees the same.
+Metres, radians, pixels. Both cameras look ahead from the robot's pose: one reads tags (with the intrinsics of
+the real stack's simulated camera), the one on the gripper sees flowers. Plates are at camera height. The
+blooms behind a tag follow from its id, so every run is the same.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ BLOOM_PX = 20.0
 
 @dataclass(frozen=True)
 class SimulatedBloom:
-    """A bloom in a box: its class, how clearly it shows (0 to 1), and where across, -1 to 1 from the left."""
+    """A bloom in a box: its class, its confidence (0 to 1), and its place across, -1 to 1 from the left."""
 
     kind: int
     confidence: float
@@ -56,7 +56,7 @@ STRAY = SimulatedBloom(PEST, 0.8, 0.0)
 
 
 def blooms_of(tag_id: str) -> tuple[SimulatedBloom, ...]:
-    """Return what grows behind a tag: two to four blooms of one species, sometimes a pest among them."""
+    """Return the blooms behind a tag: two to four of one species, sometimes with a pest."""
     number = sum(tag_id.encode()) if not tag_id.isdecimal() else int(tag_id)
     count = 2 + number // SPECIES % 3
     step = 2.0 * OUTERMOST / (count - 1)
@@ -67,19 +67,19 @@ def blooms_of(tag_id: str) -> tuple[SimulatedBloom, ...]:
 
 
 def readable(plates: Iterable[Plate]) -> list[Plate]:
-    """Return the plates whose code a detector can report: their ids are numbers of its family of tags."""
+    """Return the plates that a detector can report: those with a numeric id."""
     numbered = (plate for plate in plates if plate.id.isascii() and plate.id.isdecimal())
     return [plate for plate in numbered if len(plate.id) <= MOST_DIGITS]
 
 
 def tag_in_robot(pose: FloorPose, plate: Plate) -> FloorPose:
-    """Return where a plate is and faces in the frame of a robot at `pose`."""
+    """Return the pose of a plate in the frame of a robot at `pose`."""
     forward, left = _ahead(pose, plate.x, plate.y)
     return FloorPose(forward, left, plate.yaw - pose.yaw)
 
 
 def tag_entries(pose: FloorPose, plates: Iterable[Plate]) -> list[dict[str, Any]]:
-    """Return a frame of the tag detector: id, corners from the upper left clockwise, and distance ahead."""
+    """Return a frame of the tag detector: id, corners clockwise from the upper left, and distance ahead."""
     return [_tag_entry(tag_in_robot(pose, plate), plate) for plate in plates]
 
 
@@ -102,9 +102,9 @@ def _pixel(forward: float, left: float, up: float) -> list[float]:
 def flower_entries(
     pose: FloorPose, plates: Sequence[Plate], pests: Sequence[Point] = ()
 ) -> list[dict[str, Any]]:
-    """Return a frame of the flower detector: what grows behind the nearest of these plates and is in view.
+    """Return a frame of the flower detector: the visible blooms behind the nearest of these plates.
 
-    Where there is none, of the pests those in view.
+    Without plates, the visible pests.
     """
     if not plates:
         bearings = (_bearing_of(pose, *place) for place in pests)
@@ -115,7 +115,7 @@ def flower_entries(
 
 
 def _bearing(pose: FloorPose, plate: Plate, bloom: SimulatedBloom) -> float:
-    """Return how far to the right of the middle of its view a robot sees a bloom, in radians."""
+    """Return the angle to a bloom, to the right of the view's middle, in radians."""
     ahead = (math.cos(plate.yaw), math.sin(plate.yaw))
     along = bloom.fraction * BOX_WIDTH_M / 2
     x = plate.face[0] - along * ahead[1] - BOX_DEPTH_M / 2 * ahead[0]
@@ -124,7 +124,7 @@ def _bearing(pose: FloorPose, plate: Plate, bloom: SimulatedBloom) -> float:
 
 
 def _bearing_of(pose: FloorPose, x: float, y: float) -> float:
-    """Return how far to the right of the middle of its view a robot sees a place, in radians."""
+    """Return the angle to a place, to the right of the view's middle, in radians."""
     forward, left = _ahead(pose, x, y)
     return -math.atan2(left, forward)
 
@@ -141,7 +141,7 @@ def _flower_entry(bloom: SimulatedBloom, bearing: float) -> dict[str, Any]:
 
 
 def _ahead(pose: FloorPose, x: float, y: float) -> tuple[float, float]:
-    """Return a place as seen by a robot: how far ahead, and how far to the left."""
+    """Return a place in the robot's frame: how far ahead, and how far to the left."""
     dx, dy = x - pose.x, y - pose.y
     cosine, sine = math.cos(pose.yaw), math.sin(pose.yaw)
     return cosine * dx + sine * dy, cosine * dy - sine * dx

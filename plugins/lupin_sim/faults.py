@@ -1,4 +1,4 @@
-"""Faults that are injected on request, and the number of goals that they hit."""
+"""Fault injection: the active fault, and how many goals it still hits."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class InjectedFault(enum.Enum):
 
 
 class Faults:
-    """The fault that is set, and the goals that it still hits.
+    """The active fault.
 
-    A fault with a count of 0 lasts until it is changed. With a count it hits that many goals, a running
-    one included, and what a goal suffers ends with the goal.
+    With a count of 0 it lasts until it is changed. With a count it hits that many goals, a running one
+    included, and its effect ends with the goal.
     """
 
     def __init__(self) -> None:
@@ -30,14 +30,13 @@ class Faults:
 
     @property
     def kind(self) -> InjectedFault:
-        """The fault that the next goal will meet."""
+        """The fault that hits the next goal."""
         return self._kind
 
     def now(self, fault: InjectedFault) -> bool:
-        """Say whether the robot, or its running goal, suffers `fault`.
+        """Return whether the robot, or its running goal, suffers `fault` now.
 
-        A fault that hits goals does so only through them: a counted one that waits for its goal does
-        nothing yet. Lost localization needs no goal.
+        A counted fault acts only through a running goal; lost localization needs none.
         """
         return self._of_goal is fault or (fault is InjectedFault.LOSE_LOCALIZATION and self._kind is fault)
 
@@ -58,5 +57,5 @@ class Faults:
         return self._of_goal
 
     def goal_ended(self) -> None:
-        """End what the goal suffered."""
+        """End the effect on the goal."""
         self._of_goal = InjectedFault.NONE

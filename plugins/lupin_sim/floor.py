@@ -1,7 +1,6 @@
-"""The floor of the greenhouse: where the robot fits, and a path around the tables. Metres, frame `map`.
+"""Plans shortest paths around the tables on a grid, for a round robot. Metres, frame `map`.
 
-The same layout gives the same path always. The grid is coarse, so that planning over the whole greenhouse
-takes some milliseconds and may happen on the thread that also serves ROS.
+Deterministic. The grid is coarse, so that a plan takes some milliseconds and may run on the ROS thread.
 """
 
 from __future__ import annotations
@@ -38,14 +37,14 @@ class Floor:
         self._free = self._fits(xs, ys)
 
     def is_free(self, x: float, y: float) -> bool:
-        """Say whether the robot fits at this place."""
+        """Return whether the robot fits at this place."""
         return bool(self._fits(np.array([x]), np.array([y]))[0])
 
     def path(self, start: Point, goal: Point) -> list[Point] | None:
         """Return the corners of a short path, without the start; None when there is none.
 
-        The last corner is `goal`, or the free place next to it when the robot does not fit there. A start
-        that is not free (the robot stands too close to a table) is left by the shortest way.
+        The last corner is `goal`, or a free place within `GOAL_TOLERANCE` of it. A start that is not free,
+        too close to a table, is left by the shortest way.
         """
         target = goal if self.is_free(*goal) else self._nearest_free(goal, GOAL_TOLERANCE)
         origin = self._nearest_free(start, WIDTH)
@@ -107,7 +106,7 @@ class Floor:
         return cell[0] * CELL, cell[1] * CELL
 
     def _shortened(self, corners: list[Point]) -> list[Point]:
-        """Leave out every corner that the robot can cut."""
+        """Drop every corner that the robot can cut."""
         kept = [corners[0]]
         at = 0
         while at < len(corners) - 1:

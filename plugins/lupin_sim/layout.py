@@ -1,4 +1,4 @@
-"""The greenhouse that is simulated: its walls, its tables and its tags. Metres, frame `map`."""
+"""The simulated greenhouse: its walls, tables and tags. Metres, frame `map`."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from lupin_greenhouse import Table, Tag, layout, plates
 
 @dataclass(frozen=True)
 class Floorplan:
-    """What stands in the greenhouse."""
+    """The walls, tables and tags."""
 
     tables: tuple[Table, ...] = ()
     tags: tuple[Tag, ...] = ()
 
     def clearance(self, x: float, y: float) -> float:
-        """Return how far a place is from the nearest table or wall; 0 on a table, negative behind a wall."""
+        """Return the distance to the nearest table or wall; 0 on a table, negative beyond a wall."""
         return plates.clearance(self.tables, x, y)
 
 
 def load_layout(file: str = "") -> Floorplan:
-    """Read a layout file; the empty name stands for the bundled greenhouse.
+    """Read a layout file; an empty name means the bundled greenhouse.
 
     Raises:
         LupinError: the file is missing or is no layout.

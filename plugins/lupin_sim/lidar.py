@@ -1,7 +1,7 @@
-"""The map that the robot makes of the greenhouse as it drives: an occupancy grid, revealed ray by ray.
+"""Simulates mapping: an occupancy grid that is revealed by ray casting as the robot drives.
 
-Metres in frame `map`; rows are y and columns x. The lidar looks around in all directions, through nothing,
-and no farther than its range. What it has seen stays known, because nothing in the greenhouse moves.
+Metres in frame `map`; rows are y and columns x. The lidar sees in all directions up to its range, and not
+through tables. Revealed cells never change, since nothing in the greenhouse moves.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _STEP = RESOLUTION / 2
 
 
 class Lidar:
-    """What can be seen from a place: the cells of the grid that rays pass, and those they end at."""
+    """Ray casting: the cells that rays pass, and those where they end."""
 
     def __init__(self, layout: Floorplan, reach: float) -> None:
-        """`reach` is how far the lidar sees, in metres."""
+        """`reach` is the range in metres."""
         self._solid = _solid_cells(layout)
         angles = np.linspace(0.0, math.tau, math.ceil(math.tau * reach / _STEP), endpoint=False)
         lengths = np.arange(0.0, reach + _STEP / 2, _STEP)
@@ -41,7 +41,7 @@ class Lidar:
         return self._solid.shape
 
     def look(self, x: float, y: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return the free and the solid cells that are seen from (x, y)."""
+        """Return the free and the solid cells seen from (x, y)."""
         rows, columns = _cell(self._up + y, ORIGIN_Y), _cell(self._right + x, ORIGIN_X)
         height, width = self.shape
         inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
@@ -62,7 +62,7 @@ class Lidar:
 
 
 class GrowingMap:
-    """What has been seen so far, as occupancy; `changed` since it was last taken."""
+    """The cells revealed so far; `changed` since they were last taken."""
 
     def __init__(self, lidar: Lidar) -> None:
         self._lidar = lidar
@@ -70,7 +70,7 @@ class GrowingMap:
         self.cells: NDArray[np.int8] = np.full(lidar.shape, UNKNOWN, dtype=np.int8)
 
     def reveal(self, x: float, y: float) -> None:
-        """Add what is seen from (x, y)."""
+        """Reveal the cells seen from (x, y)."""
         free, solid = self._lidar.look(x, y)
         fresh = (free | solid) & (self.cells == UNKNOWN)
         if fresh.any():
@@ -79,12 +79,12 @@ class GrowingMap:
             self.changed = True
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Reset all cells to unknown."""
         self.cells.fill(UNKNOWN)
         self.changed = True
 
     def take(self) -> NDArray[np.int8]:
-        """Return the cells, and count them as unchanged from now on."""
+        """Return the cells, and clear `changed`."""
         self.changed = False
         return self.cells
 

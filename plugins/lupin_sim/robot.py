@@ -1,6 +1,6 @@
-"""The robot's body: follows a path or a velocity, drains its battery. Time is an argument, in seconds.
+"""The simulated body: follows a path or a velocity, and drains its battery. Time is an argument, in seconds.
 
-Metres and radians in frame `map`. Movement is exact for any step of time, so a late tick changes nothing.
+Metres and radians in frame `map`. Motion is exact for any time step, so a late tick changes nothing.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TURN_RATE = 3.0
 
 @dataclass(frozen=True)
 class FloorPose:
-    """A place on the floor."""
+    """A pose on the floor."""
 
     x: float
     y: float
@@ -28,7 +28,7 @@ class FloorPose:
 
 
 class Robot:
-    """Where the robot is, where it goes, and how full its battery is (0 to 1)."""
+    """The pose, the path, and the battery's charge (0 to 1)."""
 
     def __init__(self, pose: FloorPose, now: float, speed: float) -> None:
         self.pose = pose
@@ -44,17 +44,17 @@ class Robot:
 
     @property
     def by_hand(self) -> bool:
-        """Whether it obeys a velocity."""
+        """Whether it follows a velocity."""
         return self._twist[2] > self._now
 
     @property
     def arrived(self) -> bool:
-        """Whether there is nothing left to drive or turn."""
+        """Whether nothing is left to drive or turn."""
         return self._final_yaw is None
 
     @property
     def path(self) -> list[Point]:
-        """Where it is, and the corners that it still drives over."""
+        """The present position, and the remaining corners."""
         return [(self.pose.x, self.pose.y), *self._corners]
 
     @property
@@ -69,18 +69,18 @@ class Robot:
         self._final_yaw = yaw
 
     def obey(self, forward: float, left: float, until: float) -> None:
-        """Drive with a velocity in m/s and rad/s, no faster than it can, until a time; it sees no tables."""
+        """Drive with a velocity in m/s and rad/s, within its limits, until a time; it avoids no tables."""
         most, most_turn = self.speed, TURN_RATE * self.speed
         self._twist = max(-most, min(most, forward)), max(-most_turn, min(most_turn, left)), until
 
     def halt(self) -> None:
-        """Forget the path, or the velocity, and stand still."""
+        """Drop the path or velocity, and stand still."""
         self._corners.clear()
         self._final_yaw = None
         self._twist = (0.0, 0.0, -math.inf)
 
     def advance(self, now: float) -> None:
-        """Let time pass until `now`: drive unless `braked` or empty, and drain."""
+        """Simulate until `now`: drive unless `braked` or empty, and drain."""
         passed = max(0.0, now - self._now)
         obeyed = max(0.0, min(now, self._twist[2]) - self._now)
         self._now = now
@@ -108,7 +108,7 @@ class Robot:
         self.pose = FloorPose(x, y, math.remainder(yaw, math.tau))
 
     def _towards(self, corner: Point, time: float) -> float:
-        """Turn to and drive towards `corner`; returns the time that is left."""
+        """Turn to and drive towards `corner`; return the remaining time."""
         dx, dy = corner[0] - self.pose.x, corner[1] - self.pose.y
         distance = math.hypot(dx, dy)
         if distance > 0.0:
@@ -125,7 +125,7 @@ class Robot:
         return 0.0
 
     def _turn(self, yaw: float, time: float) -> float:
-        """Turn towards `yaw` by the shorter way; returns the time that is left."""
+        """Turn towards `yaw` by the shorter way; return the remaining time."""
         angle = math.remainder(yaw - self.pose.yaw, math.tau)
         needed = abs(angle) / (TURN_RATE * self.speed)
         if needed <= time:

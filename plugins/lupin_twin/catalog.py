@@ -1,4 +1,4 @@
-"""What the digital twin offers: a node that listens, and to missions what it knows of every tag."""
+"""The catalog of the digital twin: its node, and the state of every tag as a live value."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TWIN_TAG = Type(
     },
 )
 
-#: The twin tells its state every second; older than this, in seconds, it is not known any more.
+#: Seconds after which a published state, sent every second, is unknown.
 FRESH_S = 10.0
 
 PLUGIN = Plugin(

@@ -1,4 +1,4 @@
-"""What the digital twin knows, as a live value: missions order their visits by it."""
+"""The driver of plugin `twin`: reports the twin's state as a live value; missions order visits by it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lupin_ros.adapter import Qos, RosNode
 
 
 class TwinClient:
-    """The driver of plugin `twin`: it only listens."""
+    """Subscribes only; there are no operations and actions."""
 
     def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
         self._ros = ros
@@ -20,20 +20,20 @@ class TwinClient:
         ros.subscribe(TwinState, parameters["twin_state_topic"], Qos.LATCHED, self._on_state)
 
     def missing(self) -> list[str]:
-        """Name nothing: a mission finds its way without the twin."""
+        """Return nothing: a mission runs without the twin."""
         return []
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        """There are no operations."""
+        """Do nothing: there are no operations."""
 
     def cancel(self, attempt: str) -> None:
-        """There are no attempts."""
+        """Do nothing: there are no attempts."""
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
-        """There are no actions."""
+        """Do nothing: there are no actions."""
 
     def close(self) -> None:
-        """Report no more."""
+        """Report nothing more."""
         self._closed = True
 
     def _on_state(self, message: TwinState) -> None:
@@ -49,5 +49,5 @@ def _record(tag: TwinTagState) -> dict[str, Any]:
         "species": tag.species,
         "species_confidence": float(tag.species_confidence),
         "anomaly": tag.anomaly,
-        "readings": [{"name": told.name, "value": told.value} for told in tag.readings],
+        "readings": [{"name": reading.name, "value": reading.value} for reading in tag.readings],
     }

@@ -1,4 +1,4 @@
-"""What the verbs of `lupin twin` do."""
+"""The implementation of the verbs of `lupin twin`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class CannotWrite(LupinError):
 
 
 def _content(store: str, domain: int | None) -> StoreContent:
-    """Return what is in the store; what is damaged in it is told and left out."""
+    """Return the content of the store; damaged rows are reported and left out."""
     content = read(store_path(store, domain))
     for problem in content.unreadable:
         click.echo(f"lupin: {problem}", err=True)
@@ -61,8 +61,8 @@ def show(store: str, domain: int | None, as_json: bool) -> int:
     now = time.time()
     tags = sorted(twin.tags.values(), key=lambda tag: numeric_key(tag.tag_id))
     if as_json:
-        told = {"observations": twin.observation_count, "tags": [_tag_told(tag, now) for tag in tags]}
-        click.echo(json.dumps(told, ensure_ascii=False, indent=2))
+        shown = {"observations": twin.observation_count, "tags": [_tag_json(tag, now) for tag in tags]}
+        click.echo(json.dumps(shown, ensure_ascii=False, indent=2))
     elif not tags:
         click.echo("no tag is known yet")
     else:
@@ -70,7 +70,7 @@ def show(store: str, domain: int | None, as_json: bool) -> int:
     return 0
 
 
-def _tag_told(tag: TwinTag, now: float) -> dict[str, Any]:
+def _tag_json(tag: TwinTag, now: float) -> dict[str, Any]:
     pin = tag.pin
     place = None if pin is None else {"x": finite(pin.x), "y": finite(pin.y), "heading": _heading(tag)}
     return {
@@ -79,14 +79,14 @@ def _tag_told(tag: TwinTag, now: float) -> dict[str, Any]:
         "species": tag.species,
         "species_confidence": finite(tag.confidence),
         "pest": tag.anomaly,
-        "blooms": [_bloom_told(bloom) for bloom in tag.blooms],
+        "blooms": [_bloom_json(bloom) for bloom in tag.blooms],
         "readings": {name: finite(value) for name, value in tag.readings.items()},
         "observed_at": None if tag.last_observed is None else utc(tag.last_observed),
         "age_s": None if tag.last_observed is None else round(tag.stale_seconds(now), 3),
     }
 
 
-def _bloom_told(bloom: Bloom) -> dict[str, Any]:
+def _bloom_json(bloom: Bloom) -> dict[str, Any]:
     place = {"x": finite(bloom.x), "y": finite(bloom.y), "species": bloom.species}
     return {**place, "confidence": finite(bloom.confidence), "pest": bloom.anomaly}
 
@@ -142,7 +142,7 @@ def missions(store: str, domain: int | None, as_json: bool) -> int:
     found = summaries(_content(store, domain).rows)
     if as_json:
         click.echo(
-            json.dumps({"missions": [_mission_told(one) for one in found]}, ensure_ascii=False, indent=2)
+            json.dumps({"missions": [_mission_json(one) for one in found]}, ensure_ascii=False, indent=2)
         )
     elif not found:
         click.echo("no mission has observed anything yet")
@@ -152,7 +152,7 @@ def missions(store: str, domain: int | None, as_json: bool) -> int:
     return 0
 
 
-def _mission_told(mission: MissionSummary) -> dict[str, Any]:
+def _mission_json(mission: MissionSummary) -> dict[str, Any]:
     return {
         "mission_id": mission.mission_id,
         "source": mission.source,
@@ -165,9 +165,9 @@ def _mission_told(mission: MissionSummary) -> dict[str, Any]:
 
 
 def _mission_row(mission: MissionSummary) -> tuple[str, ...]:
-    told = {**_mission_told(mission), "mission_id": mission.mission_id or "(outside of missions)"}
-    told |= {name: str(told[name])[:19].replace("T", " ") for name in ("first", "last")}
-    return tuple(str(value) for value in told.values())
+    shown = {**_mission_json(mission), "mission_id": mission.mission_id or "(outside of missions)"}
+    shown |= {name: str(shown[name])[:19].replace("T", " ") for name in ("first", "last")}
+    return tuple(str(value) for value in shown.values())
 
 
 # --- export -------------------------------------------------------------------------------------------------
@@ -259,7 +259,7 @@ def _sensors(record: MissionRecord, wanted: str) -> list[str]:
 
 
 def _file_name(sensor: str) -> str:
-    """Return a sensor's name as that of a file: what came over the wire is no path."""
+    """Return a sensor's name as a safe file name: names come from the network."""
     return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in sensor)[:80] or "_"
 
 

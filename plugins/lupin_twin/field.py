@@ -29,7 +29,7 @@ EDGE_CELLS = 1e-3
 
 
 class BadGrid(LupinError):
-    """The bounds, the resolution or the mask of a grid make no sense."""
+    """Bounds, resolution or mask of a grid are invalid."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class FieldGrid:
 
     @classmethod
     def over(cls, min_x: float, min_y: float, max_x: float, max_y: float, resolution: float) -> FieldGrid:
-        """Return the grid that covers the rectangle; one that has no extent on an axis gets one cell there.
+        """Return the grid that covers the rectangle; an axis without extent gets one cell.
 
         Raises:
             BadGrid: a bound is not finite or beyond its opposite, or the resolution is not above 0.
@@ -102,10 +102,10 @@ def _cells(extent: float, resolution: float) -> int:
 
 @dataclass(frozen=True)
 class SensorField:
-    """An interpolated field: read-only values `[row, column]`, NaN where nothing is known.
+    """An interpolated field: read-only values `[row, column]`, NaN where unknown.
 
-    `minimum` and `maximum` are over the cells that have a value, 0 without one; `sample_count` is the number
-    of samples that the field was made from.
+    `minimum` and `maximum` are over the cells with a value, 0 without any; `sample_count` is the number of
+    samples.
     """
 
     grid: FieldGrid
@@ -142,9 +142,10 @@ def interpolate(
 
 
 class Interpolation:
-    """The field over a grid, kept up to date: when few samples change, only what they reach is made anew.
+    """A field that is updated incrementally: when few samples change, only cells within their reach are
+    computed.
 
-    What comes out is the same to the last bit as if everything had been made anew.
+    The result is the same to the last bit as a full computation.
 
     Raises:
         BadGrid: `explored` has not one entry for each cell.
@@ -197,7 +198,7 @@ class Interpolation:
         return SensorField(self._grid, cells, low, high, len(values))
 
     def _weighted(self, grid_x: Floats, grid_y: Floats, positions: Floats, values: Floats) -> Floats:
-        """Add the samples up one by one, each only where it reaches: most cells are far from most samples."""
+        """Add up the samples one by one, each only within its reach: most cells are far from most samples."""
         settings, shape = self._settings, (len(grid_y), len(grid_x))
         total, weights = np.zeros(shape), np.zeros(shape)
         # A cell has the value of its nearest sample until something is mixed for it.
@@ -245,9 +246,9 @@ def _weight(squared: Floats, settings: InterpolationSettings) -> Floats:
 
 @dataclass(frozen=True)
 class OccupancyMap:
-    """An occupancy grid: `cells[row, column]`, below 0 where nobody has looked yet.
+    """An occupancy grid: `cells[row, column]`, below 0 where unknown.
 
-    The corner of cell (0, 0) is at (`x`, `y`) in frame `map`, turned by `yaw` (radians, anticlockwise).
+    The corner of cell (0, 0) is at (`x`, `y`) in frame `map`, rotated by `yaw` (radians, anticlockwise).
     """
 
     x: float
@@ -257,13 +258,13 @@ class OccupancyMap:
     cells: NDArray[np.int8]
 
     def same_as(self, other: OccupancyMap) -> bool:
-        """Say whether both show the same, at the same place."""
+        """Return whether both have the same cells at the same place."""
         place = (self.x, self.y, self.yaw, self.resolution)
         there = (other.x, other.y, other.yaw, other.resolution)
         return place == there and np.array_equal(self.cells, other.cells)
 
     def explored(self, grid: FieldGrid) -> Mask:
-        """Return which cells of `grid` have their centre in a part of the map that is known."""
+        """Return which cells of `grid` have their centre in a known part of the map."""
         dx, dy = grid.x - self.x, (grid.y - self.y)[:, None]
         cos, sin = math.cos(self.yaw) / self.resolution, math.sin(self.yaw) / self.resolution
         column, row = np.floor(cos * dx + sin * dy), np.floor(cos * dy - sin * dx)

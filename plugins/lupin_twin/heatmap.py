@@ -1,4 +1,4 @@
-"""Requests for a sensor field: checked, answered, and remembered; pure."""
+"""Validates and answers requests for a sensor field, with a cache; pure."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FOLLOWED = 8
 
 
 class FieldRequestRefused(LupinError):
-    """A request that gets no field; the text says why."""
+    """A request is refused; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Heatmap:
-    """A field as it is sent: `values` are 32-bit floats, row by row from `min_y` on."""
+    """A field as published: `values` are 32-bit floats, row by row from `min_y` on."""
 
     grid: FieldGrid
     values: bytes
@@ -47,11 +47,10 @@ class Heatmap:
 
 
 class Heatmaps:
-    """Answers requests from the state of the twin; the same answer is worked out once.
+    """Answers requests from the state of the twin; answers are cached.
 
-    It is remembered by sensor, count of observations, area and resolution. What else changes a field (the
-    place of a tag, the map) makes all of them forgotten. The fields that were asked for last are worked out
-    anew only around the tags that have changed.
+    The key is sensor, count of observations, area and resolution. Any other change (the place of a tag, the
+    map) clears the cache. The `FOLLOWED` last requested fields are updated only around changed tags.
     """
 
     def __init__(self, twin: Twin, settings: InterpolationSettings = DEFAULTS) -> None:
@@ -63,7 +62,7 @@ class Heatmaps:
         self._followed: OrderedDict[Request, Interpolation] = OrderedDict()
 
     def explore(self, occupancy: OccupancyMap) -> None:
-        """Show fields only where this map is known, from now on. The same map told again is no news."""
+        """Restrict fields to the known part of this map from now on; does nothing for the same map."""
         if self._map is not None and self._map.same_as(occupancy):
             return
         self._map = occupancy
@@ -74,7 +73,7 @@ class Heatmaps:
         """Return the field.
 
         Raises:
-            Refused: the sensor is unknown, the area makes no sense, or it has too many cells.
+            FieldRequestRefused: the sensor is unknown, the area is invalid, or it has too many cells.
         """
         if self._pins != self._twin.pins:
             self._pins = self._twin.pins
@@ -101,8 +100,8 @@ class Heatmaps:
         sent = field.values.astype(np.float32).tobytes()
         return Heatmap(field.grid, sent, field.minimum, field.maximum, field.sample_count)
 
-    def _sensor(self, told: str) -> str:
-        sensor, known = told.strip(), list(self._twin.sensors)
+    def _sensor(self, given: str) -> str:
+        sensor, known = given.strip(), list(self._twin.sensors)
         if not sensor:
             raise FieldRequestRefused(f"the sensor type is empty; allowed: {', '.join(map(repr, known))}")
         if sensor not in known:

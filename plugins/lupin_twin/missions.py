@@ -1,4 +1,4 @@
-"""What a mission has recorded, picked out of the store; pure."""
+"""Selects the records of a mission from the store; pure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LATEST, ALL = "latest", "all"
 
 
 class Observation(NamedTuple):
-    """What was observed, and when, in seconds of the twin's clock."""
+    """An observation, and its time in seconds of the twin's clock."""
 
     record: Observed
     time: float
@@ -24,7 +24,7 @@ class Observation(NamedTuple):
 
 @dataclass
 class MissionSummary:
-    """One mission: how many readings, flower observations and anomaly reports it made, and when."""
+    """One mission: the number of its readings, flower observations and anomaly reports, and their times."""
 
     mission_id: str
     source: str
@@ -35,7 +35,7 @@ class MissionSummary:
     anomalies: int = 0
 
     def count(self, observation: Observation) -> None:
-        """Take in another observation."""
+        """Add an observation."""
         self.first, self.last = min(self.first, observation.time), max(self.last, observation.time)
         match observation.record:
             case Reading():
@@ -50,9 +50,9 @@ class MissionSummary:
 
 @dataclass(frozen=True)
 class MissionRecord:
-    """Observations in the order of their arrival, and the tags by what was known in the end.
+    """Observations in the order of their arrival, and the final state of the tags.
 
-    Places of tags are what everybody told, values are of these missions only.
+    Places of tags come from all records, values from these missions only.
     """
 
     name: str
@@ -62,7 +62,7 @@ class MissionRecord:
 
     @property
     def tags(self) -> list[TwinTag]:
-        """The tags at which these missions observed something, in the order in which they were known."""
+        """The tags with an observation of these missions, in the order in which they became known."""
         return [tag for tag in self.twin.tags.values() if tag.last_observed is not None]
 
     @property
@@ -73,7 +73,7 @@ class MissionRecord:
 
 
 def summaries(rows: Iterable[StoredRecord]) -> list[MissionSummary]:
-    """Return the missions in the order of their first observation; "" is for what was seen outside of one."""
+    """Return the missions in the order of their first observation; "" is for those outside of missions."""
     found: dict[str, MissionSummary] = {}
     for observation in _observations(rows):
         record, time = observation
@@ -85,7 +85,7 @@ def summaries(rows: Iterable[StoredRecord]) -> list[MissionSummary]:
 
 
 def select(rows: Iterable[StoredRecord], wanted: str) -> MissionRecord:
-    """Return what one mission has recorded, or the latest, or all.
+    """Return the record of one mission, of the latest, or of all.
 
     Raises:
         UsageError: nothing was recorded, or there is no such mission; the text has the nearest id.
@@ -124,7 +124,7 @@ def _observations(rows: Iterable[StoredRecord]) -> Iterator[Observation]:
 
 
 def _known(record: Record, chosen: set[str]) -> Iterator[Record]:
-    """Yield what a record tells of the chosen missions; of others it is no more than the place of a tag."""
+    """Yield a record of the chosen missions; of another mission's only the place of its tag."""
     if not isinstance(record, (Reading, Flowers, Anomaly)) or record.mission_id in chosen:
         yield record
     elif not isinstance(record, Anomaly) and record.pin is not None:

@@ -1,4 +1,8 @@
-"""The node `lupin_twin`: `/twin/state` at 1 Hz and `/twin/get_field`, from what everybody tells."""
+"""The node `lupin_twin`: publishes `/twin/state` at 1 Hz, serves `/twin/get_field`, and stores every record.
+
+A record is written to disk before it counts, so that a published state survives a crash. Where writing fails,
+records wait in memory. Unusable messages are dropped and logged, each text at most once in 10 s.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +68,7 @@ PARAMETERS = {
 
 
 class TwinNode:
-    """Listens, keeps every record on disk, and tells what they add up to."""
+    """Subscribes to observations, tags, boxes and the map; stores and folds their records."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
@@ -74,7 +78,7 @@ class TwinNode:
         reach = values["idw_falloff_radius_m"], values["max_distance_to_nearest_tag"]
         self._heatmaps = Heatmaps(self._twin, InterpolationSettings(values["idw_power"], *reach))
         self._message = TwinState(header=Header(frame_id=self._frame))
-        self._told_revision = 0
+        self._published_revision = 0
         self._complaints: dict[str, float] = {}
         self._store = Store(store_path(values["store_file"]))
         self._store_fails = False
@@ -84,9 +88,9 @@ class TwinNode:
         self._connect(values)
 
     def _remember(self) -> None:
-        """Take in all that earlier runs have kept."""
+        """Load the records of earlier runs."""
         for record, received in self._store.rows():
-            self._twin.tell_time(received)
+            self._twin.advance_time(received)
             self._twin.apply(record, received)
         if not self._ros.node.get_clock().ros_time_is_active:
             # Simulations begin anew; a computer that does not know the time yet will learn it.
@@ -119,7 +123,7 @@ class TwinNode:
         ros.on_stop(self.close)
         self._publish()
 
-    # --- what is told to the twin -------------------------------------------------------------------------
+    # --- messages to the twin -------------------------------------------------------------------------
 
     def _on_observation(self, message: Observation) -> None:
         record = wire.observed(message, self._frame, self._ros.now())
@@ -139,19 +143,19 @@ class TwinNode:
         self._heatmaps.explore(self._new_map)
 
     def _take(self, record: Record) -> None:
-        """Keep a record, then know it: what the twin has told is still known after a crash."""
+        """Store a record, then apply it: a published state is still known after a crash."""
         received = self._ros.now()
         if not self._twin.has_room(record):
             self._complain(f"no room for more than {MAX_TAGS} tags, {MAX_SENSORS} sensors: new ones dropped")
             return
         if not self._twin.is_news(record) or not self._keep(lambda: self._store.add(record, received)):
             return
-        self._twin.tell_time(received)
+        self._twin.advance_time(received)
         self._twin.apply(record, received)
         if isinstance(record, Anomaly):
-            self._tell_anomaly(record)
+            self._warn_of_anomaly(record)
 
-    def _tell_anomaly(self, anomaly: Anomaly) -> None:
+    def _warn_of_anomaly(self, anomaly: Anomaly) -> None:
         self._ros.log.warning(
             f"anomaly: {anomaly.description}",
             severity=anomaly.severity,
@@ -162,7 +166,7 @@ class TwinNode:
         )
 
     def _keep(self, write: Callable[[], bool]) -> bool:
-        """Write to the store; True also where that fails, for then the record is known in memory only."""
+        """Write to the store; return True also on failure: the record counts in memory."""
         try:
             new = write()
         except StoreError as problem:
@@ -176,7 +180,7 @@ class TwinNode:
         return new
 
     def _complaining(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return `callback` with what it drops logged, but not with every message."""
+        """Return `callback` with dropped messages logged, each text at a limited rate."""
 
         def listen(message: Any) -> None:
             try:
@@ -194,7 +198,7 @@ class TwinNode:
             self._complaints[text] = now
             self._ros.log.warning(text)
 
-    # --- what the twin tells ------------------------------------------------------------------------------
+    # --- messages of the twin ------------------------------------------------------------------------------
 
     def _tick(self) -> None:
         if self._store.waiting:
@@ -204,7 +208,7 @@ class TwinNode:
         self._publish()
 
     def _keep_map(self) -> None:
-        """Keep the latest map; who makes one tells it again and again, and it may be large."""
+        """Store the latest map; maps come often and may be large, so at most one in `MAP_PERIOD_S`."""
         occupancy = self._new_map
         if occupancy is None:
             return
@@ -215,12 +219,12 @@ class TwinNode:
 
     def _publish(self) -> None:
         now = self._ros.now()
-        self._twin.tell_time(now)
-        if self._told_revision != self._twin.revision:  # most seconds bring nothing new but age
-            self._told_revision = self._twin.revision
+        self._twin.advance_time(now)
+        if self._published_revision != self._twin.revision:  # most seconds bring nothing new but age
+            self._published_revision = self._twin.revision
             self._message.tags = [_tag_message(tag) for tag in self._twin.tags.values()]
-        for tag, told in zip(self._twin.tags.values(), self._message.tags, strict=True):
-            told.stale_seconds = tag.stale_seconds(now)
+        for tag, message in zip(self._twin.tags.values(), self._message.tags, strict=True):
+            message.stale_seconds = tag.stale_seconds(now)
         self._message.header.stamp = self._ros.stamp()
         self._states.publish(self._message)
 
@@ -235,7 +239,7 @@ class TwinNode:
         return response
 
     def close(self) -> None:
-        """Write what waits, if that can be, and let go of the store."""
+        """Write waiting records, if possible, and close the store."""
         if self._store.waiting:
             self._keep(self._store.flush)
         self._keep_map()
@@ -261,7 +265,7 @@ def fill(response: GetField.Response, heatmap: Heatmap) -> None:
 
 
 def _tag_message(tag: TwinTag) -> TwinTagState:
-    """Return all of a tag but its age."""
+    """Return a tag's message without its age."""
     return TwinTagState(
         tag_id=tag.tag_id,
         pose=_pose_message(tag.pin),
@@ -276,7 +280,7 @@ def _tag_message(tag: TwinTag) -> TwinTagState:
 
 
 def _pose_message(pin: Pin | None) -> Pose:
-    """Return a place; for one that nobody knows the orientation's w is 0, and only then."""
+    """Return a pose; without a known one the orientation's w is 0, and only then."""
     if pin is None:
         return Pose(orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=0.0))
     turn = Quaternion(x=0.0, y=0.0, z=pin.z, w=filled_in(pin.w))
@@ -293,7 +297,7 @@ def _bloom_message(bloom: Bloom) -> FlowerPoint:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the node until it is told to stop; `arguments` are the ROS arguments."""
+    """Run the node until it is stopped; `arguments` are the ROS arguments."""
     with RosNode("lupin_twin", arguments, PARAMETERS) as ros:
         TwinNode(ros)
         ros.spin()

@@ -1,4 +1,4 @@
-"""A sensor's field as a picture: what is known between the tags, on the map of the greenhouse."""
+"""Draws a sensor's field on the map of the greenhouse, as PNG or SVG, with matplotlib."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class NoPicture(LupinError):
 
 @dataclass(frozen=True)
 class _PictureContent:
-    """What a picture shows: the readings of a sensor within `reach` metres of their tags, on a map."""
+    """A sensor's readings, interpolated within `reach` metres of their tags, on a map."""
 
     record: MissionRecord
     sensor: str
@@ -137,7 +137,7 @@ def picture(
 
 
 def _grid(tags: list[TwinTag], occupancy: OccupancyMap | None) -> FieldGrid:
-    """Return cells over the tags, and over all of the map that is known."""
+    """Return the cells over all tags and the known part of the map."""
     places = [(tag.pin.x, tag.pin.y) for tag in tags if tag.pin is not None]
     low = np.min(places, axis=0) - MARGIN_M
     high = np.max(places, axis=0) + MARGIN_M
@@ -155,7 +155,7 @@ def _grid(tags: list[TwinTag], occupancy: OccupancyMap | None) -> FieldGrid:
 
 
 def _on_map(occupancy: OccupancyMap, columns: Any, rows: Any) -> tuple[Any, Any]:
-    """Return where cells of the map are, in metres."""
+    """Return the positions of cells of the map, in metres."""
     cos, sin = math.cos(occupancy.yaw), math.sin(occupancy.yaw)
     along, across = columns * occupancy.resolution, rows * occupancy.resolution
     return occupancy.x + cos * along - sin * across, occupancy.y + sin * along + cos * across
@@ -215,7 +215,7 @@ def _key(occupancy: OccupancyMap | None, reach: float, labelled: bool) -> str:
 
 
 def _range(values: Floats) -> tuple[float, float]:
-    """Return the ends of the colour scale; values that are nearly the same are in its middle."""
+    """Return the ends of the colour scale, which spans at least `LEAST_SPAN` of the middle."""
     low, high = float(values.min()), float(values.max())
     middle = low / 2.0 + high / 2.0
     room = max(abs(middle) * LEAST_SPAN, LEAST_UNITS)
@@ -223,7 +223,7 @@ def _range(values: Floats) -> tuple[float, float]:
 
 
 def _unexplored(axes: Axes, grid: FieldGrid, occupancy: OccupancyMap | None) -> None:
-    """Hatch what nobody has looked at yet."""
+    """Hatch the unknown part of the map."""
     if occupancy is None:
         return
     unknown = ~occupancy.explored(grid)
@@ -244,7 +244,7 @@ def _unexplored(axes: Axes, grid: FieldGrid, occupancy: OccupancyMap | None) -> 
 def _walls(
     axes: Axes, grid: FieldGrid, occupancy: OccupancyMap, extent: tuple[float, float, float, float]
 ) -> None:
-    """Draw what is in the way, over the field."""
+    """Draw occupied cells over the field."""
     occupied = OccupancyMap(
         occupancy.x,
         occupancy.y,
@@ -352,7 +352,7 @@ def _covers(box: Box, others: Floats) -> bool:
 
 
 def _title(sensor: str, values: Floats) -> str:
-    """Return what was read: the field between the tags has no other values."""
+    """Return the title: the sensor with the range of its readings."""
     quantity = QUANTITIES.get(sensor)
     symbol = "" if quantity is None or quantity.symbol == "1" else f" {quantity.symbol}"
     ends = dict.fromkeys((number(float(values.min())), number(float(values.max()))))
@@ -360,7 +360,7 @@ def _title(sensor: str, values: Floats) -> str:
 
 
 def _source(record: MissionRecord, sensor: str, count: int) -> str:
-    """Return at how many tags and when the values were read that are shown, and by whom."""
+    """Return the subtitle: number of tags, times of the shown readings, and their missions."""
     shown = _shown(record, sensor)
     times = [seen.time for seen in shown]
     tags = "1 tag" if count == 1 else f"{count} tags"
@@ -369,7 +369,7 @@ def _source(record: MissionRecord, sensor: str, count: int) -> str:
 
 
 def _shown(record: MissionRecord, sensor: str) -> list[Observation]:
-    """Return of each tag that is shown the observation of its value, which is the latest."""
+    """Return the latest observation of each shown tag's value."""
     latest = {
         seen.record.tag_id: seen
         for seen in record.observations
@@ -380,7 +380,7 @@ def _shown(record: MissionRecord, sensor: str) -> list[Observation]:
 
 
 def _missions(ids: set[str]) -> str:
-    """Return these missions in words; "" is for what was seen outside of one."""
+    """Return these missions in words; "" is for observations outside of one."""
     names, outside = ids - {""}, "outside of missions"
     if not names:
         return outside
@@ -389,7 +389,7 @@ def _missions(ids: set[str]) -> str:
 
 
 def _span(first: float, last: float) -> str:
-    """Return from when to when, to the minute; the day once if it is the same."""
+    """Return a span of time to the minute; the day only once where it is the same."""
     (day, begin), (last_day, end) = (utc(time)[:16].split("T") for time in (first, last))
     if day != last_day:
         return f"{day} {begin} to {last_day} {end}"
@@ -397,5 +397,5 @@ def _span(first: float, last: float) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return text as such: matplotlib takes what is between dollar signs for a formula."""
+    """Return text with dollar signs escaped, which matplotlib takes for formulas."""
     return printable(text).replace("$", r"\$")

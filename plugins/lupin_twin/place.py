@@ -1,4 +1,4 @@
-"""Where the store is when nobody says otherwise."""
+"""The default path of the store."""
 
 from __future__ import annotations
 

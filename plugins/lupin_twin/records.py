@@ -1,4 +1,4 @@
-"""What can be learnt about the greenhouse: plain records in frame `map`, metres, and their form on disk."""
+"""The records: facts about the greenhouse in frame `map`, metres, and their form on disk."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _STRICT = ConfigDict(extra="forbid")
 
 @dataclass(frozen=True)
 class Pin:
-    """Where a tag is on the floor, and its heading as the quaternion (0, 0, z, w) of length 1."""
+    """A tag's position on the floor, and its heading as the quaternion (0, 0, z, w) of length 1."""
 
     __pydantic_config__ = _STRICT
     x: float
@@ -41,7 +41,7 @@ Corners: TypeAlias = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class Reading:
-    """What the sensors at a tag measured; `stamp` is seconds of the clock of whoever observed it."""
+    """The measured values at a tag; `stamp` is seconds of the observer's clock."""
 
     __pydantic_config__ = _STRICT
     tag_id: str
@@ -55,7 +55,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Flowers:
-    """What grows at a tag."""
+    """The flowers at a tag."""
 
     __pydantic_config__ = _STRICT
     tag_id: str
@@ -89,7 +89,7 @@ class Anomaly:
 
 @dataclass(frozen=True)
 class Discovery:
-    """A tag was seen at a place, so often by now, and what was seen to grow there ("": nothing yet)."""
+    """A tag was seen at a place: its number of sightings so far, and its flowers ("": none yet)."""
 
     __pydantic_config__ = _STRICT
     tag_id: str
@@ -103,7 +103,7 @@ class Discovery:
 
 @dataclass(frozen=True)
 class BoxOutline:
-    """The planter box at a tag, as the geometry channel tells it."""
+    """The planter box at a tag, from the geometry topic."""
 
     __pydantic_config__ = _STRICT
     tag_id: str
@@ -120,15 +120,15 @@ _RECORDS: TypeAdapter[Record] = TypeAdapter(Annotated[Record, Field(discriminato
 
 
 def to_json(record: Record) -> str:
-    """Return a record as one line of JSON (and NaN, which JSON proper lacks); equal records, equal lines."""
+    """Return a record as one line of JSON, NaN included; equal records give equal lines."""
     return json.dumps(asdict(record), separators=(",", ":"))
 
 
 def from_json(text: str | bytes) -> Record:
-    """Return the record that `to_json` wrote; of bytes, in UTF-8.
+    """Return a record written by `to_json`; of bytes, in UTF-8.
 
     Raises:
-        ValueError: it did not write that.
+        ValueError: it is none.
     """
     try:
         return _RECORDS.validate_json(text)

@@ -1,9 +1,9 @@
-"""The table of tags that all records add up to; pure, time is an argument.
+"""Folds records into the table of tags; pure, time is an argument.
 
-The first place of a tag stays, so that its marker does not follow the drift of the robot's localization,
-until a camera that has seen the tag more often says otherwise: a reading may come with no better place than
-that of the robot. Readings are the latest of each sensor, flowers the latest of all; a planter box told by
-the geometry channel is better than one that came with flowers.
+The first position of a tag is kept, so that its marker does not drift with the robot's localization, until a
+camera with more sightings of it reports another one: a reading may come with no better position than the
+robot's. Readings are the latest of each sensor, flowers the latest of all; a planter box of the geometry
+topic replaces one that came with flowers.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ NEAR_M = 2.0
 #: Metres by which a better place must differ from the one that is known.
 MOVED_M = 0.05
 
-#: What is told as the age of a tag that was never observed, in seconds: nobody takes it for fresh, and unlike
+#: The published age of a tag that was never observed, in seconds: nobody takes it for fresh, and unlike
 #: an infinite number every reader of JSON reads it.
 NEVER_S = 1e9
 
@@ -54,20 +54,19 @@ LARGEST = float(np.finfo(np.float32).max)
 
 
 def observed_at(record: Observed, received: float) -> float:
-    """Return when something was observed that arrived at time `received`, in seconds of the twin's clock.
+    """Return when an observation that arrived at time `received` was made, in seconds of the twin's clock.
 
-    Nothing was observed later than it arrived, so a stamp of another computer's clock that is ahead of ours
-    does not keep a tag fresh.
+    It is never later than its arrival, so a stamp of a clock that is ahead does not keep a tag fresh.
     """
     return min(record.stamp, received or math.inf)
 
 
 @dataclass
 class TwinTag:
-    """What is known of one tag; `pin` is None as long as nobody knows where it is.
+    """The state of one tag; `pin` is None while its position is unknown.
 
-    `sightings` is how often it had been seen by the camera that told the place, 0 where none did.
-    `last_observed` is the time of the latest reading or flowers, in seconds, None before the first.
+    `sightings` is the count of the camera that gave the position, 0 without one. `last_observed` is the time
+    of the latest reading or flowers, in seconds, None before the first.
     """
 
     tag_id: str
@@ -84,20 +83,20 @@ class TwinTag:
     footprint_from_channel: bool = False
 
     def stale_seconds(self, now: float) -> float:
-        """Return how long ago the tag was last observed; `NEVER_S` or more for one that never was."""
+        """Return the time since the last observation; `NEVER_S` or more without one."""
         return max(now, NEVER_S) if self.last_observed is None else max(0.0, now - self.last_observed)
 
     def is_better(self, seen: Discovery) -> bool:
-        """Say whether a tag was seen at a better place than the known one."""
+        """Return whether a discovery has a better position than the known one."""
         if self.pin is None:
             return True
         moved = math.hypot(seen.pin.x - self.pin.x, seen.pin.y - self.pin.y)
         return seen.sightings > self.sightings and moved > MOVED_M
 
     def shows(self, seen: Discovery) -> bool:
-        """Say whether what was seen to grow there is known; where nothing was seen yet, nothing is told."""
-        told = seen.species, seen.confidence, seen.anomaly
-        return told == ("", 0.0, False) or told == (self.species, self.confidence, self.anomaly)
+        """Return whether the flowers of a discovery are known; one without flowers adds none."""
+        reported = seen.species, seen.confidence, seen.anomaly
+        return reported == ("", 0.0, False) or reported == (self.species, self.confidence, self.anomaly)
 
 
 @dataclass(frozen=True)
@@ -109,10 +108,9 @@ class TwinReport:
 
 
 class Twin:
-    """All tags in the order in which they were first heard of, and the anomaly reports.
+    """All tags in the order of their first record, and the anomaly reports.
 
-    `observation_count` counts readings and flowers, `pins` the places that tags were given, and `revision`
-    all that was taken in.
+    `observation_count` counts readings and flowers, `pins` assigned positions, and `revision` all changes.
     """
 
     def __init__(self, history: int = HISTORY) -> None:
@@ -132,12 +130,12 @@ class Twin:
 
     @property
     def sensors(self) -> Iterable[str]:
-        """The sensors of the interface, then the others that were read."""
+        """The sensors of the interface, then further ones that were read."""
         return self._sensors.keys()
 
     @property
     def reports(self) -> list[TwinReport]:
-        """The latest anomaly reports, oldest first, with the tag that each is near by what is known now."""
+        """The latest anomaly reports, oldest first, with the nearest tag by present knowledge."""
         return [TwinReport(anomaly, self.nearest(anomaly.x, anomaly.y)) for anomaly in self._anomalies]
 
     def nearest(self, x: float, y: float) -> str:
@@ -148,7 +146,7 @@ class Twin:
         return tag_id if distance <= NEAR_M else ""
 
     def has_room(self, record: Record) -> bool:
-        """Say whether there is room for the tag and sensors of a record; those that are known have theirs."""
+        """Return whether a record's tag and sensors are known, or fit within the limits."""
         if isinstance(record, Anomaly):
             return True
         if record.tag_id not in self._tags and len(self._tags) >= MAX_TAGS:
@@ -158,7 +156,7 @@ class Twin:
         return not new or len(self._sensors) + len(new) <= MAX_SENSORS
 
     def is_news(self, record: Record) -> bool:
-        """Say whether `apply` would change anything: places and boxes are told again and again."""
+        """Return whether `apply` would change anything: positions and boxes are repeated often."""
         if isinstance(record, Discovery):
             tag = self._tags.get(record.tag_id)
             return tag is None or tag.is_better(record) or not tag.shows(record)
@@ -168,7 +166,7 @@ class Twin:
         return True
 
     def apply(self, record: Record, received: float) -> None:
-        """Take in a record that arrived at time `received`; 0 if the clock had not begun by then."""
+        """Apply a record that arrived at time `received`; 0 if the clock had not begun by then."""
         self.revision += 1
         match record:
             case Reading():
@@ -223,11 +221,11 @@ class Twin:
             self._tags[tag_id] = TwinTag(tag_id, deque(maxlen=self._history))
         return self._tags[tag_id]
 
-    def tell_time(self, now: float) -> None:
-        """Take in what time it is, in seconds; 0 while the clock has not begun.
+    def advance_time(self, now: float) -> None:
+        """Set the time, in seconds; 0 while the clock has not begun.
 
-        Where it was later before, the clock was set back: what was observed until then is as old as that.
-        Tags of a simulation that has begun anew would otherwise stay fresh for as long as the last one took.
+        If it has gone back, the clock was set, and no observation counts as later than now: else the tags of
+        a restarted simulation would stay fresh for as long as the last one took.
         """
         if 0.0 < now < self._time:
             for tag in self._tags.values():
@@ -236,7 +234,7 @@ class Twin:
         self._time = now or self._time
 
     def forget_time(self) -> None:
-        """Take the next time that is told for what it is, whatever was told before."""
+        """Accept any next time, without a comparison to earlier ones."""
         self._time = 0.0
 
     def samples(self, sensor: str) -> tuple[Floats, Floats]:

@@ -1,10 +1,10 @@
-"""Records on disk: SQLite with a write-ahead log, one row for each record, in the order of their arrival.
+"""The store: SQLite with a write-ahead log, one row for each record, in the order of arrival.
 
-A record is on the disk when `add` returns; what the twin knows is what the rows add up to, so there is
-nothing else to keep but the latest map. A file that is no store is put aside, never overwritten. While
-records cannot be written they wait in memory and are tried again with the next one.
+A record is on disk when `add` returns. The twin's state is the fold of the rows, so only the latest map is
+stored besides. A file that is no store is quarantined, never overwritten. Records that cannot be written wait
+in memory (at most 10,000, the oldest are dropped) and are retried with the next one.
 
-`read` is for everybody else: it looks at a store that a twin may be writing to, and changes nothing.
+`read` is for other programs: it reads a store that a twin may be writing to, and changes nothing.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ LEAST_ROOM = 65_536
 #: Seconds to wait for a program that reads or copies the file.
 BUSY_S = 2.0
 
-#: `digest` tells an observation that arrives again, which latecomers' backlogs cause, from a new one.
+#: `digest` identifies repeated observations, which latecomers' backlogs cause.
 _TABLE = f"""
     BEGIN;
     CREATE TABLE record (
@@ -56,7 +56,7 @@ _TABLE = f"""
     COMMIT;
 """
 
-#: The latest map, if one was told; `cells` are compressed, row by row, one signed byte each.
+#: The latest map, if any; `cells` are compressed, row by row, one signed byte each.
 _MAP = """
     CREATE TABLE IF NOT EXISTS map (
         number INTEGER PRIMARY KEY CHECK (number = 1),
@@ -75,15 +75,15 @@ _KEEP_MAP = "INSERT OR REPLACE INTO map VALUES (1, ?, ?, ?, ?, ?, ?, ?)"
 
 
 class StoreError(LupinError):
-    """The store cannot be used now; the text names the file and the reason."""
+    """The store cannot be used now; the text has the file and the reason."""
 
 
 class _CorruptStore(Exception):
-    """The file is no store of ours."""
+    """The file is no store."""
 
 
 class StoredRecord(NamedTuple):
-    """A record, and when it arrived in seconds."""
+    """A record, and its time of arrival in seconds."""
 
     record: Record
     received: float
@@ -91,7 +91,7 @@ class StoredRecord(NamedTuple):
 
 @dataclass(frozen=True)
 class StoreContent:
-    """What is in a store: its records in the order of their arrival, the latest map, and what is damaged."""
+    """Records in the order of arrival, the latest map, and descriptions of damaged rows."""
 
     rows: list[StoredRecord]
     map: OccupancyMap | None
@@ -99,10 +99,10 @@ class StoreContent:
 
 
 class Store:
-    """The store at `path`, made if there is none.
+    """The store at `path`, created if missing; locked against a second twin.
 
-    For people, `put_aside` tells what was found instead of a store ("" if nothing was), and `unreadable`
-    which of the rows that were read are damaged.
+    `put_aside` describes a file that was quarantined ("" for none), and `unreadable` damaged rows, for
+    people.
 
     Raises:
         StoreError: the file cannot be opened, another twin has it, or it was written by a later version.
@@ -152,15 +152,15 @@ class Store:
         return moved
 
     def rows(self) -> Iterator[StoredRecord]:
-        """Yield all records in the order of their arrival; `unreadable` tells of those that are damaged."""
+        """Yield all records in the order of arrival; damaged rows go to `unreadable`."""
         yield from _rows(self._db, self.path, self.unreadable)
 
     def map(self) -> OccupancyMap | None:
-        """Return the map that was kept last; None without one, `unreadable` tells where it is damaged."""
+        """Return the stored map; None without one, or where it is damaged (see `unreadable`)."""
         return _map(self._db, self.path, self.unreadable)
 
     def keep_map(self, occupancy: OccupancyMap) -> bool:
-        """Write a map to the disk in the place of the one before; always True, as what was told is news.
+        """Replace the stored map; always returns True.
 
         Raises:
             StoreError: it could not be written.
@@ -177,26 +177,26 @@ class Store:
 
     @property
     def waiting(self) -> int:
-        """How many records are in memory only."""
+        """The number of records in memory only."""
         return len(self._waiting)
 
     def add(self, record: Record, received: float) -> bool:
-        """Write a record to the disk; False for an observation that is there already.
+        """Write a record to disk; return False for an observation that is stored already.
 
         Raises:
             StoreError: it could not be written, and waits in memory.
         """
         text = to_json(record)
-        is_told_once = isinstance(record, (Reading, Flowers, Anomaly))
-        digest = hashlib.sha256(text.encode()).digest() if is_told_once else None
+        is_unique = isinstance(record, (Reading, Flowers, Anomaly))
+        digest = hashlib.sha256(text.encode()).digest() if is_unique else None
         self._waiting.append((received, digest, text))
         return self.flush()
 
     def flush(self) -> bool:
-        """Write what waits; say whether the last of it was new to the store.
+        """Write the waiting records; return whether the last one was new.
 
         Raises:
-            StoreError: nothing could be written; it waits on.
+            StoreError: nothing could be written; they keep waiting.
         """
         new = False
         try:
@@ -209,7 +209,7 @@ class Store:
         return new
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._db.close()
         self._unlock()
 
@@ -220,9 +220,9 @@ class Store:
 
 
 def _locked(path: str) -> int:
-    """Return a descriptor that keeps other twins from the file as long as it is open, however we end.
+    """Return a descriptor with a lock on the file, which ends with the process, however that ends.
 
-    Each of two would take what the other one has written for its own repetition.
+    Two twins would each take the other's records for repetitions of its own.
 
     Raises:
         StoreError: another twin has it.
@@ -240,10 +240,10 @@ def _locked(path: str) -> int:
 
 
 def _opened(path: str) -> sqlite3.Connection:
-    """Return a connection to a sound store.
+    """Return a connection to a valid store.
 
     Raises:
-        _Corrupt: the file holds something else.
+        _CorruptStore: the file holds something else.
         StoreError: it cannot be opened.
     """
     db = None
@@ -267,13 +267,13 @@ def _opened(path: str) -> sqlite3.Connection:
 
 
 def _reason(path: str, error: sqlite3.Error) -> str:
-    """Return why a file cannot be opened; to SQLite a disk without room is a broken one."""
+    """Return why a file cannot be opened: SQLite calls a full disk a broken file."""
     has_room = shutil.disk_usage(Path(path).parent).free >= LEAST_ROOM
     return str(error) if has_room else "no room is left on its disk"
 
 
 def _check(db: sqlite3.Connection, path: str) -> None:
-    """Make the tables in an empty file; see that any other one is whole and ours."""
+    """Create the tables in an empty file; check any other one."""
     version, tables = _state(db)
     if version == 0 and not tables:
         db.executescript(_TABLE)
@@ -283,7 +283,7 @@ def _check(db: sqlite3.Connection, path: str) -> None:
 
 
 def _check_ours(db: sqlite3.Connection, path: str, version: int, tables: list[str]) -> None:
-    """See that a file that is not empty is whole and ours."""
+    """Check that a file that is not empty is a complete store."""
     if "record" not in tables or version == 0:
         raise _CorruptStore("another program's database")
     if version > VERSION:
@@ -310,10 +310,10 @@ def _rows(db: sqlite3.Connection, path: str, unreadable: list[str]) -> Iterator[
 
 
 def _moment(received: object) -> float:
-    """Return when a record arrived, in seconds.
+    """Return a record's time of arrival, in seconds.
 
     Raises:
-        ValueError: that is no number any more.
+        ValueError: it is no number.
     """
     if not isinstance(received, float):
         raise ValueError(f"its time is no number but {type(received).__name__}")
@@ -334,7 +334,7 @@ def _map(db: sqlite3.Connection, path: str, unreadable: list[str]) -> OccupancyM
 
 
 def read(path: str) -> StoreContent:
-    """Return what is in a store, also while a twin writes to it; nothing is changed.
+    """Return the content of a store, also while a twin writes to it; nothing is changed.
 
     Raises:
         StoreError: there is no store, or it cannot be read; the text says why.
@@ -364,10 +364,10 @@ def _not_ours(path: str, reason: Exception) -> StoreError:
 
 
 def _opened_for_reading(path: str) -> sqlite3.Connection:
-    """Return a connection that does not write.
+    """Return a read-only connection.
 
-    SQLite wants to make its index of the log beside the file. Where that is not allowed, and there is no log,
-    nobody is writing, and the file can be read as it is.
+    SQLite wants to create its index of the log beside the file. Where that is not allowed, and there is no
+    log, nobody is writing, and the file is opened as immutable.
     """
     place = f"file:{quote(os.path.abspath(path))}"
     db = sqlite3.connect(f"{place}?mode=ro", uri=True, timeout=BUSY_S)

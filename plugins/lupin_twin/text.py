@@ -1,4 +1,4 @@
-"""Numbers, names and units as people read them."""
+"""Formats numbers, names and units for people."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 @dataclass(frozen=True)
 class MeasuredQuantity:
-    """What a sensor measures: for people, the unit's symbol, and its UN/CEFACT code (recommendation 20)."""
+    """A sensor's quantity for people, its unit's symbol, and its UN/CEFACT code (recommendation 20)."""
 
     label: str
     symbol: str
@@ -35,10 +35,10 @@ def with_unit(sensor: str) -> str:
 
 
 def number(value: float) -> str:
-    """Return a number with four digits, or with all that are before the point as long as they are few."""
+    """Return a number with four digits, or more where that many are before the point."""
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e7 else f"{value:.4g}"
 
 
 def printable(text: str) -> str:
-    """Return what came over the wire without what would be an order to a terminal, or a line of its own."""
+    """Return text from the network with control characters replaced."""
     return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)

@@ -1,4 +1,4 @@
-"""The verb `lupin twin`: what the twin has kept, listed, exported and drawn."""
+"""The verb `lupin twin`: lists, exports and draws the twin's store."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def twin() -> None:
 
 
 def _store(command: Command) -> Command:
-    """Add the options that say which store is meant."""
+    """Add the options that select the store."""
     file = click.option(
         "--store",
         metavar="FILE",

@@ -1,8 +1,7 @@
-"""Messages read into records; pure. What is dropped says why.
+"""Reads messages into records; pure. Unusable ones raise `Dropped` with the reason.
 
-A pose of an Observation whose orientation has w = 0 was never filled in. Of a rotation in space only the turn
-about the vertical is kept, as a quaternion (0, 0, z, w) of length 1: whoever takes (z, w) from the message
-gets the same heading.
+In an Observation a pose whose orientation has w = 0 is unset. Of a rotation only the yaw is kept, as a
+quaternion (0, 0, z, w) of length 1, so that (z, w) give the same heading.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import numpy as np
 
 from lupin_engine.errors import LupinError, shortened
 from lupin_engine.plugin import seconds_of
-from lupin_greenhouse import frame_name, seen_turn
+from lupin_greenhouse import frame_name, seen_rotation
 from lupin_twin.field import OccupancyMap
 from lupin_twin.records import Anomaly, Bloom, BoxOutline, Corners, Discovery, Flowers, Observed, Pin, Reading
 
@@ -36,16 +35,16 @@ SMALLEST_TURN = 1e-6
 
 
 class Dropped(LupinError):
-    """A message that cannot be used; the text says why."""
+    """A message cannot be used; the text says why."""
 
 
 def observed(message: Any, frame: str, now: float) -> Observed | None:
-    """Return what an Observation tells; None where it tells that nothing was measured.
+    """Return the record of an Observation; None where its status is not OK.
 
     Args:
         message: the Observation.
         frame: the frame that its poses must have; "" on the wire counts as that frame.
-        now: seconds; the time of an observation that nobody stamped.
+        now: seconds; the time of an observation without a stamp.
 
     Raises:
         Dropped: the frame, the kind, the status or the tag's id cannot be used.
@@ -99,7 +98,7 @@ def _bloom(point: Any) -> Bloom:
 
 
 def _footprint(points: Sequence[Any]) -> Corners:
-    """Return the corners; none where one of them is no place, for the others make another box."""
+    """Return the corners; none where one of them is not finite: the others would make another box."""
     corners = tuple((float(point.x), float(point.y)) for point in points)
     return corners if all(map(math.isfinite, chain.from_iterable(corners))) else ()
 
@@ -128,7 +127,7 @@ _READERS: Mapping[int, Callable[[Any, str, dict[str, Any]], Observed]] = {
 
 
 def discoveries(message: Any, frame: str) -> list[Discovery]:
-    """Return the tags of a DiscoveredTags message that have an id and a place.
+    """Return the tags of a DiscoveredTags message that have an id and a position.
 
     Raises:
         Dropped: they are in another frame.
@@ -157,8 +156,8 @@ def boxes(text: str) -> list[BoxOutline]:
         Dropped: the text is something else.
     """
     try:
-        told = json.loads(text)
-        entries = told["boxes"] if isinstance(told, Mapping) else told
+        given = json.loads(text)
+        entries = given["boxes"] if isinstance(given, Mapping) else given
         return [_box(entry) for entry in entries]
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise Dropped(f"box geometry dropped: {type(error).__name__}: {shortened(str(error), 100)}") from None
@@ -185,14 +184,14 @@ def occupancy(message: Any, frame: str) -> OccupancyMap:
     """Return an OccupancyGrid message as a map.
 
     Raises:
-        Dropped: the frame is another one, or the numbers contradict each other.
+        Dropped: the frame is another one, or the sizes do not match.
     """
     _check_frame(frame, "map", message.header.frame_id)
     info, cells = message.info, np.frombuffer(message.data, dtype=np.int8)
     size = info.width, info.height
     if min(size) < 1 or size[0] * size[1] != cells.size or not 0.0 < info.resolution < math.inf:
-        told = f"{size[0]} x {size[1]} cells of {info.resolution:g} m, {cells.size} told"
-        raise Dropped(f"map dropped: {told}")
+        given = f"{size[0]} x {size[1]} cells of {info.resolution:g} m, {cells.size} told"
+        raise Dropped(f"map dropped: {given}")
     origin = _seen_pin(info.origin)
     if origin is None:
         raise Dropped("map dropped: it has no finite origin")
@@ -201,13 +200,13 @@ def occupancy(message: Any, frame: str) -> OccupancyMap:
 
 
 def pin_of(pose: Any) -> Pin | None:
-    """Return where a tag is; None for a pose that was never filled in."""
+    """Return a tag's position and heading; None for an unset pose."""
     return _seen_pin(pose) if pose.orientation.w != 0.0 else None
 
 
 def _seen_pin(pose: Any) -> Pin | None:
-    """Return the place and the turn about the vertical; the identity where there is no such turn."""
-    p, turn = pose.position, seen_turn(pose.orientation)
+    """Return position and yaw; the identity where there is no yaw."""
+    p, turn = pose.position, seen_rotation(pose.orientation)
     if turn is None or not all(map(math.isfinite, (p.x, p.y))):
         return None
     _, _, z, w = turn
@@ -232,9 +231,9 @@ def _name(name: str, what: str) -> str:
     return name
 
 
-def _check_frame(expected: str, what: str, *told: str) -> None:
-    """Compare with the first frame that was told; nobody having told one is taken for the expected one."""
-    frame = frame_name(next((name for name in told if name), expected))
+def _check_frame(expected: str, what: str, *frames: str) -> None:
+    """Check the first frame that is given; without any it counts as the expected one."""
+    frame = frame_name(next((name for name in frames if name), expected))
     if frame != expected:
         raise Dropped(f"{what} in frame {shortened(frame)!r} dropped, expected {expected!r}")
 

@@ -55,7 +55,7 @@ states:
 NEVER_MET = {("FieldRecord", "allowed"), ("FieldRecord", "maximum")}
 KINDS = {
     names.STEPS_TOPIC: "StepRecord",
-    names.POSSIBLE_TOPIC: "PossibleTold",
+    names.POSSIBLE_TOPIC: "PublishedPossible",
     names.MISSIONS_TOPIC: "MissionsRecord",
     names.CHART_TOPIC: "ChartRecord",
     names.EXPLAIN_SERVICE: "ExplanationRecord",
@@ -117,10 +117,10 @@ def gateway() -> Iterator[tuple[str, Any]]:
     people = People(lambda topic, text: told.append((topic, json.loads(text))))
     people.presence.joined(1, "anna-1", "anna", "operator", "browser", 0.0)
     people.notifications.add("stop", "anna-1", 2, "stopped by anna-1", 0.0)
-    people.tell_changes()
+    people.publish_changes()
     stops, motion = StopArbiter(), MotionGate()
     stops.joined(1, "anna-1", operator=True)
-    stops.told(1, True, 0.0)
+    stops.report(1, True, 0.0)
     motion.settle(stops.stopped, 1.0)
     yield from told
     yield STOPS_TOPIC, json.loads(json.dumps(stops.state(1.0)))

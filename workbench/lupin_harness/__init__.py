@@ -1,6 +1,6 @@
-"""The harness: what every plugin must keep, as checks that anybody can run against theirs.
+"""The harness: the contract of plugins as tests that anybody can run against theirs.
 
-`cases` has the test classes for pytest; `rules` needs no ROS, what `live` demands is tried over ROS 2.
+`cases` has the test classes for pytest; `rules` needs no ROS, `live` tests drivers over ROS 2.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""The bench on which a driver is tried: its servers, or stand-ins, on a ROS domain of its own."""
+"""The test bench of a driver: its servers, or stand-ins, on an isolated ROS domain."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from lupin_engine.plugin import Argument, Driver, Plugin, convert, make_client, 
 from lupin_harness.domains import claimed_domain
 from lupin_harness.examples import arguments_for, defaults_of
 from lupin_harness.referee import ContractBroken, Referee, RefereedAttempt, Untried
-from lupin_harness.rules import Given, as_told, changes
+from lupin_harness.rules import Given, changes, declarations
 from lupin_ros.adapter import RosNode, child_environment, interfaces
 from lupin_ros.launch import Death, Patience, Supervisor
 
@@ -27,7 +27,7 @@ from lupin_ros.launch import Death, Patience, Supervisor
 PATIENCE_S = 30.0
 #: Seconds that a call of a driver may take; it should be far less, but the machine may be busy.
 AT_ONCE_S = 1.0
-#: Where Linux tells of a thread how long it has run and waited for a processor, in nanoseconds.
+#: Linux's file with how long a thread has run and waited for a processor, in nanoseconds.
 SCHEDULED = Path("/proc/thread-self/schedstat")
 #: Seconds between two looks at the network while a driver misses somebody.
 LOOK_S = 1.0
@@ -51,12 +51,12 @@ _RUN = (
 
 @dataclass(frozen=True)
 class Setting:
-    """The plugin author's settings for the trial of a driver.
+    """A plugin author's settings for testing a driver.
 
-    `parameters` differ from the defaults; `arguments` are by operation or action. `nodes` are run as
-    processes of their own, by name `module:function`, with `node_parameters`; `offer` puts stand-ins on a
-    node of this process. `waits` says whether the driver names what it misses while nobody is there. `first`
-    names, by operation, what a mission does before it: a robot is localized before it drives.
+    `parameters` override defaults; `arguments` are by operation or action. `nodes` are run as processes, by
+    name `module:function`, with `node_parameters`; `offer` adds stand-ins to a node of this process. `waits`:
+    the driver names missing servers. `first` lists, by operation, those that a mission does before it: a
+    robot is localized before it drives.
     """
 
     plugin: Plugin
@@ -73,10 +73,10 @@ class Setting:
         return arguments_for(declared, self.arguments.get(name, {}))
 
     def parameter_values(self) -> dict[str, Any]:
-        """Return every parameter, in base units; a name of somebody else's is a parameter of the mission.
+        """Return every parameter, in base units; an unknown name is a parameter of the mission.
 
         Raises:
-            LupinError: what differs from a default is not of its type.
+            LupinError: a value is not of its parameter's type.
         """
         values = {**defaults_of(self.plugin.parameters), **self.parameters}
         for name in self.plugin.parameters.keys() & self.parameters.keys():
@@ -99,7 +99,7 @@ class Servers:
         self.here: RosNode | None = None
 
     def start(self) -> None:
-        """Start what does not run."""
+        """Start the servers that do not run."""
         if self._supervisor is None:
             path = os.pathsep.join(filter(None, sys.path))
             self._supervisor = Supervisor(Path(self._logs.name), {**child_environment(), "PYTHONPATH": path})
@@ -112,11 +112,11 @@ class Servers:
             self._setting.offer(self.here)
 
     def kill(self) -> None:
-        """Kill them and all processes that they have started, as a crash would."""
+        """Kill the servers and their child processes, as a crash would."""
         self._end(CRASH)
 
     def stop(self) -> None:
-        """Ask them to end; kill those that do not."""
+        """Ask the servers to end; kill those that do not."""
         self._end(Patience())
         self._logs.cleanup()
 
@@ -157,7 +157,7 @@ def last_words(log: str) -> str:
 
 
 def _time_of_ours() -> float:
-    """Return the time without this thread's waits for a processor, which are no fault of the driver."""
+    """Return the time without this thread's waits for a processor, no fault of the driver."""
     try:
         waited = int(SCHEDULED.read_text().split()[1])
     except (OSError, IndexError, ValueError):  # another system, or a kernel that does not count
@@ -175,7 +175,7 @@ class Bench:
         self.waits = setting.waits
         self.ros = RosNode(f"harness_{self.plugin.name}")
         self._open: list[Driver] = []
-        self._declared = as_told(self.plugin)
+        self._declared = declarations(self.plugin)
         self._numbers = itertools.count(1)
         try:
             self.referee, self.driver = self.make_driver()
@@ -215,13 +215,13 @@ class Bench:
         self.quickly(f"action {action!r}", lambda: self.driver.act(action, arguments))
 
     def missing(self) -> list[str]:
-        """Return what the driver waits for."""
+        """Return the driver's missing servers."""
         found: list[str] = []
         self.quickly("missing()", lambda: found.extend(self.driver.missing()))
         return found
 
     def close_driver(self) -> None:
-        """Close the driver; from now on the referee notes every report as a mistake."""
+        """Close the driver; every later report is a violation."""
         self._open.remove(self.driver)
         self.quickly("close()", self.driver.close)
         self.referee.closed = True
@@ -257,11 +257,11 @@ class Bench:
                 self._servers.here.spin_once(0.005)
 
     def _seen(self) -> str:
-        told = [f"{name}: {attempt}" for name, attempt in self.referee.attempts.items()]
-        return f"; reports so far: {'; '.join(told)}" if told else ""
+        reports = [f"{name}: {attempt}" for name, attempt in self.referee.attempts.items()]
+        return f"; reports so far: {'; '.join(reports)}" if reports else ""
 
     def until_ready(self) -> None:
-        """Wait until the driver misses nothing, or something on the network keeps it from its servers."""
+        """Wait until the driver misses nothing, or a network problem explains why it does."""
         apart: list[str] = []
         since: dict[str, float] = {}
         look_at = time.monotonic() + LOOK_S
@@ -285,7 +285,7 @@ class Bench:
         self.until(lambda: time.monotonic() > end, "a look around")
 
     def network_problems(self) -> list[str]:
-        """Tell what is sent on the driver's domain and does not arrive."""
+        """Return endpoints on the driver's domain whose messages do not arrive (QoS or types)."""
         found = interfaces(self.ros.node)
         return [f"{interface.name}: {problem}" for interface in found for problem in interface.problems]
 
@@ -344,13 +344,13 @@ class Bench:
         return done[0]
 
     def close(self) -> None:
-        """Release everything; what the referee noted is raised."""
+        """Release everything; raise the violations that the referee has recorded."""
         try:
             for driver in self._open:
                 driver.close()
         finally:
             self.ros.close()
-        changed = changes(self._declared, as_told(self.plugin))
+        changed = changes(self._declared, declarations(self.plugin))
         problems = [f"the driver changes the catalog: {name}; it is data" for name, *_ in changed]
         problems += dict.fromkeys(self.referee.problems)
         if problems:
@@ -358,7 +358,7 @@ class Bench:
 
 
 class Lab:
-    """Makes benches: among servers, and where nobody is."""
+    """Makes benches: with servers, and on an empty domain."""
 
     def __init__(self, setting: Setting) -> None:
         if not setting.plugin.client:
@@ -371,7 +371,7 @@ class Lab:
 
     @contextlib.contextmanager
     def open(self) -> Iterator[Lab]:
-        """Claim the domains; end what was started."""
+        """Claim the domains; end all servers afterwards."""
         with claimed_domain() as self._domain, claimed_domain() as self._lonely:
             self.servers = Servers(self.setting)
             try:
@@ -381,7 +381,7 @@ class Lab:
 
     @contextlib.contextmanager
     def bench(self) -> Iterator[Bench]:
-        """Make a bench among servers; a driver that did not come to work there is not waited for again."""
+        """Make a bench with servers; once a driver did not get ready, the next ones are not waited for."""
         if self._hopeless:
             raise Untried("not tried: the driver does not come to work among its servers")
         self._hopeless = True
@@ -400,7 +400,7 @@ class Lab:
 
     @contextlib.contextmanager
     def lonely_bench(self) -> Iterator[Bench]:
-        """Make a bench where nobody is."""
+        """Make a bench on an empty domain."""
         with _on_domain(self._lonely):
             bench = Bench(self.setting, None)
         with _closed_after(bench):
@@ -426,7 +426,7 @@ def _closed_after(bench: Bench) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _on_domain(domain: int) -> Iterator[None]:
-    """Put the nodes and processes that are started inside on a domain, on this machine only."""
+    """Run nodes and processes of this block on a domain, on this machine only."""
     wanted = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     before = {name: os.environ.get(name) for name in wanted}
     os.environ.update(wanted)

@@ -32,20 +32,20 @@ if TYPE_CHECKING:
 
 
 def _subject(plugin: str, arguments: Given = MappingProxyType({})) -> PluginUnderTest:
-    """Return what a class tests; it fails in one line when that is not there, or cannot be imported."""
+    """Return the plugin under test; fail in one line when it is not installed or cannot be imported."""
     try:
         subject = find_subject(plugin, arguments)
         _ = subject.plugin
         return subject
     except UsageError as problem:
-        told = f"{problem}; it is tested as it is installed: pip install --editable FOLDER"
+        text = f"{problem}; it is tested as it is installed: pip install --editable FOLDER"
     except PluginError as problem:
-        told = str(problem)
-    pytest.fail(told, pytrace=False)
+        text = str(problem)
+    pytest.fail(text, pytrace=False)
 
 
 class CatalogContract:
-    """What every catalog keeps. `arguments` are by operation, action or function; the rest is made up."""
+    """The rules of every catalog. `arguments` are by operation, action or function, else examples."""
 
     plugin: ClassVar[str]
     arguments: ClassVar[Given] = {}
@@ -62,12 +62,12 @@ class CatalogContract:
 
 
 class DriverContract:
-    """What every driver keeps.
+    """The rules of every driver.
 
-    `arguments` are by operation or action: with them an operation must succeed. `parameters` differ from the
-    defaults. `nodes` names the nodes that are started, by default all of the plugin; `node_parameters` are by
-    node. `waits` is False for a driver that works, or does without, whoever is there. `first` names, by
-    operation, those that a mission does before it.
+    `arguments` are by operation or action; with them an operation must succeed. `parameters` override
+    defaults. `nodes` are the nodes to start, by default all of the plugin; `node_parameters` are by node.
+    `waits` is False for a driver that works without servers. `first` lists, by operation, those that a
+    mission does before it.
     """
 
     plugin: ClassVar[str]
@@ -87,7 +87,7 @@ class DriverContract:
 
     @classmethod
     def node_entries(cls) -> dict[str, str]:
-        """Return the nodes to start, with what runs each: `module:function`."""
+        """Return the nodes to start, with their entry points `module:function`."""
         own = _subject(cls.plugin).plugin.serving
         known = {
             name: entry for plugin in load_catalog().plugins.values() for name, entry in plugin.nodes.items()
@@ -119,7 +119,7 @@ class DriverContract:
 
     @classmethod
     def teardown_class(cls) -> None:
-        """End what was started."""
+        """End all servers."""
         cls._stack.close()
 
     def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:

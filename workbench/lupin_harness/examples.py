@@ -1,4 +1,4 @@
-"""Example values of every type."""
+"""Generates example values of every type."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ TEXT = "example"
 
 
 def example(kind: Type) -> Any:
-    """Return a value of a type: short, and the same every time."""
+    """Return a value of a type: short and deterministic."""
     return _EXAMPLES[kind.kind](kind)
 
 
 def arguments_for(declared: Mapping[str, Argument], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arguments for a call: what is given, else the defaults, else examples of what must be given."""
+    """Return arguments for a call: given ones, else defaults, else examples where one is required."""
     found: dict[str, Any] = {}
     for name, argument in declared.items():
         if name in given:

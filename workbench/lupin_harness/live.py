@@ -13,7 +13,7 @@ from lupin_harness.referee import ContractBroken
 if TYPE_CHECKING:
     from lupin_harness.bench import Bench, Lab
 
-#: Seconds that an operation must take, for a cancel that changes nothing to be told from one that is late.
+#: Seconds that an operation must take, to distinguish a cancel without effect from a late one.
 NOTICEABLE_S = 0.3
 #: How often it is looked: on a busy machine one attempt may be late for no fault of its driver.
 LOOKS = 3
@@ -63,7 +63,7 @@ def is_cancelled(lab: Lab, operation: str) -> None:
 
 
 def _cancelled_in_vain(bench: Bench, operation: str) -> str:
-    """Cancel an attempt, and leave one alone; return what is wrong when that took the same time."""
+    """Cancel an attempt, and leave another alone; return a problem when both took the same time."""
     bench.prepare(operation)
     attempt = bench.begin(operation)
     bench.until_heard(attempt)
@@ -174,14 +174,14 @@ def finds_its_servers_again(lab: Lab) -> None:
 
 
 def _give_up(bench: Bench, operation: str) -> None:
-    """Begin an attempt where nobody is, and cancel it at once."""
+    """Begin an attempt without servers, and cancel it at once."""
     attempt = bench.begin(operation)
     bench.cancel(attempt)
     bench.until_ended(attempt)
 
 
 def _together(plugin: Plugin) -> Iterator[str]:
-    """Yield operations that may run at the same time: none uses what another one does."""
+    """Yield operations that may run at the same time: none shares a resource with another."""
     used: set[str] = set()
     for name, operation in plugin.operations.items():
         if not used.intersection(operation.uses):
@@ -210,7 +210,7 @@ OPERATION_RULES: Mapping[str, Callable[[Lab, str], None]] = MappingProxyType(
 
 
 def live_cases(plugin: Plugin) -> Iterator[tuple[str, str]]:
-    """Yield the rules that say something about a plugin, each with its operation, or ''."""
+    """Yield the rules that apply to a plugin, each with its operation, or ''."""
     for rule in RULES:
         if rule != acts.__name__ or plugin.actions:
             yield rule, ""
@@ -222,10 +222,10 @@ def live_cases(plugin: Plugin) -> Iterator[tuple[str, str]]:
 
 
 def apply(rule: str, operation: str, lab: Lab) -> None:
-    """Try one case.
+    """Run one case.
 
     Raises:
-        ContractBroken: the driver does not keep the rule.
+        ContractBroken: the driver violates the rule.
     """
     if operation:
         OPERATION_RULES[rule](lab, operation)

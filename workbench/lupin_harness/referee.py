@@ -1,4 +1,4 @@
-"""An outlet that keeps what a driver reports, and notes at once what it should not have reported."""
+"""An outlet that records a driver's reports, and every violation of the contract."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class ContractBroken(AssertionError):
 
 
 class Untried(ContractBroken):
-    """A rule could not be tried because the driver does not start to work; another rule reports why."""
+    """A rule could not be tested because the driver does not get ready; another rule reports why."""
 
 
 @dataclass
@@ -42,11 +42,10 @@ class RefereedAttempt:
 
 
 class Referee:
-    """The engine's side of a driver: see `Outlet` for the calls; `problems` has what breaks the contract.
+    """The engine's side of a driver: see `Outlet` for the calls; `problems` has the violations.
 
-    Like the engine it asks once more for the end of an attempt that is accepted although it was cancelled:
-    `again` is called with its name. No two attempts of a node have the same name: `numbers` is one for all
-    its drivers.
+    Like the engine it repeats the cancel of an attempt that is accepted afterwards: `again` is called with
+    its name. Attempt names are unique on a node: `numbers` is shared by all its drivers.
     """
 
     def __init__(
@@ -135,7 +134,7 @@ class Referee:
         self._fits(f"event {name!r}", data, Type("record", name, fields=declared.fields))
 
     def _hears(self, word: str, attempt: str) -> RefereedAttempt | None:
-        """Note a report about an attempt; None when nobody knows the attempt."""
+        """Record a report about an attempt; return None for an unknown attempt."""
         known = self._known(word, attempt)
         if known is not None:
             if known.ended:

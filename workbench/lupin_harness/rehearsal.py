@@ -1,4 +1,5 @@
-"""What nodes declare at their start: each is started in a domain of its own, and ends instead of working."""
+"""Collects the interfaces that nodes declare: each is started on an isolated domain, and ends before it
+works."""
 
 from __future__ import annotations
 
@@ -17,10 +18,10 @@ from lupin_ros.launch import NodeLaunch, command
 def declared_by(launches: Iterable[NodeLaunch]) -> list[Interface]:
     """Return all interfaces that nodes declare with these parameters, with the parts of actions.
 
-    Ends that are outside are not told.
+    Peers outside of these nodes are unknown.
 
     Raises:
-        LupinError: a node cannot be started like that.
+        LupinError: a node cannot be started with them.
     """
     found: list[Interface] = []
     with tempfile.TemporaryDirectory() as folder, _apart(Path(folder)):
@@ -39,7 +40,7 @@ def declared_by(launches: Iterable[NodeLaunch]) -> list[Interface]:
 
 @contextmanager
 def _apart(folder: Path) -> Iterator[None]:
-    """Keep this process out of the robot's domain, of SROS2, and of the user's files, for a while."""
+    """Isolate this process from the robot's domain, from SROS2, and from the user's files."""
     before = dict(os.environ)
     with claimed_domain() as domain:
         os.environ.update(

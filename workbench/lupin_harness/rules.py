@@ -1,4 +1,4 @@
-"""What a plugin's catalog must keep, checked without ROS: each rule tells everything that breaks it."""
+"""Rules for a plugin's catalog, checked without ROS; each yields all its violations."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 
 @dataclass(frozen=True)
 class PluginUnderTest:
-    """The plugin that is checked: its entry point, and arguments to try things with."""
+    """The plugin that is checked: its entry point, and arguments for calls."""
 
     point: EntryPoint
     arguments: Given = field(default_factory=dict)
@@ -61,17 +61,17 @@ class PluginUnderTest:
         """The plugin, imported.
 
         Raises:
-            PluginError: it cannot be.
+            PluginError: it cannot be imported.
         """
         return import_plugin(self.point)
 
     @cached_property
     def elsewhere(self) -> Elsewhere | str:
-        """The plugin as a process of its own loads it, or why that cannot be."""
+        """The plugin as another process loads it, or a text why it cannot."""
         return load_elsewhere(self.point)
 
     def arguments_for(self, name: str, declared: Mapping[str, Argument]) -> dict[str, Any]:
-        """Return arguments for what is called `name`."""
+        """Return arguments for the operation, action or function `name`."""
         return arguments_for(declared, self.arguments.get(name, {}))
 
 
@@ -103,7 +103,7 @@ def registered(subject: PluginUnderTest) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Elsewhere:
-    """A catalog as a process of its own loads it, and the ROS modules that this imports."""
+    """A catalog as another process loads it, and the ROS modules that this imports."""
 
     ros: tuple[str, ...]
     catalog: Mapping[str, str]
@@ -114,13 +114,13 @@ _LOAD = (
     "import json, sys; path, name, value, ros = json.loads(sys.argv[1]); sys.path[:] = path; "
     "from lupin_engine.plugin.discovery import EntryPoint; found = EntryPoint(name, value).load(); "
     "imported = sorted(set(ros) & set(sys.modules)); "
-    "from lupin_harness.rules import as_told; "
-    "print('\\n', json.dumps([imported, as_told(found)]))"
+    "from lupin_harness.rules import declarations; "
+    "print('\\n', json.dumps([imported, declarations(found)]))"
 )
 
 
 def load_elsewhere(point: EntryPoint) -> Elsewhere | str:
-    """Load a catalog in a process of its own; a text says why that cannot be."""
+    """Load a catalog in another process; return a text where that fails."""
     command = [sys.executable, "-c", _LOAD, json.dumps([sys.path, point.name, point.value, ROS])]
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONSTARTUP"}
     try:
@@ -136,8 +136,8 @@ def load_elsewhere(point: EntryPoint) -> Elsewhere | str:
     return Elsewhere(tuple(imported), catalog)
 
 
-def as_told(plugin: object) -> dict[str, str]:
-    """Return everything that a catalog declares as texts, by name, without memory addresses."""
+def declarations(plugin: object) -> dict[str, str]:
+    """Return all declarations of a catalog as texts, by name, without memory addresses."""
     found: dict[str, str] = {}
     for part in fields(plugin) if isinstance(plugin, Plugin) else ():
         value = getattr(plugin, part.name)
@@ -162,14 +162,14 @@ def loads_without_ros(subject: PluginUnderTest) -> Iterator[str]:
 def stays_the_same(subject: PluginUnderTest) -> Iterator[str]:
     """Loading it again, in another process, gives the same catalog: what was checked is what runs."""
     if isinstance(subject.elsewhere, Elsewhere):
-        for name, one, other in changes(as_told(subject.plugin), subject.elsewhere.catalog):
+        for name, one, other in changes(declarations(subject.plugin), subject.elsewhere.catalog):
             yield f"{name} is {_differs(one, other)}; write down what it is"
 
 
 def changes(
     before: Mapping[str, str], after: Mapping[str, str]
 ) -> Iterator[tuple[str, str | None, str | None]]:
-    """Yield what differs between two catalogs (see `as_told`), with both texts; None: it is not there."""
+    """Yield the differences of two catalogs (see `declarations`), with both texts; None: missing."""
     for name in dict.fromkeys([*before, *after]):
         if before.get(name) != after.get(name):
             yield name, before.get(name), after.get(name)
@@ -275,7 +275,7 @@ def _mocked(given: Any, arguments: Mapping[str, Any], parameters: Mapping[str, A
 
 
 def result_problems(operation: Operation, result: Mapping[str, Any]) -> Iterator[str]:
-    """Tell what keeps `result` from being the declared result of an operation."""
+    """Yield the differences between `result` and the declared result of an operation."""
     for name in operation.result:
         if name not in result:
             yield f"leaves out {name!r} of the result"
@@ -315,7 +315,7 @@ def computes(subject: PluginUnderTest) -> Iterator[str]:
 
 
 def _outcome(bound: Callable[..., Any], arguments: Mapping[str, Any]) -> tuple[Any, str]:
-    """Return the result, and why there is none: a function may refuse what it cannot work with."""
+    """Return the result, and why there is none: a function may refuse arguments."""
     try:
         return copy.deepcopy(bound(*arguments.values())), ""
     except ValueError as refused:
@@ -368,7 +368,7 @@ UNTRIED = "it cannot be tried"
 
 
 def problems_with(rule: str, subject: PluginUnderTest) -> list[str]:
-    """Return what breaks a rule; nothing where it is kept."""
+    """Return the violations of a rule."""
     try:
         return list(RULES[rule](subject))
     except Exception as problem:  # foreign data, so wrong that another rule refuses it already
@@ -376,9 +376,9 @@ def problems_with(rule: str, subject: PluginUnderTest) -> list[str]:
 
 
 def findings(subject: PluginUnderTest) -> dict[str, list[str]]:
-    """Return what breaks each rule, by the rule's name; an empty list where it is kept.
+    """Return the violations of each rule, by the rule's name.
 
-    Of a catalog that the registry refuses the other rules tell only what they can see.
+    For a catalog that the registry refuses, rules that cannot be checked are left out.
     """
     found = {RULES_FIRST: problems_with(RULES_FIRST, subject)}
     for rule in RULES:

@@ -1,4 +1,4 @@
-"""What editors need: a schema of the language, and a language server."""
+"""Editor support: JSON Schemas of the language, and a language server."""
 
 import lazy_loader
 

@@ -1,7 +1,7 @@
-"""What can be written where the cursor is.
+"""Completion: the possible texts at the cursor.
 
-Names come from the last model, the context of the cursor from the text as it is. Every offer has the range
-that it replaces, so a dotted name is one word, whatever the editor takes for a word.
+Names come from the last valid model, the cursor's context from the present text. Every offer has the range
+that it replaces, so that a dotted name is one word in every editor.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _OPERATORS = ("and", "or", "not", "in", "if", "else", "for", "true", "false")
 
 @dataclass(frozen=True)
 class Offer:
-    """One thing that can be written; `insert` is what is written when it is more than the label."""
+    """A completion; `insert` is the text to write where it is more than the label."""
 
     label: str
     kind: ItemKind
@@ -55,7 +55,7 @@ class Offer:
 
 @dataclass(frozen=True)
 class Offers:
-    """What can be written, the likeliest first, and the text from `start` to `end` that it replaces."""
+    """The completions, the likeliest first, and the range from `start` to `end` that they replace."""
 
     start: int
     end: int
@@ -63,7 +63,7 @@ class Offers:
 
 
 def complete(folder: Folder, path: Path, offset: int) -> Offers:
-    """Return what can be written at an offset of a file."""
+    """Return the completions at an offset of a file."""
     scan, root = folder.scan(path), folder.kind(path)
     cursor = scan.cursor(offset)
     if cursor is None:
@@ -104,7 +104,7 @@ class _Completion:
         self._written = ""
 
     def offers(self) -> Offers:
-        """Return what can be written."""
+        """Return the completions."""
         cursor = self._cursor
         if cursor.role is TokenRole.KEY:
             mapping = cursor.path[:-1] if cursor.token else cursor.path
@@ -128,7 +128,7 @@ class _Completion:
     # -- keys ----------------------------------------------------------------------------------------------
 
     def _keys(self, spot: Spot, mapping: Steps) -> Iterator[Offer]:
-        """Offer what can stand as a key in the mapping at a path, without what is there already."""
+        """Offer the keys of the mapping at a path, without present ones."""
         token = self._cursor.token
         there = {key.text for key in self._scan.keys(mapping) if key is not token}
         colon = (
@@ -219,7 +219,7 @@ class _Completion:
             yield from (Offer(word, ItemKind.Keyword) for word in self._catalog.profile.statuses)
 
     def _states(self, spot: Spot) -> Iterator[Offer]:
-        """Offer the states in scope, the nearest first; after a dot, what is inside the state before it."""
+        """Offer the states in scope, the nearest first; after a dot, the children of the state before it."""
         if self._model is None:
             return
         local = states_of(self._cursor.path)
@@ -232,7 +232,7 @@ class _Completion:
                 yield self._state(f"{before}.{name.rpartition('.')[2]}", name)
 
     def _inside(self, name: str, local: tuple[str, ...]) -> list[str]:
-        """Return the full names of the states inside the state that a dotted name means."""
+        """Return the full names of the children of the state that a dotted name means."""
         first, *rest = name.split(".")
         assert self._model is not None
         nearest = [draft for draft in self._model.visible(self._path, local) if draft.local == first]
@@ -262,13 +262,13 @@ class _Completion:
                 yield Offer(file.stem, ItemKind.File, summary, summary)
 
     def _actions(self) -> Iterator[Offer]:
-        """Offer actions; those with arguments as keys, which `insert` tells."""
+        """Offer actions; `insert` marks those with arguments as keys."""
         profile = self._catalog.profile
-        wanted, told = builtin_actions(profile), docs.builtin_actions_of(profile)
+        wanted, docs_of = builtin_actions(profile), docs.builtin_actions_of(profile)
         for name in (*STRUCTURED, *wanted):
             takes = name in STRUCTURED or bool(wanted[name])
             doc = docs.builtin_action(name, profile)
-            yield Offer(name, ItemKind.Method, told[name], doc, name if takes else "")
+            yield Offer(name, ItemKind.Method, docs_of[name], doc, name if takes else "")
         for name, action in self._catalog.actions.items():
             insert = name if action.arguments else ""
             yield Offer(name, ItemKind.Method, action.doc, docs.action(name, action), insert)
@@ -329,14 +329,14 @@ class _Completion:
             yield from (Offer(f"{gathered} of {name}", ItemKind.TypeParameter) for name in known)
 
     def _typed(self) -> str:
-        """Return what is typed of the word at the cursor."""
+        """Return the typed part of the word at the cursor."""
         token = self._cursor.token
         return self._scan.text[token.inner : self._offset] if token is not None else ""
 
     # -- expressions ---------------------------------------------------------------------------------------
 
     def _expression(self, meaning: Meaning) -> Offers | None:
-        """Return what an expression can go on with; None when the cursor is in none."""
+        """Return the continuations of an expression; None when the cursor is in none."""
         token = self._cursor.token
         if token is None:
             if meaning is not Meaning.CONDITION:
@@ -369,7 +369,7 @@ class _Completion:
         )
 
     def _quoted(self, here: ExpressionPiece, before: list[ExpressionPiece]) -> Offers:
-        """Offer what the text can be that is compared: of some, all possible values are known."""
+        """Offer the possible values of the text that is compared, where they are known."""
         scope = self._scope()
         kinds = (type_of(scope, piece.text.split(".")) for piece in reversed(before) if piece is not here)
         values = next((kind.values for kind in kinds if kind is not None and kind.values), ())
@@ -397,7 +397,7 @@ class _Completion:
         yield from (Offer(word, ItemKind.Keyword) for word in _OPERATORS)
 
     def _fields(self, owner: str) -> Iterator[Offer]:
-        """Offer what can be read of a record, by its whole name: editors do not agree on what a word is."""
+        """Offer the fields of a record by their whole names: editors disagree about words."""
         scope = self._scope()
         kind = type_of(scope, owner.split("."))
         fields = dict(kind.fields) if kind else {}
@@ -446,7 +446,7 @@ class _Completion:
         return Offers(begin, end, tuple(reversed(unique.values())))
 
     def _variables(self, action: str) -> Iterator[Offer]:
-        """Offer what an action can write: all but `set` change lists."""
+        """Offer the variables that an action can write: all but `set` change lists."""
         known = self._model.composed.declared.context if self._model is not None else {}
         for name, found in known.items():
             if action == "set" or found.type.item is not None:

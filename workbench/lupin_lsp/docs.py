@@ -1,7 +1,7 @@
-"""Descriptions of the language and of what plugins offer, as Markdown: for hover and completion.
+"""Formats descriptions of the language and of plugins as Markdown, for hover and completion.
 
-Models, catalog and missions describe themselves. The tables here describe what only the engine knows: its own
-calls, roots and actions.
+Models, catalog and missions describe themselves; the tables here describe the engine's own calls, roots and
+actions.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def code(text: str) -> str:
 
 
 def paragraphs(*texts: str) -> str:
-    """Join what is not empty."""
+    """Join the texts that are not empty."""
     return "\n\n".join(text for text in texts if text)
 
 
@@ -122,8 +122,8 @@ def type_text(kind: Type) -> str:
         shown += " {" + ", ".join(f"{name}: {inner}" for name, inner in kind.fields.items()) + "}"
     named = named_in(kind)
     if named is not None:
-        told = (f"{name} ({inner.unit})" if inner.unit else name for name, inner in named[1].named.items())
-        shown += f", by name: {', '.join(told)}"
+        parts = (f"{name} ({inner.unit})" if inner.unit else name for name, inner in named[1].named.items())
+        shown += f", by name: {', '.join(parts)}"
     return shown
 
 
@@ -167,7 +167,7 @@ def argument_line(name: str, argument: Argument) -> str:
 
 
 def operation(name: str, found: Operation) -> str:
-    """Say what an operation needs, gives, ends in and uses."""
+    """Describe an operation: arguments, result, codes, resources."""
     signature = f"{name}({_names(found.arguments)})"
     if found.result:
         signature += " -> {" + ", ".join(f"{key}: {kind}" for key, kind in found.result.items()) + "}"
@@ -185,49 +185,49 @@ def operation(name: str, found: Operation) -> str:
 
 
 def action(name: str, found: Action) -> str:
-    """Say what a plugin's action does."""
+    """Describe a plugin's action."""
     moves = "It moves the robot: while held it waits for the release." if found.moves else ""
     head = code(f"action {name}({_names(found.arguments)})")
     return paragraphs(head, found.doc, arguments(found.arguments), moves)
 
 
 def builtin_actions_of(profile: Profile) -> Mapping[str, str]:
-    """Return what each of the engine's own actions does, and of those that publish."""
+    """Return the descriptions of the engine's own actions, and of the profile's publications."""
     return {**ACTIONS, **{name: publication.doc for name, publication in profile.publications.items()}}
 
 
 def builtin_action(name: str, profile: Profile) -> str:
-    """Say what one of the engine's own actions does."""
+    """Describe one of the engine's own actions."""
     wanted = builtin_actions(profile).get(name, {})
     doc = builtin_actions_of(profile).get(name, "")
     return paragraphs(code(f"action {name}({_names(wanted)})"), doc, arguments(wanted))
 
 
 def function(name: str, found: Function) -> str:
-    """Say what a function of a plugin gives."""
+    """Describe a function of a plugin."""
     return paragraphs(code(signature(name, found)), found.doc, arguments(found.arguments))
 
 
 def signature(name: str, found: Function) -> str:
-    """Return how a function is called."""
+    """Return a function's signature."""
     shown = ", ".join(f"{key}: {each.type}" for key, each in found.arguments.items())
     return f"{name}({shown}) -> {type_text(found.returns)}"
 
 
 def call(name: str) -> str:
-    """Say what one of the engine's own calls gives."""
+    """Describe one of the engine's own calls."""
     signature, doc = CALLS[name]
     return paragraphs(code(signature), doc)
 
 
 def event(name: str, found: EventKind) -> str:
-    """Say what a plugin's event is and what comes with it."""
+    """Describe a plugin's event, with its fields."""
     fields = "\n".join(f"- `event.{key}`: {type_text(kind)}" for key, kind in found.fields.items())
     return paragraphs(code(f"event {name}"), found.doc, fields)
 
 
 def live_value(name: str, found: LiveValue) -> str:
-    """Say what a live value is."""
+    """Describe a live value."""
     facts = [f"Known for {found.freshness:g} s." if found.freshness is not None else ""]
     if found.initial is not None:
         facts.append(f"Before the first report: {quantity(found.initial, found.type)}.")
@@ -235,7 +235,7 @@ def live_value(name: str, found: LiveValue) -> str:
 
 
 def parameter(name: str, found: Parameter, origin: str = "") -> str:
-    """Say type, unit, default and range of a setting."""
+    """Describe a parameter: type, unit, default and range."""
     facts = [f"Default: {quantity(found.default, found.type)}"]
     limits = range_text(found.minimum, found.maximum, found.type)
     facts += [f"range: {limits}"] if limits else []
@@ -244,24 +244,24 @@ def parameter(name: str, found: Parameter, origin: str = "") -> str:
 
 
 def request_field(found: Field, summary: str) -> str:
-    """Say what a field of a mission's request is."""
+    """Describe a field of a mission's request."""
     return paragraphs(code(f"request.{found.name}: {type_text(found.type)}"), summary)
 
 
 def reason(found: Code) -> str:
-    """Say label and severity of a code."""
+    """Describe a code: label and severity."""
     return paragraphs(code(f"code {found.name}"), f"{found.label} ({Severity(found.severity).name.lower()})")
 
 
 def hold(found: Hold, summary: str = "") -> str:
-    """Say what engages and releases a hold."""
+    """Describe a hold: the events that engage and release it."""
     released = " or ".join(f"`{name}`" for name in found.release)
     facts = f"Engaged by `{found.engage}`, released by {released}; reports `{found.code}`."
     return paragraphs(code(f"hold {found.name}"), summary, facts)
 
 
 def live_input(found: Input, summary: str, source: LiveValue | None) -> str:
-    """Say what an input reads, and which levels are drawn from it."""
+    """Describe an input: its live value, and its levels."""
     limits = range_text(found.minimum, found.maximum, found.type)
     facts = [
         f"The live value `{found.value}`" + (f": {source.doc}" if source else "") + ".",
@@ -276,14 +276,14 @@ def live_input(found: Input, summary: str, source: LiveValue | None) -> str:
 
 
 def variable(found: Variable, summary: str) -> str:
-    """Say type and beginning of a context variable."""
+    """Describe a context variable: type and first value."""
     source = getattr(found.default, "source", None)
     begins = f"${{ {source} }}" if source else quantity(getattr(found.default, "value", None), found.type)
     return paragraphs(code(f"{found.name}: {type_text(found.type)}"), summary, f"At start: {begins}.")
 
 
 def state(name: str, found: State, file: str) -> str:
-    """Say what a state is for, what it is called in full, and where it stands."""
+    """Describe a state: its summary, full name and file."""
     facts = [_KINDS[found.kind]]
     facts += [f"published as phase {found.phase}"] if found.phase else []
     facts += [f"does `{found.invoke.name}`"] if found.invoke else []
@@ -291,7 +291,7 @@ def state(name: str, found: State, file: str) -> str:
 
 
 def key(name: str, field: FieldInfo | None, words: Iterable[str] = ()) -> str:
-    """Say what a word of the language is for."""
+    """Describe a word of the language."""
     described = field.description or "" if field else ""
     facts = [f"One of {', '.join(f'`{word}`' for word in words)}."] if words else []
     if field is not None and field.is_required():
@@ -300,7 +300,7 @@ def key(name: str, field: FieldInfo | None, words: Iterable[str] = ()) -> str:
 
 
 def unit(name: str) -> str:
-    """Say what a unit is."""
+    """Describe a unit."""
     base, factor = UNITS[name]
     return f"1 {name} is {factor:g} {base}".strip() if base != name else f"base unit {name}"
 

@@ -1,8 +1,8 @@
-"""The missions of one folder while they are edited: unsaved texts, findings, and the last model of them.
+"""The missions of one folder while they are edited: unsaved texts, findings, and the last valid model.
 
-After a change, `check` looks at the changed file only, beside the last readable text of the others: a
-keystroke waits for that. `survey` looks at the whole folder, and makes the model that completion, hover and
-the rest use.
+`check` runs at each keystroke: the changed file, beside the last valid texts of the others. `survey` checks
+the whole folder, and makes the model that completion, hover and the rest use; if a file has errors, without
+it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Found = tuple[Diagnostic, ...]
 class Folder:
     """A folder with a lifecycle, missions, parts in `parts/` and bindings in `bindings/`.
 
-    `catalog` is what its missions can use, by the last readable bindings.
+    `catalog` is for its missions, by the last valid bindings.
     """
 
     def __init__(self, path: Path, catalog: Catalog) -> None:
@@ -51,22 +51,22 @@ class Folder:
     # -- texts ---------------------------------------------------------------------------------------------
 
     def put(self, path: Path, text: str) -> None:
-        """Note what a file says in the editor."""
+        """Set the text of a file in the editor."""
         self._open[path] = text
         self._changed = True
 
     def drop(self, path: Path) -> None:
-        """Note that a file is no longer open: it is as it was saved."""
+        """Close a file: its saved text applies again."""
         self._open.pop(path, None)
         self._readable.pop(path, None)
         self._changed = True
 
     def touch(self) -> None:
-        """Note that a file was changed outside of the editor."""
+        """Record that a file was changed outside of the editor."""
         self._changed = True
 
     def current(self) -> dict[Path, str]:
-        """Return what the open files say now, whether it could be read or not."""
+        """Return the present texts of the open files, valid or not."""
         return dict(self._open)
 
     @property
@@ -75,7 +75,7 @@ class Folder:
         return list(self._open)
 
     def text(self, path: Path) -> str:
-        """Return what a file says, in the editor or saved; empty when there is none."""
+        """Return the text of a file, in the editor or saved; empty when there is none."""
         if path in self._open:
             return self._open[path]
         try:
@@ -84,11 +84,11 @@ class Folder:
             return ""
 
     def scan(self, path: Path) -> Scan:
-        """Return what stands where in a file."""
+        """Return the tokens of a file."""
         return scan(self.text(path))
 
     def kind(self, path: Path) -> type[Node] | None:
-        """Return what a file is: by what it says, else by where it stands; None when it is none of ours."""
+        """Return the kind of a file, by its content, else by its folder; None when it is none of ours."""
         if path.suffixes != [".yaml"] or path.name == LUPIN_FILE:
             return None
         if self.scan(path).key_token(("scenario",)) is not None:
@@ -124,7 +124,7 @@ class Folder:
     # -- checking ------------------------------------------------------------------------------------------
 
     def check(self, path: Path) -> Found:
-        """Return what is wrong with one file as it stands, and remember it when it could be read."""
+        """Return the findings of one file, and keep its text if it is valid."""
         kind = self.kind(path)
         if kind is None:
             return ()
@@ -136,7 +136,7 @@ class Folder:
         return tuple(d for d in inspection.found if d.place.file == str(path))
 
     def refresh(self) -> None:
-        """Make the model anew if a text has changed."""
+        """Rebuild the model if a text has changed."""
         if self._changed:
             for path in self._open:
                 if self._readable.get(path) != self._open[path].encode():
@@ -144,7 +144,7 @@ class Folder:
             self.survey()
 
     def survey(self) -> dict[Path, Found]:
-        """Return what is wrong with every file of the folder, and make the model anew."""
+        """Return the findings of all files, and rebuild the model."""
         if not self.lifecycle.is_file() and not any(map(self.kind, self._open)):
             return {}
         missions, texts = self.missions(), self._texts()
@@ -164,7 +164,7 @@ class Folder:
         return found
 
     def broken(self) -> dict[Path, Found]:
-        """Return what scenarios show that `lupin prove` has written, by the file in which it is broken."""
+        """Return the breaches in scenarios that `lupin prove` has written, by the file at fault."""
         wanted = [mission for mission in self.missions() if any(self.path.glob(f"{mission.stem}.*{SUFFIX}"))]
         if not wanted:
             return {}
@@ -181,7 +181,7 @@ class Folder:
         )
 
     def inspect_with(self, texts: Mapping[Path, str]) -> Inspection:
-        """Return what the folder would come to with other texts in some files."""
+        """Return the inspection of the folder with other texts in some files."""
         return self._inspect(self.missions(), {**self._texts(), **{p: t.encode() for p, t in texts.items()}})
 
     def _texts(self) -> dict[Path, bytes]:

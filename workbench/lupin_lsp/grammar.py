@@ -1,6 +1,6 @@
-"""What the models of the language allow at a path: keys, names, elements; and what a text there stands for.
+"""The grammar of the language's files by path: allowed keys, names, elements; and the meaning of a text.
 
-The models in `chart.documents` say both.
+All of it is derived from the models in `chart.documents`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SHORT: Mapping[type[Node], str] = {TransitionNode: "target", ActionNode: "name",
 
 @dataclass(frozen=True)
 class Shape:
-    """What may be written: the keys of a model, names with something under each, elements, or words."""
+    """What may be written: the keys of a model, named entries, elements, or fixed words."""
 
     model: type[Node] | None = None
     names: Shape | None = None
@@ -49,11 +49,11 @@ class Shape:
 
 @dataclass(frozen=True)
 class Spot:
-    """A place in the language.
+    """A position in the grammar.
 
-    `holder` and `key` are the model and the key that a path went through last, `mapping` the path of the
-    mapping with that key (for the arguments of an action: the path of the action's name). `name` is set below
-    a mapping of names: the one that the path went through.
+    `holder` and `key` are the last model and key on its path, `mapping` the path of the mapping with that key
+    (for the arguments of an action: the path of the action's name). `name` is set below named entries: the
+    name on the path.
     """
 
     shape: Shape
@@ -69,7 +69,7 @@ class Spot:
 
     @property
     def value_meaning(self) -> Meaning:
-        """What a scalar here stands for."""
+        """The meaning of a scalar here."""
         short = SHORT.get(self.shape.model or (self.shape.item or Shape()).model or Node)
         if short is not None:
             model = self.shape.model or (self.shape.item or Shape()).model
@@ -84,7 +84,7 @@ class Spot:
 
     @property
     def name_meaning(self) -> Meaning | None:
-        """What the keys of the mapping here stand for, when they are names."""
+        """The meaning of the mapping's keys here, when they are names."""
         if self.shape.model is ActionNode or (self.shape.item and self.shape.item.model is ActionNode):
             return Meaning.ACTION
         if self.shape.names is None:
@@ -96,7 +96,7 @@ class Spot:
 
     @property
     def declares(self) -> bool:
-        """Whether the names here are declared, and not only mentioned."""
+        """Whether names here are declarations, not references."""
         return isinstance(self._keys, Named)
 
     @property
@@ -110,25 +110,25 @@ class Spot:
 
 @cache
 def meaning_of(model: type[Node], key: str) -> Meaning | None:
-    """Return what a text under a key stands for, or each of a list; None where it is data or free text."""
+    """Return the meaning of a text, or of each in a list, under a key; None for data or free text."""
     field = fields_of(model).get(key)
     return next((found for found in field.metadata if isinstance(found, Meaning)), None) if field else None
 
 
 @cache
 def fields_of(model: type[Node]) -> Mapping[str, FieldInfo]:
-    """Return what a model says of each of its keys."""
+    """Return the fields of a model by key."""
     return {found.alias or name: found for name, found in model.model_fields.items()}
 
 
 @cache
 def shapes_of(model: type[Node]) -> Mapping[str, Shape]:
-    """Return what may be written under each key of a model."""
+    """Return the shape of each key of a model."""
     return {key: shape_of(field.annotation) for key, field in fields_of(model).items()}
 
 
 def shape_of(annotation: Any) -> Shape:
-    """Return what a type of the models lets one write."""
+    """Return the shape of a type annotation of the models."""
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
         return shape_of(arguments[0])
@@ -158,13 +158,13 @@ def _joined(shapes: Sequence[Shape]) -> Shape:
 
 
 def kind_of(found: Scan) -> type[Node] | None:
-    """Return what a file is, by the key that says so."""
+    """Return the kind of a file, by its characteristic key."""
     words = {token.text for token in found.keys(())}
     return next((model for word, model in FILES.items() if word in words), None)
 
 
 def spot_at(root: type[Node], path: Steps) -> Spot | None:
-    """Return the place in the language at a path; None where the language has nothing."""
+    """Return the position in the grammar at a path; None where the path is not allowed."""
     spot = Spot(Shape(model=root))
     for at, step in enumerate(path):
         below = _below(spot, step, path[:at])

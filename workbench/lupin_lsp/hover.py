@@ -1,4 +1,4 @@
-"""What the name under the mouse means, as Markdown."""
+"""Hover: the description of the name under the mouse, as Markdown."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lupin_lsp.places import meant
 
 @dataclass(frozen=True)
 class Hover:
-    """What to show, and the text that it is about."""
+    """The text to show, and the range that it is about."""
 
     text: str
     start: int
@@ -73,8 +73,8 @@ def _part(folder: Folder, name: str) -> str:
         return ""
     if isinstance(part, MissionNode):
         fields = ", ".join(f"`{key}`" for key in part.request)
-        told = f"Fields of its request: {fields}." if fields else ""
-        return docs.paragraphs(docs.code(f"mission {part.name}"), part.summary, told)
+        details = f"Fields of its request: {fields}." if fields else ""
+        return docs.paragraphs(docs.code(f"mission {part.name}"), part.summary, details)
     needs = f"Needs: {part.needs}." if part.needs else ""
     names = ", ".join(f"`{key}`" for key in part.params)
     return docs.paragraphs(
@@ -145,7 +145,7 @@ def _of_chart(folder: Folder, model: Model, path: Path, meaning: Meaning, mentio
 
 
 def _parameter(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
-    """Say what a setting is: that of the file, of the part that is used, of the lifecycle, of a plugin."""
+    """Describe a parameter: the file's, the used part's, the lifecycle's, or a plugin's."""
     by_file = model.composed.declared.by_file
     used = model.part(mention.of) if mention.meaning is Meaning.BINDING else None
     if isinstance(used, MissionNode):
@@ -167,7 +167,7 @@ def _parameter(folder: Folder, model: Model, path: Path, mention: Mention) -> st
 
 
 def _field(folder: Folder, model: Model, path: Path, mention: Mention) -> str:
-    """Say what a field of the request is; a part reads those of the missions that use it."""
+    """Describe a field of the request; a part reads those of the missions that use it."""
     for mission in model.composed.chart.missions.values():
         found = mission.request.get(mention.name)
         if found is not None and (

@@ -1,6 +1,6 @@
-"""Names in a text with their places: of states, parameters, operations and so on.
+"""Finds the names in a text with their ranges: of states, parameters, operations and so on.
 
-A mention has the kind and the name of a thing; `model` finds the thing itself.
+A mention has the kind and the name of a thing; `model` resolves it.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ STATES = (Meaning.STATE, Meaning.CHILD, Meaning.ANYWHERE)
 
 @dataclass(frozen=True)
 class Mention:
-    """A name in a text. `whole` is the dotted text that it is the word number `index` of.
+    """A name in a text. `whole` is the dotted text, of which it is word number `index`.
 
-    `path` is that of the key or value around it, `of` the owner of an argument or a binding. `declares`: the
-    thing is declared here.
+    `path` is that of the key or value around it, `of` the owner of an argument or a binding. `declares`: it
+    is the declaration.
     """
 
     meaning: Meaning
@@ -64,7 +64,7 @@ class Mention:
 
 @dataclass(frozen=True)
 class ExpressionPiece:
-    """A piece of an expression; `call` is the function whose argument it is, when it is the first one."""
+    """A piece of an expression; `call` is the function whose first argument it is."""
 
     text: str
     start: int
@@ -95,13 +95,13 @@ def pieces(expression: str, offset: int = 0) -> list[ExpressionPiece]:
 
 
 def mentions_in(scan: Scan, root: type[Node]) -> Iterator[Mention]:
-    """Yield everything that a file mentions."""
+    """Yield all mentions of a file."""
     for token in scan.tokens:
         yield from mentions_of(scan, root, token)
 
 
 def mention_at(scan: Scan, root: type[Node], offset: int) -> Mention | None:
-    """Return the innermost name that an offset lies in, or right behind."""
+    """Return the innermost name at an offset, or ending there."""
     token = scan.token_at(offset)
     found = list(mentions_of(scan, root, token)) if token else []
     inside = [mention for mention in found if mention.start <= offset <= mention.end]
@@ -109,7 +109,7 @@ def mention_at(scan: Scan, root: type[Node], offset: int) -> Mention | None:
 
 
 def mentions_of(scan: Scan, root: type[Node], token: Token) -> Iterator[Mention]:
-    """Yield what a key or value mentions."""
+    """Yield the mentions of a key or value."""
     if token.role is TokenRole.KEY:
         spot = spot_at(root, token.path[:-1])
         if spot is not None:
@@ -121,7 +121,7 @@ def mentions_of(scan: Scan, root: type[Node], token: Token) -> Iterator[Mention]
 
 
 def value_meaning(scan: Scan, spot: Spot) -> Meaning:
-    """Return what a scalar at a spot stands for, which for an argument its action decides."""
+    """Return the meaning of a scalar at a spot; for an argument it depends on the action."""
     if spot.holder is ActionNode and spot.name:
         action = spot.mapping[-1]
         if action in ("itinerary.close", "itinerary.close_rest") and spot.name == "code":
@@ -158,7 +158,7 @@ def _of_text(token: Token, meaning: Meaning, of: str = "", declares: bool = Fals
 
 
 def owner_of(scan: Scan, spot: Spot) -> str:
-    """Return the operation, action or part whose arguments stand at a spot."""
+    """Return the operation, action or part whose arguments are at a spot."""
     if spot.key == "levels":
         return str(spot.mapping[-1])
     if spot.key not in ("with", "arguments"):

@@ -1,6 +1,6 @@
-"""What names mean in the missions of a folder, by their last readable texts.
+"""Resolves names in the missions of a folder, by their last valid texts.
 
-The text in the editor may be newer, so names and paths are looked up here, never places.
+The text in the editor may be newer, so lookups use names and paths, never offsets.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _OF_ELEMENT = re.compile(rf"\b(?:find|sorted)\(\s*{_LIST}\s*,")
 
 
 class Model:
-    """A composed chart, asked by file and path."""
+    """A composed chart, queried by file and path."""
 
     def __init__(self, inspection: Inspection, composed: Composed, catalog: Catalog) -> None:
         self.documents = inspection.documents
@@ -58,7 +58,7 @@ class Model:
             self._enter(draft)
 
     def _enter(self, draft: Draft) -> None:
-        """Note where the text of a state stands; the states of a part belong to the part's file."""
+        """Index the text of a state; the states of a part belong to the part's file."""
         parent = draft.parent
         file = Path(draft.file.place.file)
         if parent is None or (draft.node is None and draft.kind is not Kind.HISTORY):
@@ -73,15 +73,15 @@ class Model:
             self._drafts.setdefault((Path(draft.part.place.file), ()), []).append(draft)
 
     def written(self, draft: Draft) -> Written:
-        """Return where the text of a state stands."""
+        """Return the file and local path of a state's text."""
         return self._written[draft.name]
 
     def drafts_at(self, written: Written) -> list[Draft]:
-        """Return the states that a text stands for: one for every use of a part."""
+        """Return the states of a text: one for every use of a part."""
         return self._drafts.get(written, [])
 
     def nearest(self, file: Path, local: tuple[str, ...]) -> tuple[list[Draft], bool]:
-        """Return the states of a text or of the innermost text around it, and whether it is its own."""
+        """Return the states of a text, or of the innermost enclosing one, and whether it is its own."""
         for length in range(len(local), -1, -1):
             found = self.drafts_at((file, local[:length]))
             if found:
@@ -91,7 +91,7 @@ class Model:
     # -- names of states -----------------------------------------------------------------------------------
 
     def visible(self, file: Path, local: tuple[str, ...]) -> list[Draft]:
-        """Return the states that can be named from a text, the nearest first; hidden ones are left out."""
+        """Return the states in scope of a text, the nearest first; hidden ones are left out."""
         found: dict[str, Draft] = {}
         for draft in self.nearest(file, local)[0]:
             inside = not local and self._stands_in(draft, file)
@@ -103,16 +103,16 @@ class Model:
         return list(found.values())
 
     def _stands_in(self, draft: Draft, file: Path) -> bool:
-        """Tell whether the states of a file stand in a state, which uses it."""
+        """Return whether a state uses the file as a part."""
         return draft.part is not None and Path(draft.part.place.file) == file
 
     def children(self, file: Path, local: tuple[str, ...]) -> list[Draft]:
-        """Return the states inside a text's state."""
+        """Return the children of a text's state."""
         found = [child for draft in self.nearest(file, local)[0] for child in draft.children.values()]
         return list({child.local: child for child in found}.values())
 
     def find(self, file: Path, mention: Mention) -> list[Draft]:
-        """Return the states that a word means, one for every use of the part it stands in."""
+        """Return the states that a name refers to, one for every use of its part."""
         if mention.declares:
             return self.drafts_at((file, states_of(mention.path)))
         if mention.meaning is Meaning.ANYWHERE:
@@ -127,7 +127,7 @@ class Model:
         return found
 
     def _anywhere(self, mention: Mention) -> list[Draft]:
-        """Return the states that in_state asks for, or those around them for an earlier word of the name."""
+        """Return the states that in_state refers to, or their ancestors for an earlier word of the name."""
         found = []
         for name, draft in self.composed.drafts.items():
             if name and (name == mention.whole or name.endswith(f".{mention.whole}")):
@@ -138,18 +138,18 @@ class Model:
     # -- other names ---------------------------------------------------------------------------------------
 
     def part(self, name: str) -> UsedNode | None:
-        """Return a part that was read, or the mission that is used by that name."""
+        """Return a valid part, or the mission that is used by that name."""
         files = [file for file in self.documents.values() if isinstance(file, (PartNode, MissionNode))]
         return next((file for file in files if Path(file.place.file).stem == name), None)
 
     def file(self, path: Path) -> FileNode | None:
-        """Return what a file says, as far as it could be read."""
+        """Return the parsed file, if it is valid."""
         return self.documents.get(path)
 
     # -- what expressions see ------------------------------------------------------------------------------
 
     def scope(self, file: Path, path: Steps, scan: Scan) -> Scope:
-        """Return what an expression at a path of a file sees."""
+        """Return the scope of an expression at a path of a file."""
         local = states_of(path)
         drafts, own = self.nearest(file, local)
         draft = drafts[0] if drafts else self.composed.drafts[""]
@@ -220,7 +220,7 @@ def steps_of(local: Iterable[str]) -> Steps:
 
 
 def descend(draft: Draft, names: Iterable[str]) -> list[Draft]:
-    """Return the state that names lead to from a state around it; nothing where they lead nowhere."""
+    """Return the state that names lead to from an ancestor; nothing where they lead nowhere."""
     found: Draft | None = draft
     for word in names:
         found = found.children.get(word) if found is not None else None
@@ -228,7 +228,7 @@ def descend(draft: Draft, names: Iterable[str]) -> list[Draft]:
 
 
 def with_elements(scope: Scope, expression: str) -> Scope:
-    """Return a scope with the elements of the loops of an expression, also of one that is being written."""
+    """Return a scope with the loop elements of an expression, also of an incomplete one."""
     named = dict(_LOOP.findall(expression))
     named.update((ELEMENT, source) for source in _OF_ELEMENT.findall(expression))
     found: dict[str, Type] = {}

@@ -1,4 +1,4 @@
-"""Where else a thing is mentioned, and the outline of a file."""
+"""Find references, and the outline of a file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Reference:
 
 
 def mention_under(folder: Folder, path: Path, offset: int) -> Mention | None:
-    """Return what is mentioned at an offset of a file."""
+    """Return the mention at an offset of a file."""
     root = folder.kind(path)
     return mention_at(folder.scan(path), root, offset) if root else None
 
@@ -42,7 +42,7 @@ def references(folder: Folder, path: Path, mention: Mention) -> list[Reference]:
 
 
 def all_mentions(folder: Folder) -> Iterator[Reference]:
-    """Yield everything that is mentioned in the files of the folder."""
+    """Yield all mentions in the files of the folder."""
     for file in folder.files():
         root = folder.kind(file)
         if root is not None:
@@ -51,7 +51,7 @@ def all_mentions(folder: Folder) -> Iterator[Reference]:
 
 
 def identity(folder: Folder, path: Path, mention: Mention) -> frozenset[Hashable]:
-    """Return what is meant: the places of states, or the kind and name of anything else."""
+    """Return the identity of a mentioned thing: the places of states, or kind and name of anything else."""
     meaning = meant(mention)
     if meaning in STATES:
         drafts = folder.model.find(path, mention) if folder.model else []
@@ -79,7 +79,7 @@ def identity(folder: Folder, path: Path, mention: Mention) -> frozenset[Hashable
 
 @dataclass(frozen=True)
 class Symbol:
-    """An entry of the outline: where all of it stands, and where its name does."""
+    """An entry of the outline: the range of the whole, and that of its name."""
 
     name: str
     kind: str
@@ -92,7 +92,7 @@ class Symbol:
 
 
 def outline(folder: Folder, path: Path) -> list[Symbol]:
-    """Return the states of a file and what it declares."""
+    """Return the outline of a file: its states and declarations."""
     scan = folder.scan(path)
     sections = [_section(scan, key) for key in scan.keys(()) if key.text in _SECTIONS]
     return [*sections, *_states(scan, ())]
@@ -123,5 +123,5 @@ def _symbol(scan: Scan, key: Token, kind: str, detail: str, children: tuple[Symb
 
 
 def spans(found: list[Reference]) -> list[Spanned]:
-    """Return references as pieces of files."""
+    """Return references as ranges in files."""
     return [Spanned(each.file, each.mention.start, each.mention.end) for each in found]

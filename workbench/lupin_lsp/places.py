@@ -1,4 +1,4 @@
-"""Where a thing was declared: in a file of the folder, or in the catalog of its plugin."""
+"""Go to definition: the declaration of a thing, in the folder or in its plugin's catalog."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lupin_lsp.scan import Steps, Token
 
 @dataclass(frozen=True)
 class Spanned:
-    """A piece of a file."""
+    """A range in a file."""
 
     file: Path
     start: int
@@ -51,7 +51,7 @@ _MADE_BY: Mapping[Meaning, tuple[str, str]] = {
 
 
 def definition(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
-    """Return where a thing that a file mentions was declared; in several places when its uses differ."""
+    """Return the declarations of a mentioned thing; several when its uses differ."""
     meaning = meant(mention)
     if meaning in STATES:
         return _states(folder, path, mention)
@@ -70,7 +70,7 @@ def definition(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
 
 
 def meant(mention: Mention) -> Meaning:
-    """Return what a mention is of; an argument of `set` and the like is a variable."""
+    """Return the meaning of a mention; an argument of `set` and the like is a variable."""
     if mention.meaning is Meaning.ARGUMENT and mention.of in WRITING:
         return Meaning.VARIABLE
     return mention.meaning
@@ -80,7 +80,7 @@ def meant(mention: Mention) -> Meaning:
 
 
 def place_of(folder: Folder, draft: Draft) -> Spanned | None:
-    """Return the name of a state where it is written, in the text as it is now."""
+    """Return the range of a state's name in the present text."""
     if folder.model is None:
         return None
     file, local = folder.model.written(draft)
@@ -107,7 +107,7 @@ def _part(folder: Folder, name: str) -> list[Spanned]:
 
 
 def _declared(folder: Folder, path: Path, steps: Steps) -> list[Spanned]:
-    """Look in the file itself, then in the lifecycle, then in the others."""
+    """Search the file itself, then the lifecycle, then the others."""
     for file in dict.fromkeys([path, *folder.files()]):
         found = _key(folder, file, steps)
         if found:
@@ -124,7 +124,7 @@ def _spanned(file: Path, token: Token | None) -> list[Spanned]:
 
 
 def _in_binding(folder: Folder, meaning: Meaning, mention: Mention) -> list[Spanned]:
-    """Return where a binding declares what a mission uses."""
+    """Return the declaration in a binding."""
     plugin, _, local = (mention.of if meaning is Meaning.ARGUMENT else mention.name).partition(".")
     of_it: dict[Meaning, tuple[Steps, ...]] = {
         Meaning.OPERATION: (("operations", local),),
@@ -180,7 +180,7 @@ def _made(plugin: str, name: str, makers: tuple[str, ...], argument: str = "") -
 
 
 def _code(plugin: str, name: str) -> list[Spanned]:
-    """Return where a catalog makes a code: `Code("name", ...)`."""
+    """Return the place where a catalog makes a code: `Code("name", ...)`."""
     file = catalog_file(plugin)
     for node in ast.walk(_tree(file)) if file else ():
         if isinstance(node, ast.Call) and _called(node) == "Code" and node.args and file:

@@ -1,4 +1,4 @@
-"""The checker's findings as an editor shows them: with an end, and with a spelling that mends them."""
+"""Converts findings to an editor's diagnostics: with an end, and with a quick fix for misspelt words."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MEANT = re.compile(r"did you mean '([^']+)'\?")
 
 @dataclass(frozen=True)
 class Problem:
-    """A finding, on the text from `start` to `end`."""
+    """A finding for the range from `start` to `end`."""
 
     start: int
     end: int
@@ -23,24 +23,24 @@ class Problem:
 
     @property
     def message(self) -> str:
-        """What is wrong, and what to do; where it is can be seen."""
+        """The problem and the hint, without the place."""
         hint = f"; {self.finding.hint}" if self.finding.hint else ""
         return f"{self.finding.problem}{hint}"
 
     @property
     def unused(self) -> bool:
-        """Tell whether it is about something that could be left out."""
+        """Whether it is about something that could be left out."""
         return self.finding.rule.startswith("unused-")
 
 
 def problem(scan: Scan, finding: Diagnostic) -> Problem:
-    """Return a finding with the text it is about, in the file as it is now."""
+    """Return a finding with its range in the present text."""
     start = scan.lines.offset(finding.place.line - 1, finding.place.column - 1)
     return Problem(start, max(_end(scan, start, finding.problem), start), finding)
 
 
 def _end(scan: Scan, start: int, text: str) -> int:
-    """Return where the name ends that a finding speaks of, else the key or value at its place."""
+    """Return the end of the name in a finding's text, else of the key or value at its place."""
     for name in _QUOTED.findall(text):
         for quote in ("", "'", '"'):
             if scan.text.startswith(f"{quote}{name}{quote}", start):
@@ -54,12 +54,12 @@ def _end(scan: Scan, start: int, text: str) -> int:
 
 
 def spelling(message: str) -> str:
-    """Return the spelling that a message offers; empty when it offers none."""
+    """Return the spelling that a message suggests; empty when there is none."""
     found = _MEANT.search(message)
     return found.group(1) if found else ""
 
 
 def corrected(text: str, meant: str) -> str:
-    """Return what to write in place of a text that was meant otherwise: its quotes stay."""
+    """Return the replacement of a misspelt text: its quotes stay."""
     quote = text[0] if text[:1] in ("'", '"') and text[-1:] == text[:1] else ""
     return f"{quote}{meant}{quote}"

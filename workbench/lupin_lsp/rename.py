@@ -1,8 +1,7 @@
-"""Renaming a state: every word in the folder that means it, or a reason why not.
+"""Renames a state in all files of its folder, or says why not.
 
-The new texts are composed before anything is changed: but for the name, states, targets and the states that
-in_state asks for must stay the same. So a new name that hides another state, or is hidden by one, is refused
-with the consequence.
+The new texts are composed first: apart from the name, states, targets and the states of in_state must stay
+the same. So a name that would hide another state, or be hidden by one, is refused with the consequence.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from lupin_lsp.scan import Scan, scan
 
 
 class Refused(LupinError):
-    """The state cannot be renamed like that; the text says why."""
+    """The state cannot be renamed so; the text says why."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,10 @@ class Edit:
 
 
 def renamable(folder: Folder, path: Path, offset: int) -> Mention:
-    """Return the name at an offset that can be changed.
+    """Return the renamable name at an offset.
 
     Raises:
-        Refused: there is no name of a state there, or the files do not say which one it is.
+        Refused: there is no name of a state there, or it is ambiguous.
     """
     mention = mention_under(folder, path, offset)
     if mention is None or mention.meaning not in STATES:
@@ -47,7 +46,7 @@ def renamable(folder: Folder, path: Path, offset: int) -> Mention:
 
 
 def rename(folder: Folder, path: Path, offset: int, name: str) -> dict[Path, list[Edit]]:
-    """Return what to change so that a state gets another name.
+    """Return the edits that rename a state.
 
     Raises:
         Refused: the text says why.
@@ -69,7 +68,7 @@ def rename(folder: Folder, path: Path, offset: int, name: str) -> dict[Path, lis
 
 
 def _drafts(folder: Folder, path: Path, mention: Mention) -> list[Draft]:
-    """Return the states that are to be renamed."""
+    """Return the states to rename."""
     model = folder.model
     if model is None or folder.inspect_with(folder.current()).composed is None:
         raise Refused("a file of this folder cannot be read; mend that first")
@@ -90,7 +89,7 @@ def _drafts(folder: Folder, path: Path, mention: Mention) -> list[Draft]:
 
 
 def _refuse_shared(folder: Folder, found: Iterable[Reference], wanted: frozenset[object]) -> None:
-    """Refuse when a word means other states too: they would lose it."""
+    """Refuse when a mention means other states too: they would lose it."""
     for each in found:
         others = identity(folder, each.file, each.mention) - wanted
         if others:
@@ -100,7 +99,7 @@ def _refuse_shared(folder: Folder, found: Iterable[Reference], wanted: frozenset
 
 
 def _verify(folder: Folder, edits: Mapping[Path, list[Edit]], renamed: set[str], name: str) -> None:
-    """Compare what the folder says before and after."""
+    """Compare the inspections before and after."""
     texts = folder.current()
     before = folder.inspect_with(texts)
     changed = {path: apply(texts.get(path, folder.text(path)), found) for path, found in edits.items()}

@@ -36,7 +36,7 @@ _REMEMBERED = 16
 
 
 class TokenRole(enum.Enum):
-    """What a text is in the file: a key, a value, or what may become either while it is typed."""
+    """The role of a text in the file: a key, a value, or undecided while it is typed."""
 
     KEY = "key"
     VALUE = "value"
@@ -65,9 +65,9 @@ class Token:
 
 @dataclass(frozen=True)
 class Cursor:
-    """A place in a text: role and path of the token there, or of the one that could be typed there.
+    """A position in a text: role and path of its token, or of one that could be typed there.
 
-    `start` and `end` enclose what a completion replaces.
+    `start` and `end` enclose the range that a completion replaces.
     """
 
     role: TokenRole
@@ -145,7 +145,7 @@ class Scan:
         return None
 
     def cursor(self, offset: int) -> Cursor | None:
-        """Return where an offset is; None in a comment, or where nothing can be written."""
+        """Return the cursor at an offset; None in a comment, or where nothing can be written."""
         token = self.token_at(offset) or self._token_before(offset)
         if token is not None:
             return Cursor(token.role, token.path, token.start, token.end, token)
@@ -224,7 +224,7 @@ class _Scanner:
     # -- lines ---------------------------------------------------------------------------------------------
 
     def _line(self, begin: int, end: int) -> int:
-        """Scan what begins in a line; return an offset in the last line that belongs to it."""
+        """Scan the tokens that begin in a line; return an offset in the last line that belongs to it."""
         at = self._blanks(begin, end)
         if at == end or self._is_comment(at, end):
             return end
@@ -244,7 +244,7 @@ class _Scanner:
         return self._entry(frame, at, at - begin, end)
 
     def _enclosing(self, column: int, is_dash: bool) -> _Frame:
-        """Return what a line that begins in `column` belongs to."""
+        """Return the frame of a line that begins in `column`."""
         frame = self._last
         while frame.parent is not None and (
             frame.column > column or (frame.column == column and (frame.is_element or not is_dash))
@@ -337,7 +337,7 @@ class _Scanner:
                 at = self._pair(at, here, base)
 
     def _is_pair(self, at: int) -> bool:
-        """Tell whether an element of a list in brackets is a mapping of one key, written without its own."""
+        """Return whether an element of a flow list is a mapping of one key without braces."""
         if self._text[at] in _CLOSERS:
             return False
         end = self._lines.end(self._lines.position(at)[0])
@@ -370,7 +370,7 @@ class _Scanner:
         return done if done > at else at + 1
 
     def _gap(self, at: int, role: TokenRole, path: Steps, base: int, remember: bool = True) -> int:
-        """Skip blanks, comments and line ends to the next sign; what is typed between gets `path`.
+        """Skip blanks, comments and line ends to the next sign; a gap gets `path`, for typing.
 
         Raises:
             _Cut: the next line does not belong to the brackets any more.
@@ -392,7 +392,7 @@ class _Scanner:
         return at
 
     def _continued(self, end: int, base: int) -> int | None:
-        """Return where the next line with something on it begins, if it can belong to what is open."""
+        """Return the beginning of the next line with content, if it can belong to the open brackets."""
         line = self._lines.position(end)[0] + 1
         while line < len(self._lines.starts):
             begin, end = self._lines.starts[line], self._lines.end(line)

@@ -1,8 +1,8 @@
-"""JSON Schema of the files, generated from their models: for editors that know YAML but not us.
+"""Generates JSON Schemas of the files from their models, for editors with YAML support.
 
-pydantic says what the models say: keys, descriptions, words. Added here is what it cannot know: the short
-forms that a model accepts in place of a mapping, forms to fill in, and, with a catalog, the names that the
-installed plugins offer. A schema knows shapes; what names mean is for `lupin check` and `lupin lsp`.
+pydantic gives keys, descriptions, words. Added here are the short forms that a model accepts in place of a
+mapping, snippets, and, with a catalog, the names that plugins offer. A schema knows only the syntax; the
+meaning of names is for `lupin check` and `lupin lsp`.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _STRUCTURED: Mapping[str, type[BaseModel]] = MappingProxyType({"raise": RaiseNod
 
 
 def kinds(further: Mapping[str, type[BaseModel]] | None = None) -> dict[str, type[BaseModel]]:
-    """Return the kinds of files, by the key that says so; a scenario names its mission, so it comes first."""
+    """Return the kinds of files, by characteristic key; a scenario names its mission, so it comes first."""
     return {**(further or {}), **FILES}
 
 
@@ -56,8 +56,8 @@ def schema(
 ) -> Schema:
     """Return the schema of one kind of file; with a catalog also the names that plugins offer.
 
-    `short_forms` are what can stand for a mapping, by model; `one_alone` names, as `Model.key`, lists of
-    which the only element can stand without the list. pydantic does not tell of either.
+    `short_forms` are the alternatives to a mapping, by model; `one_alone` are lists, as `Model.key`, whose
+    only element can be written without the list. pydantic knows neither.
     """
     made = model.model_json_schema(by_alias=True, ref_template="#/definitions/{model}")
     definitions = made.pop("$defs", {})
@@ -89,7 +89,7 @@ def schema(
 
 
 def any_kind(schemas: Mapping[str, Schema]) -> Schema:
-    """Return one schema for all kinds of files; it chooses by the key that says what the file is."""
+    """Return one schema for all kinds of files; it selects by the characteristic key."""
     definitions: Schema = {}
     for found in schemas.values():
         definitions.update(found["definitions"])  # what two kinds share is of the same model
@@ -109,7 +109,7 @@ def any_kind(schemas: Mapping[str, Schema]) -> Schema:
 
 
 def _finish(name: str, definition: Schema) -> None:
-    """Bring the definition of a model into the form that editors show best."""
+    """Adapt the definition of a model to editors."""
     definition["description"] = " ".join(definition.get("description", "").split())
     definition["title"] = _title(name)
     for key, node in definition.get("properties", {}).items():
@@ -140,7 +140,7 @@ def _markdown(key: str, node: Schema) -> str:
 
 
 def _drop_null(node: Schema) -> None:
-    """A key that may be left out is left out: `key:` with nothing behind it is a mistake."""
+    """Forbid null for optional keys: `key:` without a value is a mistake."""
     choices = [choice for choice in node.get("anyOf", ()) if choice != {"type": "null"}]
     if len(choices) == 1:
         del node["anyOf"]
@@ -158,14 +158,14 @@ def _point_to_actions(node: Schema) -> None:
 
 
 def _action(profile: Profile) -> Schema:
-    """Return what an action is: its name, or a mapping of its name to its arguments."""
-    known, told = builtin_actions(profile), docs.builtin_actions_of(profile)
+    """Return the schema of an action: its name, or a mapping of its name to its arguments."""
+    known, docs_of = builtin_actions(profile), docs.builtin_actions_of(profile)
     takes = {name: wanted for name, wanted in known.items() if wanted}
     mapping: Schema = {
         "type": "object",
         "minProperties": 1,
         "maxProperties": 1,
-        "properties": {name: _arguments(wanted, told[name]) for name, wanted in takes.items()},
+        "properties": {name: _arguments(wanted, docs_of[name]) for name, wanted in takes.items()},
         "additionalProperties": {"type": ["object", "null"]},
     }
     for name in WRITING:
@@ -197,7 +197,7 @@ def _arguments(wanted: Mapping[str, Argument], doc: str) -> Schema:
 
 
 def _value(kind: Type, doc: str) -> Schema:
-    """Return what can be written for a type: an expression is always a text."""
+    """Return the schema of a type: an expression is always a text."""
     shapes = {
         "bool": ["boolean", "string"],
         "integer": ["integer", "string"],
@@ -212,7 +212,7 @@ def _value(kind: Type, doc: str) -> Schema:
 
 
 def _with_short_form(name: str, definition: Schema, forms: Mapping[str, Schema]) -> Schema:
-    """Let a scalar stand for a mapping where the model takes one."""
+    """Allow a scalar in place of a mapping where the model accepts one."""
     if name not in forms:
         return definition
     kept: Schema = {key: definition.pop(key) for key in ("title", "description") if key in definition}
@@ -223,7 +223,7 @@ def _with_short_form(name: str, definition: Schema, forms: Mapping[str, Schema])
 
 
 def _add_names(made: Schema, definitions: dict[str, Schema], catalog: Catalog) -> None:
-    """Write the names that plugins offer into the places where they are written."""
+    """Add the names that plugins offer to the schemas of their keys."""
     owners = {name.removesuffix("Node"): each for name, each in definitions.items()}
     for holder in [made, *definitions.values()]:
         for key, node in holder.get("properties", {}).items():
@@ -312,7 +312,7 @@ def write(folder: Path, schemas: Mapping[str, Schema], done: Callable[[Path], No
 
 
 def file_name(kind: str) -> str:
-    """Return what the file of a schema is called."""
+    """Return the file name of a schema."""
     return f"{kind}.schema.json"
 
 
@@ -323,7 +323,7 @@ def all_schemas(
     catalog: Catalog | None = None,
     profile: Profile = NO_PROFILE,
 ) -> dict[str, Schema]:
-    """Return the schema of every kind, and last the one that serves them all."""
+    """Return the schema of every kind, and last the one for all of them."""
     found = {
         kind: schema(kind, model, short_forms, one_alone, catalog, profile) for kind, model in models.items()
     }

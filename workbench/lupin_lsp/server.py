@@ -1,8 +1,8 @@
 """The language server: connects the protocol (pygls) with the functions of this package.
 
-Completion must be immediate and uses the last model; hover, definition and rename make it anew when a text
-has changed. After a keystroke the changed file is checked and its findings are published; the other files
-follow when typing pauses.
+Completion must be immediate and uses the last model; hover, definition and rename rebuild it when a text has
+changed. After a keystroke the changed file is checked and its findings are published; the other files follow
+when typing pauses.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class LupinServer(LanguageServer):
         return self._folders.setdefault(at, Folder(at, self._catalog))
 
     def changed(self, uri: str) -> None:
-        """Take over the text of a document, and have it checked."""
+        """Take the text of a document, and schedule its check."""
         path = path_of(uri)
         self._uris[path] = uri
         folder = self.folder(path)
@@ -86,14 +86,14 @@ class LupinServer(LanguageServer):
         self._later(self._far, folder.path, PAUSE, lambda: self._pause(folder))
 
     def closed(self, uri: str) -> None:
-        """Forget what a document said that was not saved."""
+        """Drop the unsaved text of a document."""
         path = path_of(uri)
         folder = self.folder(path)
         folder.drop(path)
         self._survey(folder)
 
     def saved_elsewhere(self, uris_: Iterable[str]) -> None:
-        """Look again at folders in which something was changed outside of the editor."""
+        """Check folders again in which files were changed outside of the editor."""
         for at in {folder_of(path_of(uri)) for uri in uris_}:
             if at in self._folders:
                 self._folders[at].touch()
@@ -114,7 +114,7 @@ class LupinServer(LanguageServer):
             self._publish(folder, path, folder.check(path))
 
     def _pause(self, folder: Folder) -> None:
-        """Do what a keystroke should not wait for: the rest of the folder, and Python's own tidying up."""
+        """Do work that a keystroke should not wait for: check the rest of the folder, and collect garbage."""
         if self._checks > MANY:
             self._checks = 0
             forget()
@@ -130,7 +130,7 @@ class LupinServer(LanguageServer):
             self._publish(folder, path, tuple(findings))
 
     def _publish(self, folder: Folder, path: Path, found: Found) -> None:
-        """Tell the findings of a file; of one that is not there only when there is something to tell."""
+        """Publish the findings of a file; for a missing file only if there are any."""
         text = folder.scan(path)
         broken = self._broken.get(folder.path, {}).get(path, ())
         problems = [self._diagnostic(text, problem(text, finding)) for finding in (*found, *broken)]
@@ -155,7 +155,7 @@ class LupinServer(LanguageServer):
     # -- places --------------------------------------------------------------------------------------------
 
     def uri(self, path: Path) -> str:
-        """Return what the client calls a file."""
+        """Return the client's URI of a file."""
         return self._uris.get(path) or uris.from_fs_path(str(path)) or path.as_uri()
 
     def offset(self, text: Scan, position: lsp.Position) -> int:
@@ -171,7 +171,7 @@ class LupinServer(LanguageServer):
         return lines.offset(position.line, column)
 
     def range(self, text: Scan, start: int, end: int) -> lsp.Range:
-        """Return a piece of a text as the client counts."""
+        """Return a range in the client's coordinates."""
         return lsp.Range(self._position(text, start), self._position(text, end))
 
     def _position(self, text: Scan, offset: int) -> lsp.Position:
@@ -187,22 +187,22 @@ class LupinServer(LanguageServer):
         return lsp.Location(self.uri(place.file), self.range(text, place.start, place.end))
 
     def at(self, document: lsp.TextDocumentIdentifier, position: lsp.Position) -> tuple[Folder, Path, int]:
-        """Return the folder, the file and the offset that a request is about."""
+        """Return the folder, the file and the offset of a request."""
         path = path_of(document.uri)
         folder = self.folder(path)
         return folder, path, self.offset(folder.scan(path), position)
 
 
 def path_of(uri: str) -> Path:
-    """Return the file that a document is of."""
+    """Return the file of a document's URI."""
     return Path(uris.to_fs_path(uri) or uri)
 
 
 def serve(catalog: Catalog, stdout: BinaryIO) -> None:
-    """Serve the editor that started this process, until it says to end.
+    """Serve the editor that started this process, until it ends.
 
     Garbage is collected when typing pauses, not in the middle of a keystroke: every check leaves a chart
-    behind. In `benchmarks/editor.py` the findings are there after 27 ms (slowest 48), with Python's own
+    behind. In `benchmarks/editor.py` the findings are there after 27 ms (slowest 48), with automatic
     collection after 40 ms (slowest 330).
     """
     gc.collect()
@@ -213,7 +213,7 @@ def serve(catalog: Catalog, stdout: BinaryIO) -> None:
 
 
 def make_server(catalog: Catalog) -> LupinServer:
-    """Return a server that knows what these plugins offer."""
+    """Return a server with the catalog of these plugins."""
     server = LupinServer(catalog)
     _watch_documents(server)
     _answer_completion(server)
@@ -348,13 +348,13 @@ def _or_refuse(work: Callable[[], _T]) -> _T:
 
 
 def _is_no_refusal(said: logging.LogRecord) -> bool:
-    """Keep out of the log what the client shows; pygls logs every error of a request with its traceback."""
+    """Filter refusals out of the log, since the client shows them; pygls would log their tracebacks."""
     error = said.exc_info[1] if said.exc_info else None
     return not isinstance(getattr(error, "__cause__", None), Refused)
 
 
 async def _watch_files(server: LupinServer) -> None:
-    """Ask the client to tell when a file is changed by something else."""
+    """Ask the client to report files changed by other programs."""
     workspace = server.client_capabilities.workspace
     watching = workspace.did_change_watched_files if workspace else None
     if watching is None or not watching.dynamic_registration:
@@ -380,7 +380,7 @@ def _symbol(server: LupinServer, text: Scan, symbol: Symbol) -> lsp.DocumentSymb
 
 
 def _fixes(server: LupinServer, uri: str, text: Scan, found: lsp.Diagnostic) -> Iterator[lsp.CodeAction]:
-    """Yield the change to the spelling that a finding offers."""
+    """Yield the quick fix for a misspelt word."""
     meant = spelling(found.message)
     if meant:
         start, end = (server.offset(text, each) for each in (found.range.start, found.range.end))

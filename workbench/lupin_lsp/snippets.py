@@ -1,7 +1,4 @@
-"""Forms to fill in and examples: what a schema offers beside the bare words.
-
-A test holds every form against the schema of the model that it stands for.
-"""
+"""Snippets and example values for the schemas; a test holds each against its model's schema."""
 
 from __future__ import annotations
 

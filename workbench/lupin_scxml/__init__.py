@@ -1,4 +1,4 @@
-"""SCXML: documents read as missions, and missions written as documents."""
+"""SCXML: imports documents as missions, and exports missions as documents."""
 
 import lazy_loader
 

@@ -1,8 +1,8 @@
-"""The executable content of an SCXML document as actions.
+"""Converts the executable content of an SCXML document to actions.
 
-What SCXML always makes an error of (a variable that nothing declares, a target that is none) is written as
-the event that it raises, `failed.execution`; as there, the rest of its block is not carried out. What fails
-when the mission runs leads to FAULT instead.
+Content that SCXML always makes an error of (an undeclared variable, an invalid target) is written as the
+event that it raises, `failed.execution`, and the rest of its block is left out, as there. Content that may
+fail at run time leads to FAULT instead.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ AfterEntry = dict[str, list[dict[str, Any]]]
 
 
 class _Broken(Exception):
-    """A <foreach> that ends by an error, with the actions up to that."""
+    """A <foreach> that ends by an error, with the actions before it."""
 
     def __init__(self, actions: list[Any]) -> None:
         super().__init__()
@@ -36,7 +36,7 @@ class _Broken(Exception):
 
 
 class Content:
-    """Makes actions of executable content."""
+    """Converts executable content."""
 
     def __init__(self, own: bool, events: Events, data: DataModel, notes: Notes) -> None:
         """Make it for one document."""
@@ -92,9 +92,9 @@ class Content:
             self._events.cut(action)
 
     def failure(self, element: Element, problem: AlwaysFails) -> list[Any]:
-        """Return the event that SCXML makes of what is always an error, if anybody hears it."""
+        """Return the event that SCXML raises for an always failing content, if anything reacts."""
         event = self._events.fails(element, problem.event)
-        self._notes.tell(
+        self._notes.note(
             element, f"{problem}: always an error, written as {event!r}; the rest of its block is left out"
         )
         heard = self._events.heard_by(event)
@@ -103,7 +103,7 @@ class Content:
     # -- what an event carries ------------------------------------------------------------------------------
 
     def params(self, element: Element, seen: Seen) -> dict[str, Any]:
-        """Return what `namelist`, the `param` elements and `content` pass."""
+        """Return the fields passed by `namelist`, the `param` elements and `content`."""
         listed = element.get("namelist").split()
         found = {field(name): f"${{ {self._data.location(name).name} }}" for name in listed}
         for param in element.all("param"):
@@ -125,12 +125,12 @@ class Content:
         return [{"raise": {"event": event, **({"with": given} if given else {})}}]
 
     def _full(self, sender: Element, event: str, given: dict[str, Any]) -> dict[str, Any]:
-        """Return what an event carries; the language wants the same fields wherever it is raised."""
+        """Return the fields of an event; the language wants the same ones wherever it is raised."""
         fields = self._events.carried(frozenset({event})) or set()
         lacking = {name: self._data.lacking(name) for name in sorted(fields - given.keys())}
         known = {name: value for name, value in lacking.items() if value is not None}
         for name, value in {} if self._own else known.items():
-            self._notes.tell(
+            self._notes.note(
                 sender, f"{event!r} carries {name} {spelled(value)} here, for it does so elsewhere"
             )
         return given if self._own else {**given, **known}
@@ -155,14 +155,14 @@ class Content:
         label, text = action.get("label").strip().rstrip(":").strip(), action.get("expr")
         try:
             meaning = self._data.read(text, seen) if text else None
-            told = "" if meaning is None else value_of(meaning)
+            shown = "" if meaning is None else value_of(meaning)
         except (CannotSay, AlwaysFails):
-            self._notes.tell(action, f"the log of {text!r} is left out")
+            self._notes.note(action, f"the log of {text!r} is left out")
             return []
-        if meaning is not None and meaning.type != "text" and not label and str(told).startswith("$"):
+        if meaning is not None and meaning.type != "text" and not label and str(shown).startswith("$"):
             label = " ".join(text.split())  # a text is wanted, and not a number alone
-        told = str(told).lower() if isinstance(told, bool) else str(told)
-        found = ": ".join(part for part in (label, told) if part)
+        shown = str(shown).lower() if isinstance(shown, bool) else str(shown)
+        found = ": ".join(part for part in (label, shown) if part)
         return [{"report.note": {"text": found}}] if found and "\n" not in found else []
 
     def _if(self, action: Element, seen: Seen, _: AfterEntry | None) -> list[Any]:
@@ -172,7 +172,7 @@ class Content:
         return found
 
     def _branches(self, cond: str, content: list[Element], seen: Seen) -> tuple[list[Any], bool]:
-        """Return an `if`, or the actions of an `else`, which has no condition; and whether any fails."""
+        """Return an `if`, or the actions of an `else`, and whether any of them always fails."""
         end = next((i for i, child in enumerate(content) if child.kind in ("elseif", "else")), len(content))
         other, fails = (
             self._branches(content[end].get("cond"), content[end + 1 :], seen)
@@ -193,7 +193,7 @@ class Content:
         return [{"if": {"guard": guard, "then": then, **({"else": other} if other else {})}}], breaks or fails
 
     def _foreach(self, action: Element, seen: Seen, _: AfterEntry | None) -> list[Any]:
-        """Write the turns one after the other; the list must be the same whenever it is gone through."""
+        """Unroll the loop; its list must be constant."""
         array, item, index = (action.get(name).strip() for name in ("array", "item", "index"))
         meaning = self._data.read(array, seen)
         if meaning.type and not meaning.type.startswith("list"):
@@ -210,7 +210,7 @@ class Content:
         counted = [(self._data.location(item).name, elements)]
         if index:
             counted.append((self._data.location(index).name, list(range(len(elements)))))
-        self._notes.tell(action, f"the turns of <foreach> over {array!r} are written one after the other")
+        self._notes.note(action, f"the turns of <foreach> over {array!r} are written one after the other")
         for turn in range(len(elements)):
             actions, fails = self._block(action.children, seen, None)
             found += [{"set": {name: values[turn] for name, values in counted}}, *actions]
@@ -226,11 +226,11 @@ class Content:
             raise CannotSay(f"<cancel> of {name!r}, which is known only when it is carried out,")
         if not regions:
             if sends and not self._own:
-                self._notes.tell_once(
+                self._notes.note_once(
                     action, "a cancel as the state is left is not written: its timers end then"
                 )
             elif not self._own:
-                self._notes.tell(action, f"cancel of {name!r}: nothing is sent under that id")
+                self._notes.note(action, f"cancel of {name!r}: nothing is sent under that id")
             return []
         for region in regions:
             region.is_stopped = True
@@ -254,16 +254,16 @@ class Content:
             raise CannotSay("a send of an event that is named when it is sent")
         event = next(iter(events.values()))
         given = self._full(send, event, given)
-        told = {"event": event, **({"with": given} if given else {})}
+        raised = {"event": event, **({"with": given} if given else {})}
         kept = []
         if send.get("idlocation"):
             kept = self._set(send.get("idlocation"), repr(send.get("id") or send.get("event")), seen)
         wanted = self.sends.wanted(send) if self.sends else "raise"
         if wanted == "raise":
             if send.get("target") != "#_internal":
-                told_once = "a send to the chart itself is a raise: dealt with before what comes from outside"
-                self._notes.tell_once(send, told_once)
-            return [*kept, *self._chosen(send.get("eventexpr"), events, told, seen)]
+                meaning = "a send to the chart itself is a raise: dealt with before what comes from outside"
+                self._notes.note_once(send, meaning)
+            return [*kept, *self._chosen(send.get("eventexpr"), events, raised, seen)]
         if wanted == "tick":
             return kept
         delay = self.delay(send, seen)
@@ -272,25 +272,25 @@ class Content:
         if after is None or wanted != "after":
             raise CannotSay("a delayed send that is no plain one of `onentry`")
         if not self._own:
-            self._notes.tell_once(
+            self._notes.note_once(
                 send, "a delayed send that its state waits for is `after`: leaving it ends it"
             )
-        after.setdefault(delay, []).append(told)
+        after.setdefault(delay, []).append(raised)
         return kept
 
     def _chosen(
-        self, variable: str, events: Mapping[str, str], told: Mapping[str, Any], seen: Seen
+        self, variable: str, events: Mapping[str, str], raised: Mapping[str, Any], seen: Seen
     ) -> list[Any]:
-        """Return what raises the event that a variable names: one `if` for each but the last."""
+        """Return actions that raise the event named by a variable: one `if` for each but the last."""
         *some, last = events.items()
-        found: list[Any] = [{"raise": {**told, "event": last[1]}}]
+        found: list[Any] = [{"raise": {**raised, "event": last[1]}}]
         for text, event in reversed(some):
             guard = self._data.condition(f"{variable} == {text!r}", seen)
-            found = [{"if": {"guard": guard, "then": [{"raise": {**told, "event": event}}], "else": found}}]
+            found = [{"if": {"guard": guard, "then": [{"raise": {**raised, "event": event}}], "else": found}}]
         return found
 
     def _elsewhere(self, send: Element) -> Exception:
-        """Return why a send cannot be said; one to nowhere is always an error."""
+        """Return why a send cannot be converted; one without a target is always an error."""
         to, kind = send.get("target"), send.get("type")
         if kind not in PROCESSORS and not _PLACE.match(kind):
             return AlwaysFails(f"{kind!r} is no type of a send")
@@ -304,10 +304,10 @@ class Content:
         return text[1:-1] if QUOTED.fullmatch(text) else f"${{ {self._data.condition(text, seen)} }}"
 
     def delay(self, send: Element, seen: Seen) -> str:
-        """Return how long a `send` waits, as the language says it.
+        """Return the delay of a `send` in the language.
 
         Raises:
-            CannotSay: it is no number of some unit and no variable with one.
+            CannotSay: it is no number with a unit, and no variable with one.
         """
         literal, computed = DelayedSends.delay(send)
         if literal or not computed:
@@ -317,13 +317,13 @@ class Content:
         return self._data.delay(computed, seen)
 
     def _started(self, send: Element, region: Region, delay: str, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what starts the clock of a region."""
+        """Return the action that starts the clock of a region."""
         for name in given:
             if name not in region.kept:
                 region.kept[name] = self._data.keep(region.event, name)
         region.delay = delay
         text = f"send of {region.event!r} after {delay} outlives its state: the region {region.name} waits"
-        self._notes.tell(
+        self._notes.note(
             send, f"{text}; a second send meanwhile starts its clock anew, where SCXML delivers both"
         )
         return {"raise": {"event": f"{region.word}.start", **({"with": dict(given)} if given else {})}}

@@ -1,8 +1,8 @@
-"""The variables of an SCXML document, and its expressions in the language.
+"""Converts the variables of an SCXML document, infers their types, and converts expressions.
 
-ECMAScript has no types, the language has: that of a variable follows from its first value, else from what is
-assigned to it. One without a value at first has that which ECMAScript takes for false (0, '', false). An
-object becomes a variable for each of its fields.
+ECMAScript has no types: a variable's is inferred from its first value, else from its assignments; of an
+unknown type it cannot be converted. One without a first value begins with that type's false (0, '', false).
+An object becomes a variable for each field.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _LOCATION = re.compile(r"[A-Za-z_$][\w$]*(\.[A-Za-z_$][\w$]*)*")
 
 
 class Given(NamedTuple):
-    """A value that a document gives a variable: where, which one, and the expression."""
+    """An assignment: the element, the variable, and the expression."""
 
     element: Element
     location: str
@@ -46,7 +46,7 @@ class Given(NamedTuple):
 
 @dataclass
 class DataItem:
-    """A variable: its name in the language, its type ('' is not known yet), and with what it begins."""
+    """A variable: its name in the language, its type ('' unknown), and its first value."""
 
     name: str
     type: str = ""
@@ -74,7 +74,7 @@ class DataModel:
     def __init__(
         self, root: Element, own: bool, events: Events, states: dict[str, str], notes: Notes
     ) -> None:
-        """Declare what a document declares; `states` are the names of states by id."""
+        """Convert the declarations; `states` are the names of states by id."""
         self._root = root
         self._own = own
         self._events = events
@@ -143,7 +143,7 @@ class DataModel:
         return self.variables[name]
 
     def _initial(self, data: Element, name: str, given: str) -> None:
-        """Give a variable its first value, or what the mission does for that as it begins."""
+        """Give a variable its first value, as a literal or by an action at the beginning."""
         variable = self.variables[name]
         variable.unsaid = ""
         if name in self._durations and QUOTED.fullmatch(given) and _DELAY.fullmatch(given[1:-1]):
@@ -187,7 +187,7 @@ class DataModel:
     # -- types ----------------------------------------------------------------------------------------------
 
     def _assignments(self) -> Iterator[Given]:
-        """Yield what a document assigns anywhere."""
+        """Yield all assignments of a document."""
         for element in self._root.every("assign", "script", "foreach", "send"):
             if element.kind == "assign":
                 yield Given(element, element.get("location").strip(), element.get("expr") or element.text)
@@ -202,7 +202,7 @@ class DataModel:
                 )
 
     def _infer(self) -> None:
-        """Learn the types of variables and of events' fields from what they are given."""
+        """Infer the types of variables and of events' fields from assigned values."""
         for element, location, expression in self._assigned:
             variable = self.variables.get(location)
             if variable is not None and not variable.type:
@@ -220,7 +220,7 @@ class DataModel:
                 self._fields[field(name)] = self._type(name, None)
 
     def _around(self, element: Element) -> Seen:
-        """Return the events that an assignment sees, as far as its transition says so."""
+        """Return the events that an assignment may see, by its transition."""
         rule = next((one for one in element.around if one.kind == "transition"), None)
         found = [self._events.seen_by(one) for one in (rule.get("event").split() if rule else ())]
         return frozenset().union(*(one or () for one in found)) or None
@@ -234,7 +234,7 @@ class DataModel:
         return found.type if found.type in _NEUTRAL or found.type.startswith("list of ") else ""
 
     def _begin(self) -> None:
-        """Say how variables without a literal begin."""
+        """Set the first values of variables without a literal."""
         for name, variable in self.variables.items():
             data = variable.declared
             if not variable.type and variable.default == []:
@@ -246,18 +246,18 @@ class DataModel:
             elif not variable.type and self._is_never_set(name):
                 variable.type = "undefined"
             elif not variable.type:
-                self._notes.tell(
+                self._notes.note(
                     data or self._root, f"the variable {name!r} never has a value; it is left out"
                 )
             elif variable.default is None:
                 variable.default = [] if variable.type.startswith("list") else _NEUTRAL[variable.type]
                 if data is not None and variable.begin is None:
-                    self._notes.tell(
+                    self._notes.note(
                         data, f"the variable {name!r} is {spelled(variable.default)} until it is set"
                     )
 
     def _is_never_set(self, name: str) -> bool:
-        """Say whether all that is assigned to a variable is undefined, or an error."""
+        """Return whether all assignments of a variable are undefined, or errors."""
         for given in self._assigned:
             if given.location == name:
                 try:
@@ -281,13 +281,13 @@ class DataModel:
         return {each.name: {"type": each.type, "default": each.default} for each in known}
 
     def beginning(self) -> list[Any]:
-        """Return the actions that give variables a first value which is no literal."""
+        """Return the actions that set first values which are no literals."""
         return [{"set": {each.name: each.begin}} for each in self._known() if each.begin is not None]
 
     # -- expressions ----------------------------------------------------------------------------------------
 
     def read(self, text: str, seen: Seen) -> Operand:
-        """Return what an expression means where an event may be seen."""
+        """Convert an expression, where these events may be seen."""
         return read(text, lambda words: self._resolve(words, seen))
 
     def _resolve(self, words: list[str], seen: Seen) -> tuple[Operand, int]:
@@ -329,7 +329,8 @@ class DataModel:
         """Return a condition of the language.
 
         Raises:
-            CannotSay, AlwaysFails: it is more than that, or nothing in any engine.
+            CannotSay: it has no equivalent.
+            AlwaysFails: it is no expression in any engine.
         """
         if self._own:
             return own_expression(text, self._states)
@@ -415,23 +416,23 @@ class DataModel:
         return variable.name
 
     def way_into(self, region: str) -> str:
-        """Return the variable that has the state with which a region is to begin; empty: as always."""
+        """Return the variable with the initial state of a region; empty: the default."""
         variable = self._add(f"{region.lower()}_begin", None)
         variable.type, variable.default = "text", ""
         return variable.name
 
     def lacking(self, name: str) -> Any:
-        """Return what stands for a field that an event is sent without; None if its type is not known."""
+        """Return the default of a field that an event is sent without; None if its type is unknown."""
         kind = self._fields.get(name, "")
         return [] if kind.startswith("list") else _NEUTRAL.get(kind)
 
     def is_changed(self, name: str) -> bool:
-        """Say whether anything assigns to a variable."""
+        """Return whether there is an assignment to a variable."""
         return any(given.location == name for given in self._assigned)
 
 
 def content_text(content: Element) -> str:
-    """Return the expression that the text of a `content` is: itself if it is a number, else a text."""
+    """Return the text of a `content` as an expression: a number, else a quoted text."""
     text = " ".join(content.text.split())
     return text if re.fullmatch(r"-?\d+(\.\d+)?", text) else repr(text)
 

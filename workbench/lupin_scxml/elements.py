@@ -1,4 +1,5 @@
-"""Parse an SCXML document into elements that know their line; a DOCTYPE, and so any entity, is refused."""
+"""Parses an SCXML document to elements with their lines; refuses a DOCTYPE (entities), and documents too
+large."""
 
 from __future__ import annotations
 
@@ -66,16 +67,16 @@ class Element:
 
 
 def _check_sizes(attributes: Mapping[str, str], line: int) -> None:
-    """Refuse attributes of which each letter and word would cost more than the one before."""
+    """Refuse attributes that are too long: converting them would take quadratic time."""
     for name, value in attributes.items():
-        told = f"line {line}: the attribute {shortened(name)!r} has"
+        problem = f"line {line}: the attribute {shortened(name)!r} has"
         if len(value) > MAX_LETTERS:
-            raise UsageError(f"{told} {len(value)} characters; {MAX_LETTERS} are the most")
+            raise UsageError(f"{problem} {len(value)} characters; {MAX_LETTERS} are the most")
         words = len(value.split()) if name in _LISTS else 0
         if words > MAX_WORDS:
-            raise UsageError(f"{told} {words} words; {MAX_WORDS} are the most")
+            raise UsageError(f"{problem} {words} words; {MAX_WORDS} are the most")
         if name == "event" and value.count(".") > MAX_WORDS:
-            raise UsageError(f"{told} {value.count('.')} dots; {MAX_WORDS} are the most")
+            raise UsageError(f"{problem} {value.count('.')} dots; {MAX_WORDS} are the most")
 
 
 def read_document(file: Path) -> bytes:

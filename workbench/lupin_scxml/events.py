@@ -1,8 +1,9 @@
-"""The events of an SCXML document: who raises them, who listens, and what an expression sees of them.
+"""Analyses the events of an SCXML document: who raises them, who reacts, and which fields expressions may
+see.
 
-A descriptor (`a`, `a.*`) is written under each event of the document that it covers, so that the order of the
-document decides. First words that the language keeps for itself get another: `error.execution` becomes
-`failed.execution`, the end of a state that is heard elsewhere `STATE_done`.
+A descriptor (`a`, `a.*`) is written under each event of the document that it matches, so that document order
+decides. First words that the language reserves are renamed: `error.execution` becomes `failed.execution`, and
+a state's done event that another state reacts to `STATE_done`.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def snake(text: str) -> str:
 
 
 def field(text: str) -> str:
-    """Return what a field of an event is called: in words of lower case, and none that expressions keep."""
+    """Return an event field's name: in snake case, and no word of expressions."""
     found = snake(text)
     return f"{found}_" if found in WORDS else found
 
@@ -55,13 +56,13 @@ def split(rule: Element) -> list[str]:
 
 
 def is_to_itself(send: Element) -> bool:
-    """Say whether a `send` goes to the document's own session."""
+    """Return whether a `send` goes to the document's own session."""
     to = send.get("target") or send.get("targetexpr")
     return to in ("", "#_internal", "'#_internal'") and send.get("type") in PROCESSORS
 
 
 def params_of(element: Element) -> set[str]:
-    """Return the fields that an event or a result carries; a `content` is the field `data`."""
+    """Return the field names of an event or a result; a `content` is the field `data`."""
     names = {field(param.get("name")) for param in element.all("param")}
     return names | set(map(field, element.get("namelist").split())) | {"data" for _ in element.all("content")}
 
@@ -70,12 +71,12 @@ class Events:
     """The events of one document."""
 
     def __init__(self, root: Element, own: bool, binding: str = "") -> None:
-        """Look through a document.
+        """Index a document.
 
         Args:
             root: the document.
             own: the engine exported it.
-            binding: the binding that tells of events which nothing in the document raises.
+            binding: the binding for events that nothing in the document raises.
         """
         self._own = own
         #: By event, what raises it; of the end of a state its `donedata`, of an error nothing.
@@ -104,9 +105,9 @@ class Events:
             for descriptor in split(rule):
                 if rule.parent is not None:
                     self.listening[self.name(descriptor)].add(rule.parent)
-        #: States whose end is heard elsewhere than in them and around them, and the event that tells of it.
-        self.told_ends = {} if own else dict(self._ends_heard_elsewhere(root))
-        for state, event in self.told_ends.items():
+        #: States to whose end another state reacts that is not around them, and the event for it.
+        self.end_events = {} if own else dict(self._ends_heard_elsewhere(root))
+        for state, event in self.end_events.items():
             self._sources[event] += [data for final in state.all("final") for data in final.all("donedata")]
         for event in sorted(self._sources):
             self._match(event)
@@ -144,20 +145,20 @@ class Events:
         return {one: self.name(one) for one in texts if one} if all(texts) else {}
 
     def sent(self, event: str) -> list[Element]:
-        """Return what raises an event."""
+        """Return the elements that raise an event."""
         return self._sources.get(event, [])
 
     def matches(self, rule: Element, event: str) -> bool:
-        """Say whether a transition is on an event, by its name or the beginning of it."""
+        """Return whether a transition's descriptor matches an event."""
         names = map(self.name, split(rule))
         return any(event == name or event.startswith(f"{name}.") for name in names)
 
     def is_sent_once(self, event: str) -> bool:
-        """Say whether there is but one place that raises an event."""
+        """Return whether only one element raises an event."""
         return len(self._sources[event]) == 1
 
     def fails(self, element: Element, event: str) -> str:
-        """Take note that something always raises an error; return the event that stands for it."""
+        """Record an element that always raises an error; return the event for it."""
         self._carried.clear()
         self.failing.add(element)
         found = self.name(event)
@@ -166,7 +167,7 @@ class Events:
         return found
 
     def cut(self, action: Element) -> None:
-        """Take note that an action is never carried out."""
+        """Record an action that is never carried out."""
         self._carried.clear()
         for element in action.every("raise", "send"):
             for name in self.raised_by(element).values():
@@ -191,9 +192,9 @@ class Events:
         return found
 
     def end(self, descriptor: str) -> str:
-        """Return the event that tells of the end of a state, where somebody elsewhere hears it; else ''."""
+        """Return the event for a state's end, where another state reacts to it; else ''."""
         state = self._states.get(descriptor.removeprefix(_DONE)) if descriptor.startswith(_DONE) else None
-        return self.told_ends.get(state, "") if state is not None else ""
+        return self.end_events.get(state, "") if state is not None else ""
 
     @property
     def all(self) -> list[str]:
@@ -201,11 +202,11 @@ class Events:
         return sorted({*self._sources, *self.outside})
 
     def original(self, event: str) -> str:
-        """Return what the document calls an event."""
+        """Return an event's name in the document."""
         return self._original.get(event, event)
 
     def matched(self, descriptor: str) -> list[str]:
-        """Return the events of the document that a descriptor covers."""
+        """Return the events of the document that a descriptor matches."""
         if self._own:
             return []
         end = self.end(descriptor)
@@ -219,7 +220,7 @@ class Events:
     # -- what an expression sees ----------------------------------------------------------------------------
 
     def seen_by(self, descriptor: str) -> Seen:
-        """Return the events that may be seen where a transition on a descriptor is taken."""
+        """Return the events that a transition with this descriptor may see."""
         if not descriptor or descriptor == "*":
             return None
         if descriptor.startswith(_DONE):
@@ -227,9 +228,9 @@ class Events:
         return frozenset(self.matched(descriptor) or {self.name(descriptor)})
 
     def seen_in(self, state: Element, ways: Sequence[Element]) -> Seen:
-        """Return the events that may be seen on entering a state to which these transitions lead.
+        """Return the events that a state's entry may see, when these transitions lead to it.
 
-        Where the document begins there is none.
+        At the beginning of the document there is none.
         """
         around = (state, *state.around)
         if not ways and all(one in outer.all(*REGIONS)[:1] for one, outer in pairwise(around)):
@@ -245,7 +246,7 @@ class Events:
         return frozenset(found) if found and not beginning else None
 
     def _senders(self, seen: Seen) -> list[Element] | None:
-        """Return what may have raised the event that is seen; None where nobody knows."""
+        """Return the elements that may have raised the seen event; None where unknown."""
         found: list[Element] = []
         for event in seen or ():
             state = self._states.get(event.removeprefix(_DONE)) if event.startswith(_DONE) else None
@@ -259,7 +260,7 @@ class Events:
         return found or None
 
     def carried(self, seen: Seen) -> set[str] | None:
-        """Return the fields that the event which is seen has, or may have; None where nobody knows."""
+        """Return the fields that the seen event may have; None where unknown."""
         if seen not in self._carried:
             senders = self._senders(seen)
             fields = [set() if sender in self.failing else params_of(sender) for sender in senders or ()]
@@ -267,7 +268,7 @@ class Events:
         return self._carried[seen]
 
     def property(self, name: str, seen: Seen) -> Operand | None:
-        """Return what `_event.NAME` is, where it is the same for all events that may be seen."""
+        """Return the value of `_event.NAME`, where it is the same for all events that may be seen."""
         if name == "name":
             names = {self.original(event) for event in seen or ()}
             return constant(names.pop()) if len(names) == 1 else None
@@ -283,8 +284,8 @@ _PROPERTIES = ("type", "sendid", "origintype", "invokeid", "origin")
 
 
 def _properties(sender: Element) -> Mapping[str, str]:
-    """Return what SCXML says of an event beside its name and data."""
+    """Return an event's properties in SCXML besides name and data."""
     if sender.kind == "send" and sender.get("target") != "#_internal":
-        told = {"type": "external", "origintype": PROCESSOR, "origin": "the session"}
-        return {**told, "sendid": sender.get("id") or sender.get("idlocation")}
+        external = {"type": "external", "origintype": PROCESSOR, "origin": "the session"}
+        return {**external, "sendid": sender.get("id") or sender.get("idlocation")}
     return {"type": "internal" if sender.kind in ("raise", "send") else "platform"}

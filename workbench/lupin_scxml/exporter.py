@@ -1,16 +1,16 @@
-"""A picture as SCXML 1.0, for other statechart tools: every state and transition of the chart, refusals too.
+"""Exports a chart as SCXML 1.0, for other statechart tools: every state and transition, refusals too.
 
-Expressions stay in the language of the chart, a small part of Python's. For what SCXML has no word, its
-extension points serve: an operation is an `invoke` of type `x-lupin`, an action is a `send` of that type, as
-is what a time of day makes; a refusal is a transition that logs its code. Holds and itineraries are comments.
-Names have hyphens instead of dots, because dots separate the parts of an event in SCXML.
+Expressions stay in the language of the chart, a small part of Python's. SCXML's extension points are used
+where it has no word: an operation is an `invoke` of type `x-lupin`, actions and times of day are `send`s of
+that type; a refusal is a transition that logs its code. Holds and itineraries are comments. Names have
+hyphens instead of dots, which separate the parts of an event in SCXML.
 
-What the machine adds to SCXML is written out: the level of an input is a condition without an event, a hold
-keeps eventless transitions back by a condition, an error that nobody handles leads to FAULT, a mission begins
-with the `initial` transition of its state, by itself or as a part; what a part is given as its `request` has
-the name of the state that uses it. A history with `resume_at`, or of several levels, becomes
-transitions that ask which child was left last (`left_STATE`). Where a `resume_at` holds in one region of a
-parallel state, its other regions begin anew in the document.
+The machine's additions to SCXML are made explicit: an input's level is a condition without an event, a hold
+blocks eventless transitions by a condition, an unhandled error leads to FAULT, a mission begins with the
+`initial` transition of its state, also an embedded one; an embedded mission's `request` is named after the
+state that uses it. A history with `resume_at`, or of several levels, becomes transitions that ask which child
+was left last (`left_STATE`). Known difference: where a `resume_at` holds in one region of a parallel state,
+the document restarts its other regions.
 """
 
 from __future__ import annotations
@@ -137,12 +137,12 @@ class _ScxmlWriter:
         return " ".join(children if parent.kind is Kind.PARALLEL else children[:1])
 
     def _begin_mission(self, state: State) -> list[str]:
-        """Return what is done when a mission begins, and not when history brings it back."""
+        """Return the actions of a mission's start, which a restore from history does not repeat."""
         variables = [name for name, v in self._chart.context.items() if v.of_mission]
         return [*self._anew(variables), *self._actions(state.entry)]
 
     def _begin_used(self, state: State) -> list[str]:
-        """Return what is done when a mission that is used as a part begins."""
+        """Return the actions of an embedded mission's start."""
         use = state.use
         if use is None:
             return []
@@ -159,15 +159,15 @@ class _ScxmlWriter:
         return [f"<assign{_attributes(location=name, expr=_written(value))}/>" for name, value in values]
 
     def _within(self, state: State, line: str) -> str:
-        """Return a line of a mission that a state uses: its `request` is what it was given there."""
+        """Return a line of an embedded mission, with its `request` renamed."""
         return line if state.use is None else _REQUEST.sub(_request(state), line)
 
     # -- history ----------------------------------------------------------------------------------------
 
     def _ways_back(self, history: State) -> Iterator[tuple[str, str]]:
-        """Yield conditions and targets of a transition to a history, of which the first that holds counts.
+        """Yield conditions and targets of a transition to a history; the first that holds counts.
 
-        As in `semantics`: the outermost state with a `resume_at` that holds, else what is remembered.
+        As in `semantics`: the outermost state with a `resume_at` that holds, else the history value.
         """
         parent, depth = self._chart.states[history.parent or ""], history.depth
         found = [
@@ -189,16 +189,16 @@ class _ScxmlWriter:
         yield "", self._begins(history)
 
     def _of_used(self, state: State) -> bool:
-        """Say whether a state stands on the way into a mission that is used, or is the first in one."""
+        """Return whether a state leads into an embedded mission, or is an initial state of one."""
         above = f"{state.name}."
         return self._is_used(state) or any(f"{name}.".startswith(above) for name in self._uses)
 
     def _is_used(self, state: State) -> bool:
-        """Say whether a state is one of a mission's first ones, which another one uses."""
+        """Return whether a state is a top state of an embedded mission."""
         return state.parent is not None and self._chart.states[state.parent].use is not None
 
     def _below(self, state: State, level: int = 0) -> Iterator[tuple[State, int]]:
-        """Yield a state and those in it, outer ones first, with how far in they are."""
+        """Yield a state and its descendants, outer ones first, with their depths."""
         yield state, level
         for child in state.children:
             if self._chart.states[child].kind is not Kind.HISTORY:
@@ -213,14 +213,14 @@ class _ScxmlWriter:
                 yield f"{left} == {_id(child)!r}"
 
     def _keep(self, state: State) -> list[str]:
-        """Return what keeps for history that a state was left."""
+        """Return the action that stores a left state for history."""
         left = self._left.get(state.parent or "")
         return [f"<assign{_attributes(location=left, expr=repr(_id(state.name)))}/>"] if left else []
 
     # -- transitions ------------------------------------------------------------------------------------
 
     def _transitions(self, state: State, rule: Transition) -> Iterator[str]:
-        """Yield a transition; one to a history may be several, of which the first that holds is taken."""
+        """Yield a transition; one to a history may become several, of which the first that holds is taken."""
         for condition, target in self._ways.get(rule.target or "", (("", _id(rule.target)),)):
             yield from self._transition(state, rule, condition, target)
 
@@ -274,7 +274,7 @@ class _ScxmlWriter:
         return (self._send(state, timer) for timer in _clocks(state))
 
     def _send(self, state: State, timer: Timer, mark: str = "") -> str:
-        """Return what sets a deadline; one that is set in two places has two ids, as XML wants it."""
+        """Return the element that sets a deadline; `mark` makes the XML id of a second one unique."""
         event = self._timer(state, timer)
         if timer.word == "at":  # SCXML knows no time of day: who has a clock sends it then
             time = {"lupin:at": _written(timer.due)}
@@ -287,7 +287,7 @@ class _ScxmlWriter:
         return f"{timer.event}.{_id(state.name)}"
 
     def _seconds(self, value: Value) -> tuple[str | None, str | None]:
-        """Return a duration as the parameters' defaults make it; else its expression."""
+        """Return a duration in seconds by the parameters' defaults; else its expression."""
         try:
             return f"{float(value.evaluate(self._defaults)):g}s", None
         except (KeyError, TypeError, ValueError, ArithmeticError, UnknownValue):
@@ -333,7 +333,7 @@ class _ScxmlWriter:
                 yield from _element("send", attributes, _params(action.arguments), always=True)
 
     def _assigned(self, action: str, name: str, value: str) -> str:
-        """Return what a variable is after an action that writes it."""
+        """Return a variable's new value after an action that writes it."""
         if action == "remove":
             return f"[each for each in {name} if each != {value}]"
         if action == "add" and self._chart.context[name].type.distinct:
@@ -348,7 +348,7 @@ _STANDARD = ("target", "guard", "actions", "internal")
 
 
 def _extensions(rule: Transition) -> dict[str, str | None]:
-    """Return what else a transition says, by the words of the language."""
+    """Return further words of a transition as attributes of our namespace."""
     said = ((part, getattr(rule, part.field)) for part in parts_of(Transition) if part.field not in _STANDARD)
     return {f"lupin:{part.word}": _text(value) for part, value in said if part.word and value is not None}
 
@@ -371,7 +371,7 @@ def _text(value: Any) -> str:
 
 
 def _request(state: State) -> str:
-    """Return what the request of the mission is called that a state uses."""
+    """Return the request's name of an embedded mission."""
     return f"request_{_id(state.name).replace('-', '_')}"
 
 

@@ -1,8 +1,10 @@
-"""Read ECMAScript as charts use it: an expression becomes one of the language, with its type.
+"""Parses ECMAScript expressions (recursive descent), as charts use them, to expressions of the language with
+types.
 
 Numbers, texts, lists, variables, arithmetic, comparisons, `&&`, `||`, `!`, `?:`, `In()`, a few of `Math` and
-`typeof x === 'undefined'`. ECMAScript takes any value for a truth value; here a number is compared with 0, a
-text with ''. A statement (`return`) is no expression in any engine: where one stands, SCXML makes an error.
+`typeof x === 'undefined'`; anything else is refused (`CannotSay`). ECMAScript takes any value for a truth
+value; here a number is compared with 0, a text with ''. A statement (`return`) is always an error, as in
+SCXML.
 """
 
 from __future__ import annotations
@@ -62,10 +64,10 @@ _ASSIGNMENT = re.compile(
 
 @dataclass
 class Operand:
-    """A part of an expression: its tree, and its type; '' is not known.
+    """A parsed part of an expression: its tree, and its type; '' is unknown.
 
-    Beside the types of the language there are `undefined`, `typeof` and `object`, which has fields. A text
-    that is put together has parts.
+    Beside the types of the language there are `undefined`, `typeof` and `object`, which has fields. A
+    concatenated text has parts.
     """
 
     node: ast.expr
@@ -83,17 +85,17 @@ Resolve = Callable[[list[str]], tuple[Operand, int]]
 
 
 def constant(value: Any) -> Operand:
-    """Return the meaning of a literal."""
+    """Return a literal as an operand."""
     if isinstance(value, bool):
         return Operand(ast.Name("true" if value else "false"), "bool")
     return Operand(ast.Constant(value), "text" if isinstance(value, str) else "number")
 
 
 def read(text: str, resolve: Resolve) -> Operand:
-    """Return what an expression means.
+    """Parse an expression.
 
     Raises:
-        CannotSay: it is more than the language's.
+        CannotSay: it has no equivalent.
         AlwaysFails: it is no expression in ECMAScript either.
     """
     if len(text) > MAX_CHARACTERS:
@@ -108,7 +110,7 @@ def read(text: str, resolve: Resolve) -> Operand:
 
 
 def truth(found: Operand) -> ast.expr:
-    """Return a value as a condition: whether ECMAScript takes it for true."""
+    """Return a value as a condition: its truth value in ECMAScript."""
     if found.parts:  # what is put together of several is seldom empty, and only then it is false
         if any(
             part.type in ("number", "bool") or (_is_text(part) and _spelled(part)) for part in found.parts
@@ -161,7 +163,7 @@ def assignments(script: str) -> Iterator[tuple[str, str]]:
 
 
 def own_expression(text: str, states: Mapping[str, str]) -> str:
-    """Return an expression of a document that the engine exported; `states` are the names of states by id.
+    """Convert an expression of a document that the engine exported; `states` are the names of states by id.
 
     Raises:
         CannotSay: it is none.
@@ -184,10 +186,10 @@ def own_expression(text: str, states: Mapping[str, str]) -> str:
 
 
 def _number(text: str) -> float:
-    """Return the number that a literal is; ECMAScript reads one that begins with 0 in eights, if it can.
+    """Return the value of a numeric literal; one that begins with 0 is octal if it can be.
 
     Raises:
-        CannotSay: no number is as large.
+        CannotSay: it is too large.
     """
     if re.fullmatch(r"0[0-7]+", text):
         found: float = int(text, 8)
@@ -221,17 +223,17 @@ def _without_sign(node: ast.expr) -> ast.expr:
 
 
 def _rounded(given: ast.expr) -> ast.expr:
-    """Return a number that is rounded as ECMAScript does: halves up; the language's go to the even one."""
+    """Return a number rounded as in ECMAScript: halves up; the language rounds them to even."""
     up = ast.BinOp(given, ast.Add(), ast.Constant(0.5))
     is_half = ast.Compare(ast.BinOp(given, ast.Mod(), ast.Constant(1)), [ast.Eq()], [ast.Constant(0.5)])
     return ast.IfExp(is_half, ast.Call(ast.Name("round"), [up], []), ast.Call(ast.Name("round"), [given], []))
 
 
 def _text_of(value: Any) -> str:
-    """Return a literal as ECMAScript puts it into a text.
+    """Return a literal as text, as in ECMAScript.
 
     Raises:
-        CannotSay: that is a number with an exponent.
+        CannotSay: it is a number with an exponent.
     """
     if isinstance(value, bool):
         return str(value).lower()
@@ -242,7 +244,7 @@ def _text_of(value: Any) -> str:
 
 
 def _known(node: ast.expr) -> bool | None:
-    """Return what a condition is that is the same whenever it is asked."""
+    """Return the value of a constant condition; None for any other one."""
     return {"true": True, "false": False}.get(node.id) if isinstance(node, ast.Name) else None
 
 
@@ -255,7 +257,7 @@ def _is_text(part: Operand) -> bool:
 
 
 class _EcmaReader:
-    """Reads by descent: each method one form, with what binds closer below it."""
+    """A recursive descent parser: one method for each level of precedence."""
 
     def __init__(self, text: str, resolve: Resolve) -> None:
         self._text = text
@@ -281,7 +283,7 @@ class _EcmaReader:
         return self._tokens[self._at][1] if self._at < len(self._tokens) else ""
 
     def _take(self, *signs: str) -> str:
-        """Return the next token and go on if it is one of these."""
+        """Consume the next token if it is one of these."""
         found = self._next
         if found not in signs or not found or self._tokens[self._at][0] in ("text", "number"):
             return ""
@@ -289,7 +291,7 @@ class _EcmaReader:
         return found
 
     def expect(self, sign: str) -> None:
-        """Go on after a sign, or with '' make sure that this is the end."""
+        """Consume a sign; with '' make sure that this is the end."""
         if not self._take(sign) if sign else self._next:
             raise self._no()
 
@@ -308,7 +310,7 @@ class _EcmaReader:
         return found
 
     def _plain(self, found: Operand) -> ast.expr:
-        """Return the tree of what can stand inside of an expression."""
+        """Return the tree of an operand that can be a part of an expression."""
         if found.parts or found.type in ("undefined", "typeof", "object"):
             raise self._no()
         return found.node
@@ -373,7 +375,7 @@ class _EcmaReader:
         return Operand(ast.Compare(one, [_COMPARISONS[sign]()], [other]), "bool")
 
     def _put_together(self, found: Operand, text: str, same: bool) -> Operand:
-        """Compare a text that is put together with a literal: in it, one part can be no literal."""
+        """Compare a concatenated text, with one part that is no literal, with a literal."""
         sides = [""]
         open_part: Operand | None = None
         for part in found.parts:
@@ -517,7 +519,7 @@ class _EcmaReader:
         return found
 
     def _field(self) -> str | None:
-        """Return the word of `.word` or `['word']` that comes next; methods of lists are read elsewhere."""
+        """Return the word of a following `.word` or `['word']`; methods of lists are parsed elsewhere."""
         ahead = self._tokens[self._at : self._at + 3]
         if len(ahead) > 1 and ahead[0][1] == "." and ahead[1][0] == "name" and ahead[1][1] != "includes":
             self._at += 2

@@ -1,11 +1,11 @@
-"""Convert an SCXML document to a mission; whatever has no equivalent is left out and noted with its line.
+"""Converts an SCXML document to a mission; parts without equivalent are left out and noted with their lines.
 
 State ids become upper case, those of final states lower case; a character that no name may have becomes `_`.
-Where the meaning differs, the nearest construct is written, and most of the time noted:
+Where the meaning differs, the nearest construct is written, and usually noted:
 
-* an `initial` that has actions, or whose target is no plain child, becomes a state `begin` with an `always`;
+* an `initial` with actions, or whose target is no direct child, becomes a state `begin` with an `always`;
 * a transition on `done.state.ID` of a descendant becomes the `on_done` of that descendant;
-* what becomes of content, sends, variables, events and targets say the modules for these.
+* for content, sends, variables, events and targets see their modules.
 
 A document that the engine itself exported has its namespace: there, names stay and its attributes are read.
 """
@@ -31,7 +31,7 @@ MAX_WRITTEN = 20_000
 class Imported(NamedTuple):
     """A mission as YAML data, the ids that were renamed, and the notes by line.
 
-    `binding` declares the events that nothing in the document raises; it is empty if there are none.
+    `binding` declares the events from outside; it is empty if there are none.
     """
 
     mission: dict[str, Any]
@@ -45,11 +45,11 @@ def from_scxml(text: bytes, name: str, binding: str = "") -> Imported:
 
     Args:
         text: the document.
-        name: what the mission is called.
-        binding: what the binding is called that tells of events from outside; without, they are as they are.
+        name: the mission's name.
+        binding: the name of a binding for events from outside; without one, they stay as they are.
 
     Raises:
-        UsageError: it is no XML, no SCXML, or beyond the bounds.
+        UsageError: it is no XML, no SCXML, or too large.
     """
     return _Importer(elements(text), OURS.strip().encode() in text, binding).mission(name)
 
@@ -61,8 +61,8 @@ class _Importer:
         self._own = own
         self._notes = Notes()
         if own:
-            told = "'lupin diagram' wrote this: the lifecycle comes in as states, without what it declares"
-            self._notes.tell(root, f"{told}; rather use the mission's own file")
+            text = "'lupin diagram' wrote this: the lifecycle comes in as states, without what it declares"
+            self._notes.note(root, f"{text}; rather use the mission's own file")
         self._names: dict[Element, str] = {}
         self._written = 0
         self._name_states(root, set())
@@ -77,7 +77,7 @@ class _Importer:
         self._content.sends = self._sends
 
     def _find_errors(self) -> None:
-        """Convert all content once, to know which of it is always an error."""
+        """Convert all content once, to find the parts that are always errors."""
         if not self._own:
             for block in self._root.every("onentry", "onexit", "transition"):
                 state = block.around[0]
@@ -105,7 +105,7 @@ class _Importer:
         return Imported({**head, **inside}, renamed, self._notes.sorted(), self._outside())
 
     def _outside(self) -> dict[str, Any]:
-        """Return a binding that tells of the events from outside."""
+        """Return a binding that declares the events from outside."""
         events = {}
         for event, fields in self._events.outside.items():
             name = event.partition(".")[2]
@@ -121,7 +121,7 @@ class _Importer:
         return self._content.block(self._root.all("script"), None)
 
     def _with_clocks(self, inside: dict[str, Any], clocks: dict[str, Any]) -> dict[str, Any]:
-        """Put what is not final into a region, and beside it one for each delay that outlives its state."""
+        """Put all but final states into a region, beside one for each delay that outlives its state."""
         finals = {self._names[final] for final in self._root.all("final")}
         states = {name: state for name, state in inside["states"].items() if name not in finals}
         chart = {**inside, "states": states}
@@ -163,7 +163,7 @@ class _Importer:
         initial = None
         if parent in self._targets.begins:
             initial = self._names[self._targets.begins[parent]]
-            self._notes.tell(
+            self._notes.note(
                 parent, f"{self._names[parent]!r} begins with {initial!r}, for nothing else begins there"
             )
         elif wanted and parent.kind != "parallel":
@@ -186,15 +186,17 @@ class _Importer:
         return _slim({"initial": initial, "states": states})
 
     def _fork(self, ids: str) -> list[Any]:
-        """Return what tells the regions of a parallel state with which child they begin."""
+        """Return the actions that choose the initial children of a parallel state's regions."""
         fork = self._targets.forks.get(" ".join(ids.split()), {})
-        told = {self._data.way_into(self._names[region]): target.get("id") for region, target in fork.items()}
-        return [{"set": told}] if told else []
+        chosen = {
+            self._data.way_into(self._names[region]): target.get("id") for region, target in fork.items()
+        }
+        return [{"set": chosen}] if chosen else []
 
     def _begin_of_fork(
         self, region: Element, ways: list[Element], otherwise: str, taken: set[str]
     ) -> tuple[str, dict[str, Any]]:
-        """Return the state with which a region begins that forks lead into, and its name."""
+        """Return the initial state of a region that forks lead into, and its name."""
         way = self._data.way_into(self._names[region])
         rules: list[Any] = [
             {
@@ -205,8 +207,8 @@ class _Importer:
             for target in ways
         ]
         name = _free("begin", taken)
-        told = f"several targets at once lead into {self._names[region]!r}: it begins with {name!r}, which"
-        self._notes.tell(region, f"{told} goes on to the one that the variable {way!r} has")
+        text = f"several targets at once lead into {self._names[region]!r}: it begins with {name!r}, which"
+        self._notes.note(region, f"{text} goes on to the one that the variable {way!r} has")
         return name, {"always": [*rules, otherwise]}
 
     def _state(self, state: Element) -> dict[str, Any]:
@@ -225,23 +227,23 @@ class _Importer:
         for element in state.all("donedata"):
             result, failed = self._result(element)
             entry += failed
-        told = self._events.told_ends.get(state.parent) if state.kind == "final" and state.parent else None
-        if told:
-            entry.append({"raise": _slim({"event": told, "with": result})})
+        event = self._events.end_events.get(state.parent) if state.kind == "final" and state.parent else None
+        if event:
+            entry.append({"raise": _slim({"event": event, "with": result})})
             result = {}
         found |= _slim({"entry": entry, "exit": leave, "result": result})
         for invoke in state.all("invoke"):
             with self._notes.or_lost(invoke):
                 found["invoke"] = self._invoke(invoke)
         if state.kind == "final" and state.parent is not None and state.parent.kind == "parallel":
-            told = "a final region: the parallel state is over as it is entered, with all its regions"
-            self._notes.tell(state, told)
+            text = "a final region: the parallel state is over as it is entered, with all its regions"
+            self._notes.note(state, text)
         for model in state.all("datamodel"):
-            self._notes.tell(model, "variables of a state are variables of the mission")
+            self._notes.note(model, "variables of a state are variables of the mission")
         return found | self._transitions(state, after)
 
     def _result(self, data: Element) -> tuple[dict[str, Any], list[Any]]:
-        """Return what an end gives, and what it raises where that is always an error."""
+        """Return an end's result, and the actions for one that is always an error."""
         try:
             with self._notes.or_lost(data):
                 return self._content.params(data, None), []
@@ -250,7 +252,7 @@ class _Importer:
         return {}, []
 
     def _history(self, state: Element) -> dict[str, Any]:
-        """Return a history, and where it does something on its first way the state that does it."""
+        """Return a history; one with actions by default leads to a state that has them."""
         name, parent = self._names[state], state.around[0]
         found: dict[str, Any] = {"type": "history", "depth": state.get("type") or "shallow"}
         states = {name: found}
@@ -289,7 +291,7 @@ class _Importer:
         """Return the transitions of a state by keyword, those of `on` and `after` also by event or delay."""
         done = f"done.state.{state.get('id')}"
         outer = [rule for around in state.around for rule in around.all("transition") if done in split(rule)]
-        if state in self._events.told_ends:
+        if state in self._events.end_events:
             outer = []
         rules: dict[tuple[str, str], list[Any]] = {}
         for rule in (*state.all("transition"), *outer):
@@ -297,12 +299,12 @@ class _Importer:
                 with self._notes.or_lost(rule):
                     self._add_rule(rules, state, rule, event, after)
         for delay, events in () if self._own else after.items():
-            rules.setdefault(("after", delay), [{"do": [{"raise": told} for told in events]}])
+            rules.setdefault(("after", delay), [{"do": [{"raise": written} for written in events]}])
         found: dict[str, Any] = {}
         for (key, name), those in sorted(rules.items(), key=lambda item: item[0][1] == "*"):
             short = [_short(rule) for rule in those]
-            told = short[0] if len(short) == 1 else short
-            found[key] = {**found.get(key, {}), name: told} if name else told
+            written = short[0] if len(short) == 1 else short
+            found[key] = {**found.get(key, {}), name: written} if name else written
         return found
 
     def _add_rule(
@@ -313,7 +315,7 @@ class _Importer:
         event: str,
         after: AfterEntry,
     ) -> None:
-        """Add what a transition does on one of its events."""
+        """Add a transition's rule for one of its events."""
         for key, name in self._places(state, event, after):
             self._written += 1
             if self._written > MAX_WRITTEN:
@@ -325,28 +327,30 @@ class _Importer:
             except AlwaysFails as problem:
                 if self._events.heard_by("failed.execution"):
                     raise CannotSay(f"a condition that is always an error ({problem})") from None
-                self._notes.tell(rule, f"a transition whose condition is an error ({problem}) is never taken")
+                self._notes.note(rule, f"a transition whose condition is an error ({problem}) is never taken")
                 return
             if said.get("guard") == "false":
-                self._notes.tell(rule, "a transition whose condition is always false is left out")
+                self._notes.note(rule, "a transition whose condition is always false is left out")
                 return
             before = rules.setdefault((key, name), [])
             if not before or before[-1].get("guard") not in (None, said.get("guard")):
                 before.append(said)
             elif event != "*":
-                self._notes.tell(rule, f"a transition on {event!r} that is never taken is left out")
+                self._notes.note(rule, f"a transition on {event!r} that is never taken is left out")
 
     def _places(self, state: Element, event: str, after: AfterEntry) -> Iterator[tuple[str, str]]:
-        """Yield each keyword, with its event or delay, under which a transition on `event` is written.
+        """Yield each keyword, with its event or delay, for a transition on `event`.
 
-        An event descriptor is written under each event that it matches, so that document order decides.
+        A descriptor is written under each event that it matches, so that document order decides.
         """
         name, own = self._events.name(event) if event else "", state.get("id")
         keywords = {"": "always", f"done.state.{own}": "on_done"}
         keywords |= {f"done.invoke.{own}-operation": "on_done", f"error.invoke.{own}-operation": "on_error"}
         if not any(one.all("final") for one in state.every("state") if one is not state):
             keywords |= dict.fromkeys(("done", "done.state"), "on_done")  # only it can be done
-        timer = next((delay for delay, told in after.items() if name in (one["event"] for one in told)), None)
+        timer = next(
+            (delay for delay, raised in after.items() if name in (one["event"] for one in raised)), None
+        )
         if self._events.end(event):
             yield "on", self._events.end(event)
         elif event in keywords:
@@ -372,16 +376,16 @@ class _Importer:
         inner = self._targets.states.get(id)
         return inner is not None and state in inner.around
 
-    def _is_only_timer(self, state: Element, event: str, told: list[dict[str, Any]]) -> bool:
-        """Say whether a delayed event is nothing but the deadline of the state that sends it."""
+    def _is_only_timer(self, state: Element, event: str, raised: list[dict[str, Any]]) -> bool:
+        """Return whether a delayed event is only the deadline of the state that sends it."""
         if self._own:
             return True
         heard = self._events.heard_by(event) | self._events.listening["*"]
-        return heard == {state} and told == [{"event": event}] and self._events.is_sent_once(event)
+        return heard == {state} and raised == [{"event": event}] and self._events.is_sent_once(event)
 
     def _any(self, state: Element, after: AfterEntry) -> Iterator[str]:
-        """Yield the events that `*` is written under: those of the document, no requests of operators."""
-        clocks = {told[0]["event"]: told for told in after.values()}
+        """Yield the events that `*` is written under: those of the document, no operator's requests."""
+        clocks = {raised[0]["event"]: raised for raised in after.values()}
         for event in self._events.all if not self._own else ["*"]:
             is_clock = event in clocks and self._is_only_timer(state, event, clocks[event])
             if not is_clock and event not in self._sends.ticks.get(state, {}):
@@ -391,8 +395,8 @@ class _Importer:
         matched = self._events.matched(event)
         if not matched or event in ("error", "error.execution", "error.*"):
             rule = next(rule for rule in state.all("transition") if event in split(rule))
-            told = f"{event!r}: what fails only when the mission runs leads to FAULT instead"
-            self._notes.tell_once(rule, told)
+            text = f"{event!r}: what fails only when the mission runs leads to FAULT instead"
+            self._notes.note_once(rule, text)
         yield from (("on", other) for other in matched)
 
     def _transition(self, state: Element, rule: Element, seen: Seen) -> dict[str, Any]:
@@ -411,7 +415,7 @@ class _Importer:
 
 
 def _short(rule: Mapping[str, Any]) -> Any:
-    """Return a transition; one that only has a target is that."""
+    """Return a transition; in short form if it only has a target."""
     found = _slim(rule)
     return found["target"] if found.keys() == {"target"} else found
 
@@ -423,5 +427,5 @@ def _free(name: str, taken: set[str]) -> str:
 
 
 def _slim(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is not empty."""
+    """Return the entries that are not empty."""
     return {key: value for key, value in given.items() if value not in (None, "", [], {})}

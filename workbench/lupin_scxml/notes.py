@@ -1,4 +1,4 @@
-"""What an import tells about the lines of a document, and why something cannot be said."""
+"""Collects an import's notes by line; two exceptions say why something cannot be converted."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class CannotSay(Exception):
 
 
 class AlwaysFails(Exception):
-    """SCXML makes an error of this whenever it is carried out; `event` is what it raises then."""
+    """SCXML makes an error of this whenever it is executed, and raises `event`."""
 
     def __init__(self, text: str, event: str = "error.execution") -> None:
         super().__init__(text)
@@ -40,21 +40,21 @@ class Notes:
         """Return all of them, by line."""
         return tuple(sorted({*self._notes, *(Note(line, text, False) for text, line in self._once.items())}))
 
-    def tell_once(self, element: Element, text: str) -> None:
-        """Say at its first line what is converted with another meaning everywhere."""
+    def note_once(self, element: Element, text: str) -> None:
+        """Note a changed meaning that concerns the whole document, at its first line."""
         self._once[text] = min(element.line, self._once.get(text, element.line))
 
-    def tell(self, element: Element, text: str) -> None:
-        """Say that something is converted with another meaning."""
+    def note(self, element: Element, text: str) -> None:
+        """Note that something is converted with another meaning."""
         self._notes.add(Note(element.line, text, False))
 
     def lose(self, element: Element, what: str) -> None:
-        """Say that something is left out."""
+        """Note that something is left out."""
         self._notes.add(Note(element.line, f"{what} cannot be said; it is left out", True))
 
     @contextmanager
     def or_lost(self, element: Element, role: str = "") -> Iterator[None]:
-        """Note what the block cannot convert, and go on after it."""
+        """Run a block; if it cannot be converted, note that it is left out."""
         try:
             yield
         except CannotSay as problem:

@@ -1,7 +1,8 @@
-"""What becomes of the sends of an SCXML document to itself: a `raise`, an `after` of a state, or a region.
+"""Decides the conversion of a document's sends to itself: a `raise`, an `after` of a state, or a region.
 
-A deadline of the language belongs to a state. A delayed `send` that may be heard after its state was left, or
-is cancelled while it is active, is a region beside the rest: an event starts its clock, another stops it.
+A deadline of the language belongs to a state. A delayed `send` whose event may come after its state was left,
+or that may be cancelled while it is active, becomes a region beside the rest, with events that start and stop
+its clock. A second send meanwhile restarts that clock, where SCXML would deliver both.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from lupin_scxml.notes import AlwaysFails, CannotSay
 
 
 class Delay(NamedTuple):
-    """How long a `send` waits: a literal, or an expression; both are empty without."""
+    """The delay of a `send`: a literal, or an expression; both are empty without one."""
 
     literal: str = ""
     computed: str = ""
@@ -28,7 +29,7 @@ class Delay(NamedTuple):
 
 @dataclass
 class Region:
-    """A clock beside the rest of the chart, and the event that it tells when it has run out."""
+    """A timer as a region beside the chart, and the event that it raises."""
 
     name: str
     word: str
@@ -42,12 +43,12 @@ class Region:
         """Return the states of the region."""
         kept = {name: f"${{ event.{param} }}" for param, name in self.kept.items()}
         fields = {param: f"${{ {name} }}" for param, name in self.kept.items()}
-        told = {"event": self.event, **({"with": fields} if fields else {})}
+        raised = {"event": self.event, **({"with": fields} if fields else {})}
         on = {f"{self.word}.start": "TICKING"} | ({f"{self.word}.stop": "IDLE"} if self.is_stopped else {})
         ticking = {
             **({"entry": [{"set": kept}]} if kept else {}),
             "on": on,
-            "after": {self.delay: {"target": "IDLE", "do": [{"raise": told}]}},
+            "after": {self.delay: {"target": "IDLE", "do": [{"raise": raised}]}},
         }
         return {
             "initial": "IDLE",
@@ -59,7 +60,7 @@ class DelayedSends:
     """The sends of one document to itself."""
 
     def __init__(self, root: Element, own: bool, events: Events) -> None:
-        """Decide what becomes of each."""
+        """Decide the conversion of each."""
         self._own = own
         self._events = events
         self._cancels: defaultdict[str, list[Element]] = defaultdict(list)
@@ -124,7 +125,7 @@ class DelayedSends:
         return Region(name.upper(), name, event)
 
     def wanted(self, send: Element) -> str:
-        """Return what a `send` becomes: `raise`, `after`, `region`, `tick`; '' is none to itself."""
+        """Return the conversion of a `send`: `raise`, `after`, `region`, `tick`; '' is none to itself."""
         events = self._events.raised_by(send)
         if not is_to_itself(send) or not events:
             return ""
@@ -146,14 +147,14 @@ class DelayedSends:
 
     @staticmethod
     def delay(send: Element) -> Delay:
-        """Return how long a `send` waits."""
+        """Return the delay of a `send`."""
         literal, computed = send.get("delay").strip(), send.get("delayexpr").strip()
         if not literal and QUOTED.fullmatch(computed):
             literal, computed = computed[1:-1], ""
         return Delay(literal, computed)
 
     def _is_overtaken(self, send: Element) -> bool:
-        """Say whether what its block does afterwards is dealt with before this external event."""
+        """Return whether later actions of its block raise internal events, which come first."""
         siblings = send.parent.children if send.parent is not None else []
         later = siblings[siblings.index(send) + 1 :] if send in siblings else []
         if self._own or send.get("target") == "#_internal":
@@ -166,23 +167,23 @@ class DelayedSends:
         )
 
     def _is_plain(self, send: Element) -> bool:
-        """Say whether what an event carries is the same whenever it is computed."""
+        """Return whether an event's fields are constant."""
         given = [param.get("expr") for param in send.all("param")]
         return not send.get("namelist") and all(map(_is_literal, given)) and not send.all("content")
 
     def stopped_by(self, cancel: Element) -> list[Element]:
-        """Return the sends that a `cancel` is about."""
+        """Return the sends that a `cancel` stops."""
         return self._sends[cancelled(cancel)] if cancelled(cancel) else []
 
 
 def cancelled(cancel: Element) -> str:
-    """Return the id of what a `cancel` is about, or the variable that has it."""
+    """Return the id in a `cancel`, or the variable that has it."""
     computed = cancel.get("sendidexpr").strip()
     return cancel.get("sendid") or (computed[1:-1] if QUOTED.fullmatch(computed) else computed)
 
 
 def _can_repeat(delay: Delay) -> bool:
-    """Say whether a delay is long enough for `every`."""
+    """Return whether a delay is long enough for `every`."""
     quantity = parse_quantity(measure(delay.literal)) if delay.literal else None
     return quantity is None or quantity[0] >= MIN_PERIOD
 

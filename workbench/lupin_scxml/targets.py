@@ -1,8 +1,7 @@
-"""Where the transitions and the beginnings of an SCXML document lead, as paths of the language.
+"""Converts targets of transitions and initial states to paths of the language.
 
-A target of several states at once becomes the parallel state that they stand in. Where they are not what it
-begins with, its regions begin with them, if nothing else begins there; else it is a fork, of which variables
-tell the regions.
+Several targets at once become their parallel state: if they are its initial states, or can be made so, it is
+entered as such; else the transition is a fork, and variables choose the regions' initial states.
 """
 
 from __future__ import annotations
@@ -15,15 +14,15 @@ from lupin_scxml.notes import CannotSay
 
 
 def first_way(parent: Element) -> Element | None:
-    """Return the transition that a state begins with, if its document says so with an `initial` element."""
+    """Return a state's initial transition, if its document has an `initial` element."""
     return next((rule for each in parent.all("initial") for rule in each.all("transition")), None)
 
 
 class Targets:
-    """The states that can be led to in one document."""
+    """All targets of one document."""
 
     def __init__(self, root: Element, names: Mapping[Element, str]) -> None:
-        """Look through a document whose states have these names."""
+        """Index a document whose states have these names."""
         self._names = names
         self.states = {state.get("id"): state for state in names if state.get("id")}
         #: By state, the transitions that lead to it.
@@ -52,7 +51,7 @@ class Targets:
     # -- several at once ------------------------------------------------------------------------------------
 
     def begun(self, state: Element) -> Iterator[Element]:
-        """Yield a state and all that begins with it."""
+        """Yield a state and all that are entered with it by default."""
         yield state
         children, wanted = state.all(*REGIONS), _beginning(state)
         if state.kind != "parallel" and wanted:
@@ -62,7 +61,7 @@ class Targets:
             yield from self._led_to(child, state)
 
     def _led_to(self, target: Element, source: Element | None = None) -> Iterator[Element]:
-        """Yield what is entered with a target, from `source` on."""
+        """Yield the states that are entered with a target, from `source` on."""
         yield from self.begun(target)
         inner = target
         for around in target.around:
@@ -76,7 +75,7 @@ class Targets:
             inner = around
 
     def _parallel(self, ids: str) -> tuple[list[Element], Element | None]:
-        """Return several targets, and the parallel state in which they stand, if there is one."""
+        """Return several targets, and their parallel state, if there is one."""
         targets = [self.states[one] for one in ids.split() if one in self.states]
         shared = (
             [one for one in targets[0].around if all(one in each.around for each in targets)]
@@ -95,7 +94,7 @@ class Targets:
             self._together[ids] = whole
 
     def forked_to(self, region: Element) -> list[Element]:
-        """Return the states with which a region begins where a fork says so."""
+        """Return a region's initial states by forks."""
         return list(dict.fromkeys(fork[region] for fork in self.forks.values() if region in fork))
 
     def _begin_together(self, ids: str, begun: set[Element]) -> None:
@@ -117,7 +116,7 @@ class Targets:
         self._together[ids] = whole
 
     def together(self, ids: str) -> Element | None:
-        """Return the parallel state that several targets are the beginning of."""
+        """Return the parallel state whose initial states several targets are."""
         wanted = {self.states.get(one) for one in ids.split()}
         parents = {state.parent if state else None for state in wanted}
         whole = parents.pop() if len(parents) == 1 else None
@@ -150,7 +149,7 @@ class Targets:
 
 
 def _beginning(state: Element) -> str:
-    """Return what a state begins with, or where a transition leads."""
+    """Return a state's initial targets, or a transition's targets."""
     rule = first_way(state)
     found = state.get("target") or (rule.get("target") if rule is not None else "") or state.get("initial")
     return " ".join(found.split())

@@ -170,7 +170,7 @@ class Campaign:
         into.relevant.update(monitor.relevant)
         into.relevant[STANDSTILL] += len(simulation.steps)
         self._count(simulation.steps, seed, into)
-        for name, text, step in monitor.told:
+        for name, text, step in monitor.found:
             into.violated[name] += 1
             number = step.sequence if step is not None else len(simulation.steps)
             text = text.replace(*self.folders) if self.folders[0] else text

@@ -20,10 +20,7 @@ _LeadingOut = tuple[list[tuple[int, int]], list[tuple[int, int]]]
 
 @dataclass
 class Effort:
-    """What may still be spent on better ranks, in edges that pivots look at.
-
-    It is counted, not timed, so that a graph has the same ranks wherever they are computed.
-    """
+    """A budget for better ranks, in edges looked at: counted, not timed, so deterministic."""
 
     left: int
 
@@ -41,8 +38,8 @@ class Edge:
 def solve(count: int, edges: Iterable[Edge], effort: Effort) -> list[int]:
     """Return an optimal rank for each of `count` nodes; the least rank is 0.
 
-    The edges must form no cycle. A component that no edge connects to the rest begins at 0. When the effort
-    is spent, ranks are what they are by then: as long as edges require, but the edges may be longer.
+    The edges must be acyclic. A component without connection to the rest begins at 0. When the effort is
+    spent, the present ranks are returned: feasible, but edges may be longer than needed.
     """
     return _Network(count, list(edges)).solve(effort) if count else []
 

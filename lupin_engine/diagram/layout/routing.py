@@ -71,7 +71,7 @@ def _order(nets: Sequence[ChannelNet], moving: Sequence[int]) -> list[int]:
 
 
 def _regret(upper: ChannelNet, lower: ChannelNet) -> int:
-    """Return what it costs that one runs above the other, and not below."""
+    """Return the cost of running one above the other, less that of the opposite."""
     if not _conflict(upper, lower):
         return 0
     return _cost(upper, lower) - _cost(lower, upper)

@@ -1,4 +1,4 @@
-"""The operations of the calibration's chart, as data; only the arm's own process executes them."""
+"""The catalog of the calibration chart's operations; only the arm's own process executes them."""
 
 from __future__ import annotations
 

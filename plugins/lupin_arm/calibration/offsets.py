@@ -1,10 +1,8 @@
-"""The computation of a calibration: a servo's new offset from its position and its present offset.
+"""Computes a servo's new offset from its position and its present offset, and refuses implausible ones.
 
-Units. A servo tells its position in counts of a hundredth of a degree: the limits that were measured on the
-robot are (count - home) / 100 degrees. Offsets are told and written in hundredths of a degree as well, so
-counts and offsets add up as they are. In the servo itself an offset is a number of steps from -125 to 125,
-and a step is 24 hundredths of a degree: that is why no offset can be more than 30 degrees, and where the
-numbers 24 and 125 of older programs come from. They said nothing about how much an arm may be off.
+Positions are in counts of 1/100 degree: the limits measured on the robot are (count - home) / 100 degrees.
+Offsets are in 1/100 degree as well, so both add up directly. The servo stores an offset as -125 to 125 steps
+of 24/100 degree, so none exceeds 30 degrees; older programs' numbers 24 and 125 are these, not a tolerance.
 """
 
 from __future__ import annotations
@@ -32,9 +30,8 @@ SMALL = 200
 class Correction:
     """The correction of a servo.
 
-    `difference` is how far it stands from its home, in hundredths of a degree, and what it has for an offset:
-    together the offset that it needs. `refused` says why nothing is written, '' where something is, or where
-    it is `in_place` already.
+    `difference` is its distance from home in 1/100 degree plus its present offset: the offset that it needs.
+    `refused` says why it is not written; '' where it is, or where the servo is `in_place` already.
     """
 
     joint: str
@@ -47,8 +44,8 @@ def corrections(counts: Mapping[str, int], offsets: Mapping[str, int], largest: 
     """Return the correction of each servo at its position in `counts`.
 
     Args:
-        counts: where every servo stands while its joint is held at zero.
-        offsets: what every servo has for an offset; one that could not be read is left out.
+        counts: the position of every servo while its joint is held at zero.
+        offsets: the present offset of every servo; one that could not be read is missing.
         largest: the largest offset that may be written, in radians.
     """
     return [_correction(joint, counts[joint], offsets.get(joint), largest) for joint in HOMES]
@@ -68,11 +65,11 @@ def _correction(joint: str, count: int, offset: int | None, largest: float) -> C
 
 
 def to_write(found: Iterable[Correction], before: Mapping[str, int]) -> dict[str, int]:
-    """Return the offsets to write: the new ones, and the present one of a servo that stays uncorrected."""
+    """Return the offsets to write: new ones, and the old offset of a servo that is not corrected."""
     moved = (one for one in found if not one.in_place)
     return {one.joint: before.get(one.joint, 0) if one.refused else one.difference for one in moved}
 
 
 def refusals(found: Iterable[Correction]) -> str:
-    """Return which servos cannot be corrected and why, '' when all can."""
+    """Return which servos cannot be corrected and why; '' when all can."""
     return "; ".join(f"{one.joint}: {one.refused}" for one in found if one.refused)

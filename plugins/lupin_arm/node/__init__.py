@@ -1,4 +1,4 @@
-"""The node `lupin_arm`: presets, sliders, library and calibration of the arm, which only it commands."""
+"""The node `lupin_arm`: presets, sliders, library and calibration of the arm; no other node commands it."""
 
 from __future__ import annotations
 

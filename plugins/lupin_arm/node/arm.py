@@ -1,8 +1,8 @@
-"""The arm: the only module that commands it, and the arbiter of who may.
+"""The arm's controller: the only module that commands the arm, and the arbiter between its users.
 
-Presets, sliders, the library and the calibration go through it. Nothing is sent while the emergency stop is
-engaged, while the servos are off, while another owner has claimed the arm, or before its position is known;
-and nothing outside the limits.
+Presets, sliders, library and calibration go through `Arm`. It refuses to move the arm while the emergency
+stop is engaged, the servos are off, another owner has a claim, or the position is unknown, and it refuses
+motions outside the limits. A stop ends the motion; it does not resume.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ HOLD_S = 0.3
 
 @dataclass(frozen=True)
 class _ArmMotion:
-    """The motion that was sent last; without an owner it only holds the arm in place."""
+    """The last motion that was sent; without an owner it only holds the arm in place."""
 
     trajectory: Trajectory
     start: Pose
@@ -46,11 +46,11 @@ class _ArmMotion:
         return self.trajectory.at(now - self.began, self.start)
 
     def under_way(self, now: float) -> bool:
-        """Whether the arm may still be moving."""
+        """Return whether the arm may still be moving."""
         return now - self.began < self.trajectory.duration + SETTLE_S
 
     def on_the_way(self, joint: int, angle: float) -> bool:
-        """Whether a joint is at some point of this motion."""
+        """Return whether a joint's angle is within the range of this motion."""
         passed = [self.start[joint], *(point.pose[joint] for point in self.trajectory.points)]
         return min(passed) - START_TOLERANCE <= angle <= max(passed) + START_TOLERANCE
 
@@ -65,7 +65,7 @@ class _Claim:
 
 
 class Arm:
-    """The arm and its jaw over ROS. Owners are names of who asks, such as `preset`."""
+    """The arm and its jaw over ROS. An owner is a user's name, such as `preset`."""
 
     def __init__(self, ros: RosNode, parameters: Mapping[str, Any]) -> None:
         self._ros = ros
@@ -91,28 +91,28 @@ class Arm:
 
     @property
     def stopped(self) -> bool:
-        """Whether the emergency stop is engaged, or should be told and is not."""
+        """Whether the emergency stop is engaged, or counts so because it is silent."""
         return self._estop.engaged
 
     # --- where it is --------------------------------------------------------------------------------------
 
     def pose(self) -> Pose | None:
-        """Return where the arm is, in radians; None while that has not been told just now."""
+        """Return the measured pose in radians; None without one in the last 0.5 s."""
         return self._feedback.pose()
 
     def jaw(self) -> float | None:
-        """Return the angle of the jaw's joint, in radians; None while it has not been told just now."""
+        """Return the measured angle of the jaw's joint in radians; None without one in the last 0.5 s."""
         return self._feedback.jaw()
 
     def listen(self, listener: Listener) -> None:
-        """Call `listener(stamp, pose, jaw)` whenever it is told where the arm is."""
+        """Call `listener(stamp, pose, jaw)` with each measurement."""
         self._feedback.listen(listener)
 
     def here(self, owner: str) -> Pose:
-        """Return where a motion of `owner` begins: where the arm is, or should be while that is not told.
+        """Return where a motion of `owner` begins: the measured pose, else the commanded one.
 
         Raises:
-            Refused: he may not move it, or nothing is known of it.
+            ArmRequestRefused: the owner may not move the arm, or nothing is known of it.
         """
         reason = self.refusal(owner)
         if reason is not None:
@@ -121,12 +121,12 @@ class Arm:
         return self.pose() or self._should_be()
 
     def commanded(self) -> Pose:
-        """Return the pose that the arm is to keep or to reach.
+        """Return the pose that the arm keeps or moves to.
 
-        A joint that is elsewhere, because somebody has moved it, is to stay where it is.
+        A joint that was moved by hand keeps its measured angle.
 
         Raises:
-            Refused: nothing is known of the arm.
+            ArmRequestRefused: nothing is known of the arm.
         """
         self.must_be_known()
         motion, pose = self._motion, self.pose()
@@ -153,13 +153,14 @@ class Arm:
     # --- who may move it ----------------------------------------------------------------------------------
 
     def claim(self, owner: str, what: str, interrupted: Callable[[str], None]) -> None:
-        """Have the arm for `owner` alone until `release`; `what` tells the others why they may not.
+        """Reserve the arm for `owner` until `release`; `what` is the reason that others are given.
 
-        `interrupted(reason)` comes when the emergency stop is engaged meanwhile, or when the arm was lost
-        and is back: the arm has been stopped; what becomes of the claim is the owner's business.
+        `interrupted(reason)` is called when the emergency stop is engaged, or the arm was lost and is back.
+        The arm has stopped then; the claim stays until its owner releases it.
 
         Raises:
-            Refused: somebody else has it, the emergency stop is engaged, or servos are being switched.
+            ArmRequestRefused: another owner has a claim, the emergency stop is engaged, or servos are being
+                switched.
         """
         reason = self._estop.reason or self._claim_reason(owner) or self._switching_reason()
         if reason is not None:
@@ -167,12 +168,12 @@ class Arm:
         self._claim = _Claim(owner, what, interrupted)
 
     def release(self, owner: str) -> None:
-        """Let others have the arm; nothing happens to somebody else's claim."""
+        """End a claim; does nothing to another owner's."""
         if self._claim is not None and self._claim.owner == owner:
             self._claim = None
 
     def refusal(self, owner: str) -> str | None:
-        """Say why `owner` may not move anything now; None if he may."""
+        """Return why `owner` may not move the arm now; None if it may."""
         reason = self._estop.reason or self._claim_reason(owner) or self._switching_reason()
         return reason or self._torque_reason()
 
@@ -189,10 +190,10 @@ class Arm:
         return None
 
     def must_be_known(self) -> None:
-        """Let something be done for which it must be known where the arm is.
+        """Check that the position of the arm is known.
 
         Raises:
-            Refused: nothing is known of it.
+            ArmRequestRefused: it is not.
         """
         if self._ros.elapsed() - self._heard <= LOST_S:
             return
@@ -210,7 +211,7 @@ class Arm:
         """Replace the present motion of the arm.
 
         Raises:
-            Refused: it may not, or the motion is outside the limits; nothing was sent.
+            ArmRequestRefused: `owner` may not move it, or the motion is outside the limits; nothing was sent.
         """
         reason = trajectory.problem(self.here(owner))
         if reason is not None:
@@ -229,7 +230,7 @@ class Arm:
             self._publish(_stay(self.pose() or self._should_be(), seconds))
 
     def halt(self, reason: str) -> None:
-        """Stop what is under way, because who wanted it is gone; an arm at rest is left alone."""
+        """Stop a motion that has an owner, since whoever wanted it is gone; an arm at rest is left alone."""
         if self._motion is None or not self._motion.owner or not self._motion.under_way(self._ros.elapsed()):
             return
         self._ros.log.warning("the arm stops", reason=reason)
@@ -240,7 +241,7 @@ class Arm:
         """Send the jaw to an angle of its joint, in radians; `done(None)` when sent, else `done(reason)`.
 
         Raises:
-            Refused: it may not be moved, or not there; nothing was sent, `done` does not come.
+            ArmRequestRefused: it may not be moved, or not to there; nothing was sent, `done` is not called.
         """
         reason = self.refusal(owner)
         if reason is None and not JAW_OPEN <= angle <= JAW_CLOSED:
@@ -259,7 +260,7 @@ class Arm:
         self._trajectories.publish(_message(trajectory))
 
     def _pin(self) -> bool:
-        """Make where the arm is its target, so that an older one is forgotten; False if that is not told."""
+        """Command the measured pose, which replaces older targets; return False where none is measured."""
         pose = self.pose()
         if pose is not None:
             self._publish(_stay(pose, FIRST_POINT_S))
@@ -269,15 +270,15 @@ class Arm:
 
     @property
     def torque(self) -> bool | None:
-        """Whether the servos are on, as was confirmed last; None before that."""
+        """Whether the servos are on, as last confirmed; None before."""
         return self._torque.state
 
     def set_torque(self, on: bool, owner: str, done: Done) -> None:
         """Switch the servos on or off; `done(None)` when that is confirmed, else `done(reason)`.
 
         Raises:
-            Refused: somebody else has the arm; or, for on, the emergency stop is engaged, or it is not known
-                where the arm is, so that it might jump.
+            ArmRequestRefused: another owner has a claim; or, for on, the emergency stop is engaged, or the
+                position is unknown, so that the arm might jump.
         """
         reason = (self._estop.reason if on else None) or self._claim_reason(owner)
         if reason is not None:
@@ -286,7 +287,7 @@ class Arm:
             self.must_be_known()
         self._torque.set(on, done)
 
-    # --- what is told -------------------------------------------------------------------------------------
+    # --- feedback and stop --------------------------------------------------------------------------------
 
     def _on_feedback(self, _stamp: float, _pose: Pose, _jaw: float | None) -> None:
         now = self._ros.elapsed()
@@ -303,7 +304,7 @@ class Arm:
             self._claim.interrupted(reason)
 
     def _stop(self, state: StopState) -> None:
-        """Stop, or let go of what was stopped."""
+        """Hold the arm when the stop is engaged; a release moves nothing."""
         before, self._was_stopped = self._was_stopped, state.engaged
         if before == state.engaged:
             return
@@ -317,7 +318,7 @@ class Arm:
 
 
 def _stay(pose: Pose, seconds: float) -> Trajectory:
-    """Return the motion that is none: what the servos reach of a pose, also beyond what may be commanded."""
+    """Return a motion that stays at a pose, clamped to what the servos reach."""
     return Trajectory((Point(reach_pose(pose), seconds),))
 
 

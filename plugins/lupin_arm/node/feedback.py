@@ -1,4 +1,4 @@
-"""The measured position of the arm, from `/joint_states`, which also has the wheels."""
+"""Measured joint angles, from `/joint_states`; angles older than 0.5 s count as unknown."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NAMES = frozenset((*(joint.state_name for joint in ARM), JAW))
 
 
 class Feedback:
-    """The last angles of the arm's joints and of the jaw; others are ignored."""
+    """The last angles of the arm's joints and of the jaw; impossible angles are ignored."""
 
     def __init__(self, ros: RosNode, topic: str) -> None:
         self._ros = ros
@@ -32,15 +32,15 @@ class Feedback:
         ros.subscribe(JointState, topic, Qos.DETECTION, self._on_states)
 
     def listen(self, listener: Listener) -> None:
-        """Call `listener` with every message that has something of the arm, once all of it is known."""
+        """Call `listener` with every message that has a joint of the arm, once all joints are known."""
         self._listeners.append(listener)
 
     def pose(self) -> Pose | None:
-        """Return where the arm is; None while a joint has not been heard of just now."""
+        """Return the pose; None where an angle is missing or too old."""
         return read_pose(self._fresh())
 
     def jaw(self) -> float | None:
-        """Return the angle of the jaw's joint; None while it has not been heard of just now."""
+        """Return the angle of the jaw's joint; None where it is missing or too old."""
         return self._fresh().get(JAW)
 
     def _fresh(self) -> dict[str, float]:
@@ -48,8 +48,8 @@ class Feedback:
         return {name: angle for name, angle in self._angles.items() if now - self._seen[name] <= FRESH_S}
 
     def _on_states(self, message: JointState) -> None:
-        told = zip(message.name, message.position, strict=False)  # a driver may leave positions out
-        found = {name: angle for name, angle in told if name in _NAMES and self._is_angle(name, angle)}
+        reported = zip(message.name, message.position, strict=False)  # a driver may leave positions out
+        found = {name: angle for name, angle in reported if name in _NAMES and self._is_angle(name, angle)}
         now = self._ros.elapsed()
         self._angles.update(found)
         self._seen.update(dict.fromkeys(found, now))
@@ -60,7 +60,7 @@ class Feedback:
                 listener(stamp or self._ros.now(), pose, self.jaw())
 
     def _is_angle(self, name: str, angle: float) -> bool:
-        """Whether a joint can have this angle; an impossible one must not become a target."""
+        """Return whether a joint can have this angle: an impossible one must not become a target."""
         if abs(angle) <= FARTHEST:
             return True
         if name not in self._strange:

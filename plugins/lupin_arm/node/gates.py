@@ -1,6 +1,6 @@
-"""What must hold before the arm may do certain things: real servos, and no mission under way.
+"""Preconditions of some requests: real servos, and no active mission.
 
-A calibration makes no sense in a simulation; an operator's sequences must not move the arm of a robot that
+A simulation has nothing to calibrate; and an operator's sequences must not move the arm of a robot that
 drives by itself.
 """
 
@@ -23,10 +23,10 @@ SIGN = f"{SERVOS}/shoulder_lift/_set_offset"
 
 
 class HardwareGate:
-    """The gate of what needs real servos."""
+    """Whether the servos are real."""
 
     def __init__(self, ros: RosNode, said: str) -> None:
-        """`said` is the parameter: real, simulated, or auto: real where the servos' own services are."""
+        """`said` is the parameter: real, simulated, or auto (real if the vendor's service `SIGN` exists)."""
         self._said = said
         self._sign = ros.service(SetServoOffset, SIGN) if said == "auto" else None
 
@@ -36,10 +36,10 @@ class HardwareGate:
         return self._said == "real" if self._sign is None else self._sign.ready()
 
     def require(self, what: str) -> None:
-        """Refuse `what` where there are no real servos.
+        """Refuse `what` without real servos.
 
         Raises:
-            Refused: this is a simulation, or the robot's drivers are not up.
+            ArmRequestRefused: this is a simulation, or the robot's drivers are not up.
         """
         if self.present:
             return
@@ -48,10 +48,10 @@ class HardwareGate:
 
 
 class MissionGate:
-    """Listens to the orchestrator; `began(reason)` is called when a mission has begun."""
+    """Whether a mission is active, by the orchestrator's published state."""
 
     def __init__(self, ros: RosNode, topic: str, watchdog: SilenceWatchdog) -> None:
-        """`watchdog` is told all that is heard."""
+        """`watchdog` gets every message."""
         self._ros = ros
         self._watchdog = watchdog
         self._state = ""
@@ -64,7 +64,7 @@ class MissionGate:
         self._listeners.append(began)
 
     def refusal(self) -> str | None:
-        """Say why the arm is not to be moved by hand now; None while no mission runs."""
+        """Return why the arm may not be moved by hand now; None while no mission is active."""
         fresh = self._ros.elapsed() - self._heard <= SILENCE_S
         if fresh and is_under_way(self._state):
             return f"a mission is running ({self._state}); abort it or wait for its end"
@@ -81,16 +81,16 @@ class MissionGate:
 
 
 class Gates(NamedTuple):
-    """What must be so for a calibration: real servos, and no mission that moves the robot."""
+    """The preconditions of a calibration."""
 
     hardware: HardwareGate
     mission: MissionGate
 
     def require(self) -> None:
-        """Let a calibration begin.
+        """Check them.
 
         Raises:
-            Refused: this is a simulation, or a mission is running.
+            ArmRequestRefused: this is a simulation, or a mission is active.
         """
         self.hardware.require("calibration")
         reason = self.mission.refusal()

@@ -1,4 +1,4 @@
-"""The jaw: goals for its controller. The vendor's own service must not be used beside it, the two fight."""
+"""Sends goals to the jaw's action server. The vendor's own service must not be used beside it: both fight."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class Gripper:
         self._stops = 0
 
     def move(self, angle: float, refusal: Callable[[], str | None], done: Done) -> None:
-        """Send the jaw to an angle of its joint; `done` when that is sent, or with the reason why not.
+        """Send the jaw to an angle of its joint; `done(None)` when sent, else `done(reason)`.
 
-        The controller is waited for; `refusal` says then whether the jaw may still be moved. Meanwhile it
-        can be stopped, as if it was under way.
+        It waits up to `PATIENCE_S` for the server; `refusal` is asked again then. `stop` drops a waiting
+        command.
         """
         stops = self._stops
 
@@ -47,7 +47,7 @@ class Gripper:
         when_ready(self._ros, self._action.ready, PATIENCE_S, found)
 
     def stop(self) -> None:
-        """Stop the jaw; a command that waits for the controller is dropped."""
+        """Stop the jaw; a command that waits for the server is dropped."""
         self._stops += 1
         if self._goal is not None:
             self._cancelling = True

@@ -1,4 +1,4 @@
-"""The services of the library: its entries, recordings, replays, and what is going on."""
+"""The services of the library: its entries, recordings, replays, and its published state."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ from lupin_ros.adapter import Qos, RosNode
 #: The name under which saved poses move the arm.
 OWNER = "library"
 BASE = "/lupin/arm/library"
-#: Seconds that a move to a saved pose takes, longer where it is far; and between two states that are told.
-MOVE_S, TOLD_EVERY_S = 3.0, 0.2
+#: Seconds that a move to a saved pose takes, longer where it is far; and between two published states.
+MOVE_S, PUBLISH_EVERY_S = 3.0, 0.2
 
 #: The exceptions whose text is the answer to a request.
 PROBLEMS = (ArmRequestRefused, NotInLibrary, StoreFailed)
@@ -47,13 +47,13 @@ ACTIONS = ("start", "save", "cancel")
 
 
 class LibraryServer:
-    """The services of the library; one of them at a time moves the arm."""
+    """The services of the library; only one of them moves the arm at a time."""
 
     def __init__(self, ros: RosNode, arm: Arm, mission: MissionGate, path: Path) -> None:
         self._ros = ros
         self._arm = arm
         self._library = Library(path)
-        self._told: list[str] = []
+        self._logged: list[str] = []
         self._mission = mission
         self._player = Player(ros, arm)
         self._recorder = Recorder(ros, arm, self._library, _now)
@@ -62,8 +62,8 @@ class LibraryServer:
         self._states = ros.publisher(String, f"{BASE}/state", Qos.LATCHED)
         self._mission.listen(self._mission_began)
         self._serve()
-        ros.steady_timer(TOLD_EVERY_S, self._tell)
-        self._tell()
+        ros.steady_timer(PUBLISH_EVERY_S, self._publish_state)
+        self._publish_state()
         ros.log.info("arm library ready", file=str(self._library.path))
 
     def _serve(self) -> None:
@@ -91,13 +91,13 @@ class LibraryServer:
         return response
 
     def _notices(self) -> dict[str, list[str]]:
-        """Return what people should know, under its key; nothing when there is nothing."""
-        told = [*self._library.notices, *filter(None, [self._recorder.notice()])]
-        for notice in told:
-            if notice not in self._told:
-                self._told.append(notice)
+        """Return the notices for people under their key; log new ones."""
+        notices = [*self._library.notices, *filter(None, [self._recorder.notice()])]
+        for notice in notices:
+            if notice not in self._logged:
+                self._logged.append(notice)
                 self._ros.log.error(notice)
-        return {"notices": told} if told else {}
+        return {"notices": notices} if notices else {}
 
     def _save_pose(self, request: SaveArmPose.Request) -> str:
         if request.from_current:
@@ -138,7 +138,7 @@ class LibraryServer:
             raise
 
     def _went(self, name: str, pose: StoredPose, problem: str) -> tuple[str | None, str]:
-        """Send the arm to a pose now that it has torque; return the problem, or None and what to say."""
+        """Send the arm to a pose now that it has torque; return the problem, or None and a message."""
         if problem:
             return problem, ""
         try:
@@ -186,7 +186,7 @@ class LibraryServer:
             answer(None, "there was nothing to stop")
 
     def _stop_moving(self, reason: str) -> bool:
-        """Let an arm that moves to a saved pose, or is about to, stay where it is; whether there was one."""
+        """End a move to a saved pose, or one that waits for torque; return whether there was one."""
         if self._waits:
             self._called_off = reason
         elif self._arm.moves(OWNER):
@@ -208,7 +208,7 @@ class LibraryServer:
         response: ArmRecord.Response,
         answer: Callable[[ArmRecord.Response], None],
     ) -> None:
-        def told(result: RecorderResult) -> None:
+        def reply(result: RecorderResult) -> None:
             response.success, response.message = result.success, result.message
             if result.sequence is not None:
                 response.duration_s = result.sequence.duration_s
@@ -216,9 +216,9 @@ class LibraryServer:
             answer(response)
 
         try:
-            self._recorded(request, told)
+            self._recorded(request, reply)
         except PROBLEMS as reason:
-            told(RecorderResult(False, str(reason)))
+            reply(RecorderResult(False, str(reason)))
 
     def _recorded(self, request: ArmRecord.Request, answer: Callable[[RecorderResult], None]) -> None:
         action = request.action.strip().lower()
@@ -240,11 +240,11 @@ class LibraryServer:
 
     # --- what is going on ---------------------------------------------------------------------------------
 
-    def _tell(self) -> None:
+    def _publish_state(self) -> None:
         self._states.publish(String(data=json.dumps(self.state())))
 
     def state(self) -> dict[str, Any]:
-        """Return what is published."""
+        """Return the published state."""
         player, recorder = self._player, self._recorder
         played, duration = player.sequence, player.duration
         progress = min(player.elapsed / duration, 1.0) if duration else 0.0
@@ -268,19 +268,19 @@ def serve_library(ros: RosNode, arm: Arm, mission: MissionGate, given_path: str)
 
 
 def library_path(given: str) -> Path:
-    """Return the file of the library: the given one, else one among the user's settings."""
+    """Return the file of the library: the given one, else one in the user's configuration."""
     if given:
         return Path(os.path.expanduser(given))
     return user_folder("XDG_CONFIG_HOME", ".config") / "arm_library.json"
 
 
 def _now() -> str:
-    """Return the time as entries of the library have it: the wall clock's, for people."""
+    """Return the wall clock's time, as in entries of the library."""
     return datetime.now(timezone.utc).isoformat(timespec="seconds")
 
 
 def _answering(do: Callable[[Any], str]) -> Callable[[Any, Any], Any]:
-    """Return a service that does something and says what, or why not."""
+    """Return a service that answers with the text of `do`, or with its refusal."""
 
     def answer(request: Any, response: Any) -> Any:
         try:
@@ -296,17 +296,17 @@ def _answering(do: Callable[[Any], str]) -> Callable[[Any, Any], Any]:
 def _answering_later(
     do: Callable[[Any, Callable[[str | None, str], None]], None],
 ) -> Callable[[Any, Any, Callable[[Any], None]], None]:
-    """Return a service that answers when `do` says: with a problem, or with None and what was done."""
+    """Return a service that answers when `do` calls back: with a problem, or with None and a text."""
 
     def serve_it(request: Any, response: Any, answer: Callable[[Any], None]) -> None:
-        def told(problem: str | None, done: str = "") -> None:
+        def reply(problem: str | None, done: str = "") -> None:
             response.success, response.message = problem is None, done if problem is None else problem
             answer(response)
 
         try:
-            do(request, told)
+            do(request, reply)
         except PROBLEMS as reason:
-            told(str(reason))
+            reply(str(reason))
 
     return serve_it
 
@@ -317,7 +317,7 @@ def _refuse_list(response: GetArmLibrary.Response, reason: str) -> GetArmLibrary
 
 
 def _built_in() -> dict[str, Any]:
-    """Return what no file has, for displays: the presets, and the joints with their limits in degrees."""
+    """Return constants for displays: the presets, and the joints with their limits in degrees."""
     joints = [
         {"name": each.name, "state": each.state_name, "low": each.window_deg[0], "high": each.window_deg[1]}
         for each in ARM

@@ -1,4 +1,4 @@
-"""A file that exists while something must be restored, in case the process is killed meanwhile."""
+"""A marker file that exists while something must be restored, so that a crash does not lose it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lupin_ros.adapter import RosNode
 
 
 class RestoreMarker:
-    """The file at `path`, perhaps left by an earlier process; a full disk is no error."""
+    """The file at `path`, perhaps left by an earlier process. Failing to write it is logged, no error."""
 
     def __init__(self, ros: RosNode, path: Path) -> None:
         self._ros = ros
@@ -25,7 +25,7 @@ class RestoreMarker:
         self._attempt(partial(write_atomically, self._path, text.encode()))
 
     def text(self) -> str:
-        """Return the data of the file, "" where there is none or it cannot be read."""
+        """Return the data of the file; "" where there is none or it cannot be read."""
         try:
             return self._path.read_text(encoding="utf-8")
         except (OSError, ValueError):

@@ -1,9 +1,8 @@
-"""The services by which operators command the arm: presets, sliders, the power of the servos.
+"""The operator's services: presets, sliders, and the power of the servos.
 
-`/lupin/arm/preset` sends the arm to a named pose and says yes when it was sent, not when it is there.
-`/lupin/arm/set_torque` switches the servos and is answered when that is confirmed. The sliders, one for each
-joint and one for the jaw, turn degrees into what the controllers take. The vendor's services of the same
-kind must not be used beside them: the vendor's hardware interface restores what it did not command itself.
+`/lupin/arm/preset` answers when the motion was sent, not when it ends; `/lupin/arm/set_torque` when the
+switch is confirmed. The sliders convert degrees to joint angles. The vendor's own services must not be used
+beside them: its hardware interface restores targets that it did not command itself.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ MOST_WAITING = 8
 
 
 def serve_presets(ros: RosNode, arm: Arm, duration: float) -> None:
-    """Offer `/lupin/arm/preset`; a preset takes `duration` seconds, or longer where the arm has to go far."""
+    """Offer `/lupin/arm/preset`; a motion takes `duration` seconds, or longer for a long way."""
 
     def go(request: SetArmPreset.Request, response: SetArmPreset.Response) -> SetArmPreset.Response:
         try:
@@ -61,7 +60,7 @@ def serve_torque(ros: RosNode, arm: Arm) -> None:
         nonlocal waiting
         on = bool(request.data)
 
-        def tell(problem: str | None) -> None:
+        def reply(problem: str | None) -> None:
             response.success = problem is None
             response.message = problem or f"the servos are {'on' if on else 'off: support the arm'}"
             answer(response)
@@ -69,10 +68,10 @@ def serve_torque(ros: RosNode, arm: Arm) -> None:
         def done(problem: str | None) -> None:
             nonlocal waiting
             waiting -= 1
-            tell(problem)
+            reply(problem)
 
         if waiting >= MOST_WAITING:
-            tell(f"{waiting} torque requests wait already; try again when they are answered")
+            reply(f"{waiting} torque requests wait already; try again when they are answered")
             return
         waiting += 1
         try:
@@ -84,7 +83,7 @@ def serve_torque(ros: RosNode, arm: Arm) -> None:
 
 
 class Sliders:
-    """Answers `status` only, so what is refused is logged with its reason."""
+    """The vendor-compatible services; they answer `status` only, so refusals are logged with their reason."""
 
     def __init__(self, ros: RosNode, arm: Arm, init_duration: float) -> None:
         self._ros = ros
@@ -98,7 +97,7 @@ class Sliders:
         ros.serve(Trigger, "/lupin/arm/init", self._init, stale_after=STALE_AFTER_S, refuse=refuse)
 
     def _turn(self, index: int, request: Any, response: Any) -> Any:
-        """Turn one joint at a rate; the others stay where they are meant to be."""
+        """Turn one joint at a rate; the others keep their commanded angles."""
         try:
             angle, rate = _in_radians(request)
             here = self._arm.here(SLIDER)
@@ -115,7 +114,7 @@ class Sliders:
         return response
 
     def _move_jaw(self, request: Any, response: Any, answer: Callable[[Any], None]) -> None:
-        """Send the jaw somewhere; its controller has a speed of its own."""
+        """Send the jaw to an angle; its controller ignores the requested rate."""
 
         def done(problem: str | None) -> None:
             if problem is not None:

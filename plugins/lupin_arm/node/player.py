@@ -1,4 +1,7 @@
-"""Plays a sequence: sends the arm's motion at once and the jaw's events in time, and always ends."""
+"""Plays a sequence: sends the arm's whole trajectory at once, and the jaw's events by timers.
+
+A stop, a lost arm, or the end of the process stops both.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ OWNER = "library: playing"
 
 @dataclass(eq=False)
 class _Playing:
-    """A sequence that is about to be played, or is."""
+    """A sequence that waits for torque, or is played."""
 
     name: str
     sequence: Sequence
@@ -31,7 +34,7 @@ class _Playing:
 
 
 class Player:
-    """At most one sequence at a time. The arm is claimed for it: nobody else moves it meanwhile."""
+    """Plays at most one sequence at a time, and claims the arm for it."""
 
     def __init__(self, ros: RosNode, arm: Arm) -> None:
         self._ros = ros
@@ -41,30 +44,30 @@ class Player:
 
     @property
     def name(self) -> str:
-        """The sequence that is played, '' when none is."""
+        """The sequence that is played; '' when none is."""
         return self._now.name if self._now else ""
 
     @property
     def sequence(self) -> Sequence | None:
-        """What is played."""
+        """The sequence that is played."""
         return self._now.sequence if self._now else None
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the arm was sent off."""
+        """Seconds since the trajectory was sent."""
         started = self._now is not None and self._now.replay is not None
         return self._ros.elapsed() - self._now.began if self._now is not None and started else 0.0
 
     @property
     def duration(self) -> float:
-        """How long it takes in all; 0 before that is known."""
+        """Its duration in seconds; 0 before that is known."""
         return self._now.replay.duration if self._now is not None and self._now.replay is not None else 0.0
 
     def play(self, name: str, sequence: Sequence, speed: float, answer: Done) -> None:
-        """Play a sequence; `answer` comes when the arm was sent off, or with the reason why it was not.
+        """Play a sequence; `answer` is called when the trajectory was sent, or with the reason why not.
 
         Raises:
-            Refused: it cannot be played now; `answer` does not come.
+            ArmRequestRefused: it cannot be played now; `answer` is not called.
         """
         self._arm.claim(OWNER, f"playing {name!r}", self._interrupted)
         self._now = playing = _Playing(name, sequence, speed, answer)
@@ -75,7 +78,7 @@ class Player:
             raise
 
     def _begin(self, playing: _Playing, problem: str | None) -> None:
-        """Send the arm off, now that its torque is confirmed."""
+        """Send the trajectory, now that the torque is confirmed."""
         if self._now is not playing:
             return  # stopped meanwhile; it has been answered
         if problem is None:
@@ -96,7 +99,7 @@ class Player:
         return None
 
     def _next_jaw(self, playing: _Playing) -> None:
-        """Wait for the jaw's next event; one timer at a time, a recording has hundreds."""
+        """Wait for the jaw's next event; one timer at a time, since a recording has hundreds."""
         if playing.jaw:
             event = playing.jaw.popleft()
             delay = playing.began + event.time - self._ros.elapsed()
@@ -111,7 +114,7 @@ class Player:
         self._next_jaw(playing)
 
     def stop(self, reason: str) -> bool:
-        """Let the arm stay where it is, and play no more; whether anything was played."""
+        """Stop the arm and end the sequence; return whether one was played."""
         playing = self._now
         if playing is None:
             return False
@@ -127,7 +130,7 @@ class Player:
         self.stop(reason)
 
     def _close(self) -> None:
-        """Stop at the end of the process: the controller has the whole motion and would execute it."""
+        """Stop at the end of the process: the controller has the whole trajectory and would execute it."""
         self.stop("the program ends")
 
     def _end(self) -> None:
@@ -138,12 +141,12 @@ class Player:
 
 
 def if_on(arm: Arm, owner: str, then: Done) -> None:
-    """Call `then(None)` once the servos are known to be on, `then(reason)` if they cannot be switched on.
+    """Call `then(None)` once the servos are on, or `then(reason)` where they cannot be switched on.
 
-    Servos that somebody has switched off stay off: only where nothing is known of them yet are they asked.
+    They are switched on only while their state is unknown; servos that somebody has switched off stay off.
 
     Raises:
-        Refused: the arm may not be moved; `then` does not come.
+        ArmRequestRefused: the arm may not be moved; `then` is not called.
     """
     reason = arm.refusal(owner)
     if reason is not None:

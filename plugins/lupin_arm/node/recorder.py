@@ -1,7 +1,7 @@
-"""Makes recordings: of an arm that a person moves by hand, without torque, or of one that is steered.
+"""Makes recordings: of an arm that is moved by hand without torque, or of one that is commanded.
 
-A recording by hand begins when the servos have said that they are off, and whatever ends it switches them on
-again. What was recorded is kept until it is saved or cancelled, also where saving it fails.
+A recording by hand begins when the servos are confirmed off, and any end of it switches them on again. Its
+data stays until it is saved or cancelled, also where saving fails, but not beyond the process.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SWITCHING = "the servos are being switched for a recording; try again in a momen
 
 @dataclass(frozen=True)
 class RecorderResult:
-    """What became of a request."""
+    """The result of a request."""
 
     success: bool
     message: str
@@ -51,10 +51,10 @@ class _RecorderPhase(enum.Enum):
 
 
 class Recorder:
-    """At most one recording at a time."""
+    """Makes at most one recording at a time."""
 
     def __init__(self, ros: RosNode, arm: Arm, library: Library, created: Callable[[], str]) -> None:
-        """`created` says what time it is, as entries of the library have it."""
+        """`created` gives the time as in entries of the library."""
         self._ros = ros
         self._arm = arm
         self._library = library
@@ -69,7 +69,7 @@ class Recorder:
         arm.listen(self._on_feedback)
         ros.on_stop(self._close)
 
-    # --- what is told -------------------------------------------------------------------------------------
+    # --- its state ----------------------------------------------------------------------------------------
 
     @property
     def recording(self) -> bool:
@@ -78,7 +78,7 @@ class Recorder:
 
     @property
     def unsaved(self) -> bool:
-        """Whether there is a recording that has ended and is not in the library."""
+        """Whether a recording has ended and is not saved."""
         return self._phase is _RecorderPhase.UNSAVED
 
     @property
@@ -103,7 +103,7 @@ class Recorder:
         return self._recording.elapsed(self._ros.elapsed()) if self._recording is not None else 0.0
 
     def notice(self) -> str:
-        """What people should know of a recording that has left the arm without torque; "" for nothing."""
+        """Return a notice that a recording has left the arm without torque; "" where it has not."""
         if self._mark.left_behind and self._arm.torque and self._phase is not _RecorderPhase.SWITCHING:
             self._mark.remove()
         if not self._mark.left_behind:
@@ -114,7 +114,7 @@ class Recorder:
         )
 
     def refusal(self) -> str | None:
-        """Say why nothing else may be begun with the arm now; None if it may."""
+        """Return why nothing else may be begun with the arm now; None if it may."""
         if self._phase is _RecorderPhase.SWITCHING:
             return SWITCHING
         if self._phase is _RecorderPhase.RECORDING and self.mode == BY_HAND:
@@ -124,10 +124,10 @@ class Recorder:
     # --- start --------------------------------------------------------------------------------------------
 
     def start(self, mode: str, name: str, include_gripper: bool, answer: Answer) -> None:
-        """Begin to record; by hand as soon as the servos have said that they are off.
+        """Begin to record; by hand as soon as the servos are confirmed off.
 
         Raises:
-            Refused: it cannot be begun now; `answer` does not come.
+            ArmRequestRefused: it cannot begin now; `answer` is not called.
         """
         mode = mode.strip().lower() or "teleop"
         if mode not in MODES:
@@ -184,10 +184,10 @@ class Recorder:
     # --- save and cancel ----------------------------------------------------------------------------------
 
     def save(self, name: str, overwrite: bool, answer: Answer) -> None:
-        """End the recording and put it into the library; `answer` comes when the arm has torque again.
+        """End the recording and save it; `answer` is called when the arm has torque again.
 
         Raises:
-            Refused: there is nothing to save, or not under that name; the recording goes on.
+            ArmRequestRefused: there is nothing to save, or not under that name; the recording is not lost.
         """
         name = name or self.name
         if self._phase is _RecorderPhase.SWITCHING:
@@ -224,10 +224,10 @@ class Recorder:
         return RecorderResult(True, f"saved {name!r}{self._remarks}{still_off}", sequence)
 
     def cancel(self, answer: Answer) -> None:
-        """Forget the recording; `answer` comes when the arm has torque again.
+        """Discard the recording; `answer` is called when the arm has torque again.
 
         Raises:
-            Refused: there is none.
+            ArmRequestRefused: there is none.
         """
         if self._phase is _RecorderPhase.IDLE:
             raise ArmRequestRefused("nothing is being recorded")
@@ -242,14 +242,14 @@ class Recorder:
         self._then_with_torque(ended)
 
     def call_off(self, reason: str) -> bool:
-        """Do not begin a recording by hand that waits for the servos; whether there was one."""
+        """Cancel a recording by hand that waits for the servos; return whether there was one."""
         if self._phase is not _RecorderPhase.SWITCHING or self._recording is not None:
             return False
         self._called_off = reason
         return True
 
     def stop(self, then: Done) -> bool:
-        """Discard a recording by hand; whether there was one. `then` comes when the arm has torque again."""
+        """Discard a recording by hand; return whether there was one. `then` comes with the torque."""
         if self._phase is not _RecorderPhase.RECORDING or self.mode != BY_HAND:
             return False
 
@@ -261,7 +261,7 @@ class Recorder:
         return True
 
     def leave(self, reason: str) -> None:
-        """Give the arm its torque back, keeping what was recorded by hand for a save."""
+        """End a recording by hand, keep it for a save, and switch the torque on."""
         if self.call_off(reason) or self._phase is not _RecorderPhase.RECORDING or self.mode != BY_HAND:
             return
         try:
@@ -278,7 +278,7 @@ class Recorder:
     # --- torque -------------------------------------------------------------------------------------------
 
     def _then_with_torque(self, then: Done) -> None:
-        """Do `then` when the servos are on again, where this recording has switched them off."""
+        """Call `then` when the servos are on again, where this recording has switched them off."""
         if self._recording is None or self._recording.mode != BY_HAND:
             then(None)
             return
@@ -306,11 +306,11 @@ class Recorder:
         self._arm.release(OWNER)
 
     def _close(self) -> None:
-        """Leave no limp arm behind; a recording that was not saved ends with the process."""
+        """Switch the torque on at the end of the process; an unsaved recording is lost."""
         if not self.call_off("the program ends"):
             self.stop(_nobody_waits)
         self._ros.work_until(lambda: self._phase is not _RecorderPhase.SWITCHING, LAST_WAIT_S)
 
 
 def _nobody_waits(_: str | None) -> None:
-    """Take the news that the servos are on or off; it is logged."""
+    """Ignore the result; it is logged."""

@@ -1,6 +1,6 @@
-"""All services of the arm, on one node: only one may command it, and what one does the others must know.
+"""Offers all services of the arm on one node: only one process may command the arm.
 
-Operators and missions know services by name, so it does not matter to them which node has them.
+Clients know services by name, so the node's name does not matter to them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from lupin_ros.adapter import RosNode
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the node until it is told to stop; `arguments` are the ROS arguments."""
+    """Run the node until it is stopped; `arguments` are the ROS arguments."""
     with RosNode("lupin_arm", arguments, PARAMETERS) as ros:
         serve_all(ros)
         ros.spin()
@@ -26,7 +26,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def serve_all(ros: RosNode) -> Arm:
-    """Offer all services of the arm on a node that has its parameters; return what they all move."""
+    """Offer all services of the arm on a node that has its parameters; return the arm."""
     values = ros.parameters()
     hardware = HardwareGate(ros, values["hardware"])
     arm = Arm(ros, values)

@@ -1,4 +1,4 @@
-"""What the services of the arm share: the refusal of a request, and when a request is too old."""
+"""Shared by the arm's services: the refusal of a request, and the age limit of requests."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ STALE_AFTER_S = 2.0
 
 
 class ArmRequestRefused(Exception):
-    """A request that is not carried out, and nothing has changed; the text is the answer to the caller."""
+    """A refused request that has changed nothing; the text is the answer to the caller."""
 
 
 def refuse(response: Any, reason: str) -> Any:
-    """Answer a request that is not carried out, of a service that answers success and message."""
+    """Fill in a refusal, for services that answer success and message."""
     response.success = False
     response.message = reason
     return response

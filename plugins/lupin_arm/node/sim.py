@@ -1,8 +1,7 @@
-"""The node `lupin_arm_sim`: the topics, services and action of the arm's drivers, over a simulated arm.
+"""The node `lupin_arm_sim`: the interface of the arm's drivers and controllers, over a simulated arm.
 
-It offers what the robot's own drivers and controllers do, and not what only real servos have: there is no
-gate of commands and nothing to calibrate. While nothing moves it tells where the arm is five times a second,
-which is as seldom as a reader that calls feedback fresh for half a second can stand.
+The services of real servos are left out: there is no command gate and nothing to calibrate. At rest it
+publishes its state five times a second, just often enough for readers with a limit of 0.5 s.
 """
 
 from __future__ import annotations
@@ -47,10 +46,10 @@ _NAMES = [joint.state_name for joint in ARM]
 
 
 def check(values: Mapping[str, Any]) -> None:
-    """Look whether parameters name poses that the servos reach.
+    """Check that parameters name poses that the servos reach.
 
     Raises:
-        LupinError: they do not; the text has everything that is wrong.
+        LupinError: all errors.
     """
     problems = Problems()
     with problems.collecting():
@@ -62,7 +61,7 @@ def check(values: Mapping[str, Any]) -> None:
 
 
 class ArmSimNode:
-    """Publishes where the arm is, and moves it as its controllers say."""
+    """Publishes the simulated joint states, and executes trajectories and goals."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
@@ -82,7 +81,7 @@ class ArmSimNode:
         if reason is not None:
             raise LupinError(reason)
         ros.timer(REST_S, self._rest)
-        self._tell()
+        self._publish_state()
 
     def _connect(self) -> None:
         ros = self._ros
@@ -105,7 +104,7 @@ class ArmSimNode:
         ros.on_stop(lambda: self._end_goal("abort"))
 
     def _change(self, values: Mapping[str, Any]) -> str | None:
-        """Take new parameter values, or say why not."""
+        """Apply new parameter values; return why not, None where that is done."""
         if "start" in values:
             return "start: read at the start of the node only"
         try:
@@ -119,7 +118,7 @@ class ArmSimNode:
     # --- what is asked ------------------------------------------------------------------------------------
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        """Do a motion, if a controller would: it refuses what it does not understand, and only logs that."""
+        """Execute a trajectory; as in a real controller an invalid one is logged and dropped."""
         if sorted(message.joint_names) != sorted(_NAMES):
             self._ros.log.warning(
                 "trajectory refused: not the arm's joints", joints=list(message.joint_names)
@@ -198,25 +197,25 @@ class ArmSimNode:
         result = GripperCommand.Result(position=self._arm.jaw, reached_goal=reached, stalled=how == "abort")
         {"succeed": served.succeed, "abort": served.abort, "cancel": served.cancel}[how](result)
 
-    # --- what is told -------------------------------------------------------------------------------------
+    # --- published state ----------------------------------------------------------------------------------
 
     def _go_on(self) -> None:
-        """Tell more often while something moves."""
+        """Publish more often while something moves."""
         if self._arm.moving or self._goal is not None:
             self._moving.start()
 
     def _move(self) -> None:
         self._arm.advance(self._ros.elapsed())
-        self._tell()
+        self._publish_state()
         self._look_after_goal()
         if not self._arm.moving and self._goal is None:
             self._moving.stop()
 
     def _rest(self) -> None:
         if not self._moving.running:
-            self._tell()
+            self._publish_state()
 
-    def _tell(self) -> None:
+    def _publish_state(self) -> None:
         angles = self._arm.angles
         message = JointState(name=list(angles), position=list(angles.values()))
         message.header.stamp = self._ros.stamp()
@@ -229,7 +228,7 @@ class ArmSimNode:
 
 
 def _point(message: JointTrajectoryPoint, order: Sequence[int]) -> Point | None:
-    """Return a point of a trajectory, its angles in our order; None where a controller would refuse it."""
+    """Return a point with its angles in our order; None where a controller would refuse it."""
     numbers = len(message.positions) == len(order) and all(map(math.isfinite, message.positions))
     # The servos are said to refuse a velocity of zero.
     if not numbers or any(velocity == 0.0 for velocity in message.velocities):
@@ -257,7 +256,7 @@ def _servo_pose(what: str, angles: Sequence[float]) -> Pose:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the node until it is told to stop; `arguments` are the ROS arguments."""
+    """Run the node until it is stopped; `arguments` are the ROS arguments."""
     with RosNode("lupin_arm_sim", arguments, PARAMETERS) as ros:
         ArmSimNode(ros)
         ros.spin()

@@ -1,8 +1,8 @@
-"""Switching the servos on and off: the power of the bus and the gate of commands, always both and in order.
+"""Switches the servos on and off: bus power and command gate, always both, in order, one request at a time.
 
-The two switches are the vendor's and know nothing of each other. With the power off and the gate open the
-hardware goes on asking for its last target; the arm then jumps there when the power comes back. So the
-target is set to where the arm is before the power comes on, and changes are made one after the other.
+The two switches are the vendor's and independent. With power off and gate open, the hardware keeps its last
+target and the arm jumps there when power returns. So the measured pose is commanded before power comes on.
+A step that fails is reverted where possible, and the reason is reported.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Done = Callable[[str | None], None]
 
 
 class _ServiceResponse(NamedTuple):
-    """What became of a call of a switch: `problem` is None when it did what it was told."""
+    """The result of a switch's call: `problem` is None when it worked."""
 
     there: bool
     problem: str | None
@@ -40,7 +40,7 @@ class _Switch:
         self._service = ros.service(SetBool, name)
 
     def call(self, on: bool, done: Callable[[_ServiceResponse], None]) -> None:
-        """Switch; `done` comes once."""
+        """Switch; `done` is called once."""
 
         def found(there: bool) -> None:
             if there:
@@ -63,7 +63,7 @@ class _Switch:
 
 
 class Torque:
-    """The servos' power. `state` is what was confirmed last; None until something was."""
+    """The servos' power. `state` is the last confirmed one; None before."""
 
     def __init__(
         self,
@@ -75,8 +75,8 @@ class Torque:
     ) -> None:
         """Switch by the services `power` and `gate`.
 
-        `pin` makes where the arm is the target, if that is known; `refusal` says why the power must not come
-        on now, None if it may.
+        `pin` commands the measured pose, if there is one; `refusal` returns why power must not come on now,
+        None if it may.
         """
         self._ros = ros
         self._power = _Switch(ros, power)
@@ -88,7 +88,7 @@ class Torque:
         self.switching = False
 
     def set(self, on: bool, done: Done) -> None:
-        """Switch the servos on or off, after what was asked for before."""
+        """Switch the servos on or off, after earlier requests."""
         self._waiting.append((on, done))
         self._next()
 

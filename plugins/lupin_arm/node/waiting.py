@@ -1,4 +1,4 @@
-"""Waits for a server without blocking."""
+"""Polls for a server without blocking."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LOOK_S = 0.05
 def when_ready(
     ros: RosNode, ready: Callable[[], bool], patience: float, then: Callable[[bool], None]
 ) -> None:
-    """Call `then(True)` as soon as `ready()`, now or later; `then(False)` after `patience` seconds."""
+    """Call `then(True)` as soon as `ready()`, at once or later; `then(False)` after `patience` seconds."""
     if ready():
         then(True)
         return

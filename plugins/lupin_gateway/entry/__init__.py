@@ -1,1 +1,1 @@
-"""The way in: connections from their first byte, tokens and links, and the page on which to log in."""
+"""Accepts connections and logs people in: the gate of sockets, tokens and invitations, and the login page."""

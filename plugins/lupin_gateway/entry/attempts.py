@@ -1,6 +1,6 @@
-"""Wrong tokens and codes: each is answered later than the one before it, by address.
+"""Delays the answers to wrong tokens and codes: exponential backoff for each address.
 
-A right one is never late, also from an address that shows wrong ones: so nobody is locked out by others.
+Right ones are never delayed, also from an address that has sent wrong ones, so nobody is locked out.
 """
 
 from __future__ import annotations
@@ -12,13 +12,16 @@ FORGOTTEN_S, MOST_ADDRESSES = 600.0, 1_000
 
 
 class WrongAttempts:
-    """How many wrong ones came from each address; times are in seconds of a clock that never goes back."""
+    """Counts wrong attempts of each address; times are in seconds of a clock that never goes back.
+
+    Beyond `MOST_ADDRESSES` the one that was silent for longest is dropped.
+    """
 
     def __init__(self) -> None:
         self._last: dict[str, tuple[int, float]] = {}
 
     def count(self, address: str, now: float) -> int:
-        """Take notice of one more, and return how many there were lately."""
+        """Count one more; return the number of recent ones."""
         times, at = self._last.pop(address, (0, now))
         if now - at >= FORGOTTEN_S:
             times = 0
@@ -29,10 +32,10 @@ class WrongAttempts:
 
 
 def delay(times: int) -> float:
-    """Return how many seconds the answer to the wrong one of this number waits."""
+    """Return how many seconds the answer to the n-th wrong attempt waits."""
     return float(min(LONGEST_S, FIRST_S * 2 ** min(times - 1, 10)))
 
 
 def is_written_down(times: int) -> bool:
-    """Say whether the wrong one of this number gets a line: 1, 2, 4, 8 ... so that a log is not filled."""
+    """Return whether the n-th wrong attempt is logged: 1, 2, 4, 8 ..., so that the log is not flooded."""
     return times & (times - 1) == 0

@@ -1,4 +1,7 @@
-"""The way in: each request is looked at before anything answers it, and a page on which to log in."""
+"""ASGI middleware that authenticates each HTTP request, and serves the login page and the browser's cookie.
+
+WebSocket connections pass through: the server authenticates them by `admit_visitor` when they are made.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +18,9 @@ from starlette.requests import HTTPConnection, Request
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from lupin_gateway.doors import TOKEN_COOKIE, NotAdmitted, Visitor, cookie_of
+from lupin_gateway.access import TOKEN_COOKIE, NotAdmitted, Visitor, cookie_of
 from lupin_gateway.entry.gate import CONNECTION, Gate
-from lupin_gateway.guard import HouseRules
+from lupin_gateway.guard import GatewayRules
 
 LOGIN = "/login"
 #: The cookie by which a page that is loaded anew is known; it opens nothing.
@@ -57,21 +60,21 @@ _POLICY = (
 )
 #: Nobody else may show the console in a frame of theirs, and no address goes with a link to others. (Without
 #: any address at all, browsers would not say either that the form to log in is this gateway's own.)
-SHIELDS = {
+SECURITY_HEADERS = {
     "x-frame-options": "SAMEORIGIN",
     "referrer-policy": "same-origin",
     "x-content-type-options": "nosniff",
 }
 
 
-async def come_in(rules: HouseRules, gate: Gate, connection: HTTPConnection) -> Visitor:
-    """Return who sends a request, or wants a connection.
+async def admit_visitor(rules: GatewayRules, gate: Gate, connection: HTTPConnection) -> Visitor:
+    """Authenticate a request or connection, and give it a visitor's place at the gate.
 
     Raises:
-        NotAdmitted: later, where a wrong token was shown.
+        NotAdmitted: refused; after a delay where a wrong token was sent.
     """
     try:
-        visitor = rules.doors.admit(connection.headers, rules.clocks.wall())
+        visitor = rules.access.admit(connection.headers, rules.clocks.wall())
     except NotAdmitted as refused:
         await asyncio.sleep(rules.refused_entry(address_of(connection), refused))
         raise
@@ -80,29 +83,29 @@ async def come_in(rules: HouseRules, gate: Gate, connection: HTTPConnection) -> 
 
 
 def address_of(connection: HTTPConnection) -> str:
-    """Return the address of who sends a request; '' where it is not known."""
+    """Return the address of the client; '' where it is not known."""
     return connection.client.host if connection.client else ""
 
 
-class Entrance:
-    """Lets requests through to an application that may come in; connections are asked when they are made."""
+class AuthMiddleware:
+    """Answers a request of a client that is not authenticated; passes all others to the application."""
 
-    def __init__(self, application: ASGIApp, rules: HouseRules, gate: Gate) -> None:
+    def __init__(self, application: ASGIApp, rules: GatewayRules, gate: Gate) -> None:
         self._application = application
         self._rules = rules
         self._gate = gate
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, as ASGI has it."""
+        """Answer a request (ASGI). A browser without a token is redirected to the login page."""
         if scope["type"] != "http":
             await self._application(scope, receive, send)
             return
         request = Request(scope, receive)
         try:
-            if request.url.path == LOGIN and self._rules.doors.asks_for_token:
+            if request.url.path == LOGIN and self._rules.access.asks_for_token:
                 response = await self._log_in(request)
             else:
-                await come_in(self._rules, self._gate, request)
+                await admit_visitor(self._rules, self._gate, request)
                 await self._application(scope, receive, send)
                 return
         except NotAdmitted as refused:
@@ -110,11 +113,11 @@ class Entrance:
             response = PlainTextResponse(f"{refused}\n", refused.status)
             if refused.status == 401 and wants_page and request.method == "GET":
                 response = RedirectResponse(LOGIN, 303)
-        response.headers.update({**SHIELDS, "cache-control": "no-store"})
+        response.headers.update({**SECURITY_HEADERS, "cache-control": "no-store"})
         await response(scope, receive, send)
 
     async def _log_in(self, request: Request) -> Response:
-        self._rules.doors.check_origin(request.headers)
+        self._rules.access.check_origin(request.headers)
         if request.method != "POST":
             return _page("")
         try:
@@ -127,11 +130,11 @@ class Entrance:
         try:
             if code := form.get("code", ""):
                 name = self._rules.use_invitation(code)
-                token, visitor = self._rules.doors.token_for(name, wall)
+                token, visitor = self._rules.access.token_for(name, wall)
             else:
                 token = form.get("token", "")
                 headers = {**request.headers, "authorization": f"Bearer {token}", "cookie": ""}
-                visitor = self._rules.doors.admit(headers, wall)
+                visitor = self._rules.access.admit(headers, wall)
         except NotAdmitted as refused:
             await asyncio.sleep(self._rules.refused_entry(address, refused))
             return _page(str(refused), refused.status)
@@ -158,7 +161,7 @@ async def _form(request: Request) -> dict[str, str] | None:
 
 
 def browser_of(headers: Headers, secure: bool) -> tuple[str, list[tuple[bytes, bytes]]]:
-    """Return by what a browser is known, and the headers that let it be known again."""
+    """Return the id of a browser, from its cookie or a new one, and the headers that set the cookie."""
     known = cookie_of(headers, BROWSER_COOKIE)
     if known:
         return known, []

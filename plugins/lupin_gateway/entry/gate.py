@@ -1,9 +1,9 @@
-"""Connections from their first byte on: how many there may be, and how long a stranger may be silent.
+"""Limits connections from their first byte: how many there may be, and how long they may be silent.
 
-A connection is a stranger's until a request on it is let in. Strangers have places of their own, so they
-never take one of somebody who is in; of too many the oldest ends, not the newest, so that a person still
-comes in while others fill all places. In each turn of the loop few of them are read, which keeps a stop from
-waiting behind their handshakes.
+A connection is a *stranger's* until a request on it is authenticated. Strangers have a quota of their own,
+so they never take the place of a visitor. When it is full the oldest stranger is closed, not the newest, so
+a person still gets in while an attacker fills all places. In each turn of the event loop only a few strangers
+are read (`SHARES`): otherwise a stop would wait behind their handshakes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from lupin_gateway.doors import NotAdmitted, UserRole, Visitor
+from lupin_gateway.access import NotAdmitted, UserRole, Visitor
 
 #: Seconds that a connection has for its handshake and the head of a request, also of each further one.
 HEAD_WITHIN_S = 10.0
@@ -37,8 +37,7 @@ CONNECTION = "lupin_connection"
 
 @dataclass(frozen=True)
 class Places:
-    """How many connections of strangers there may be, from one address and in all; how many of visitors who
-    are in, and how many of these are for operators alone."""
+    """Quotas of connections: strangers per address and in all, visitors, and those kept for operators."""
 
     one_address: int = 32
     strangers: int = 256
@@ -47,7 +46,7 @@ class Places:
 
 
 def places() -> Places:
-    """Return what this process has descriptors for, after taking as many as it may."""
+    """Return the quotas for this process's file descriptors, after raising its limit if allowed."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = WANTED_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(WANTED_DESCRIPTORS, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
@@ -61,7 +60,7 @@ def places() -> Places:
 
 
 class GateConnection(socket.socket):
-    """One connection. asyncio reads and closes it like any other socket, and so tells how it is."""
+    """The socket of one connection. asyncio uses it like any other; it sees reads and closing."""
 
     def __init__(self, gate: Gate, key: tuple[int, Any], descriptor: int) -> None:
         super().__init__(fileno=descriptor)
@@ -74,12 +73,12 @@ class GateConnection(socket.socket):
         self.is_ended = False
 
     def recv_into(self, *arguments: Any) -> int:
-        """Read, when it is this one's turn."""
+        """Read; a stranger's read raises BlockingIOError where this turn's share is used up."""
         self._wait_for_turn()
         return super().recv_into(*arguments)
 
     def recv(self, *arguments: Any) -> bytes:
-        """Read, when it is this one's turn."""
+        """Read; a stranger's read raises BlockingIOError where this turn's share is used up."""
         self._wait_for_turn()
         return super().recv(*arguments)
 
@@ -88,12 +87,12 @@ class GateConnection(socket.socket):
             self._gate.turn.take("end" if self.is_ended else "read")
 
     def close(self) -> None:
-        """Close it, which makes room."""
+        """Close it, and free its place."""
         self._gate.forget(self)
         super().close()
 
     def end(self) -> None:
-        """Let asyncio find it ended."""
+        """Shut it down; asyncio reads the end of it and closes it."""
         self._gate.forget(self)
         self.is_ended = True
         try:
@@ -108,7 +107,7 @@ class GateListener(socket.socket):
     gate: Gate | None = None
 
     def accept(self) -> tuple[socket.socket, Any]:
-        """Accept a connection, when it is time for one."""
+        """Accept a connection; raises BlockingIOError where this turn's share is used up."""
         if self.gate is None:
             return super().accept()
         self.gate.turn.take("accept")
@@ -117,16 +116,16 @@ class GateListener(socket.socket):
 
 
 class _Turn:
-    """What may still be done for strangers in this turn of the loop."""
+    """The work that was done for strangers in this turn of the event loop."""
 
     def __init__(self) -> None:
         self._done: Counter[str] = Counter()
 
     def take(self, what: str) -> None:
-        """Do one more of what has a share in each turn: see `SHARES`.
+        """Count one more of a kind of work: see `SHARES`.
 
         Raises:
-            BlockingIOError: it must wait for the next turn.
+            BlockingIOError: its share of this turn is used up.
         """
         if not self._done:
             asyncio.get_running_loop().call_soon(self._done.clear)
@@ -147,7 +146,10 @@ class Gate:
         self.turn = _Turn()
 
     def enter(self, key: tuple[int, Any], descriptor: int) -> GateConnection:
-        """Take a connection; one of too many ends for it. Its key is our port, and the address of its end."""
+        """Register a connection; where a quota is exceeded, the oldest stranger is closed.
+
+        The key is the local port with the peer's address.
+        """
         connection = self._all[key] = GateConnection(self, key, descriptor)
         own = self._strangers.setdefault(connection.address, {})
         own[connection] = None
@@ -162,7 +164,7 @@ class Gate:
         return sum(map(len, self._strangers.values()))
 
     def forget(self, connection: GateConnection) -> None:
-        """A connection is closed, or about to be."""
+        """Remove a connection that is closed, or about to be."""
         if self._all.get(connection.key) is connection:  # another may have the same address by now
             del self._all[connection.key]
         self._is_no_stranger(connection)
@@ -184,7 +186,7 @@ class Gate:
     # -- requests -------------------------------------------------------------------------------------------
 
     def watching(self, application: ASGIApp) -> ASGIApp:
-        """Return an application that tells the gate of its requests; `CONNECTION` is in their scopes."""
+        """Return an ASGI application that counts open requests, and puts the connection into their scopes."""
 
         async def watched(scope: Scope, receive: Receive, send: Send) -> None:
             server, client = scope.get("server"), scope.get("client")
@@ -202,10 +204,11 @@ class Gate:
         return watched
 
     def admit(self, connection: GateConnection | None, visitor: Visitor) -> None:
-        """Somebody was let in by a request on a connection, which has a place of its own from now on.
+        """Move a connection from the strangers' quota to the visitors', for the visitor who was
+        authenticated.
 
         Raises:
-            NotAdmitted: there is none left.
+            NotAdmitted: the quota of visitors is full.
         """
         if connection is None or connection.visitor is not None:
             return
@@ -220,13 +223,13 @@ class Gate:
     # -- time -----------------------------------------------------------------------------------------------
 
     def sweep(self) -> None:
-        """End connections that have waited too long with their requests; to be called every second or so."""
+        """Close connections without an open request for `HEAD_WITHIN_S`; to be called every second or so."""
         late = time.monotonic() - HEAD_WITHIN_S
         for connection in [one for one in self._all.values() if not one.requests and one.since < late]:
             self._end(connection, f"no request within {HEAD_WITHIN_S:g} s")
 
     def report(self) -> str:
-        """Return how many connections were ended since the last report; '' where none was."""
-        told = ", ".join(f"{number} ({why})" for why, number in sorted(self._ended.items()))
+        """Return how many connections were closed since the last report, by reason; '' for none."""
+        listed = ", ".join(f"{number} ({why})" for why, number in sorted(self._ended.items()))
         self._ended.clear()
-        return told and f"connections were ended: {told}"
+        return listed and f"connections were ended: {listed}"

@@ -1,7 +1,7 @@
-"""Links by which a person logs in once: a code in a file of this user, which `lupin invite` makes.
+"""Invitations: one-time login codes for `lupin invite`, as files in the user's state folder.
 
-Whoever can write into the user's state folder may let people in, and nobody else: no topic, service or page
-leads there. Files have the hash of a code, never the code itself. Loads without ROS.
+Only a process that can write into that folder can invite: no topic, service or page leads there. Files hold
+the hash of a code, never the code. Loads without ROS.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ GOOD_FOR_S = 600
 
 
 def state_folder(domain: int | None = None) -> Path:
-    """Return the folder of what the gateway of a ROS domain keeps, made if need be; None: of this process."""
+    """Return the gateway's state folder for a ROS domain (None: this process's), created if need be."""
     number = ros_domain() if domain is None else domain
     folder = user_folder("XDG_STATE_HOME", ".local/state") / (f"gateway-{number}" if number else "gateway")
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -30,8 +30,8 @@ def state_folder(domain: int | None = None) -> Path:
 
 
 @dataclass(frozen=True)
-class ServedDoors:
-    """Where the gateway of a domain lets people in, and its files of tokens and certificate ('': none)."""
+class GatewayAddress:
+    """Where the gateway of a domain listens, and its files of tokens and certificate ('': none)."""
 
     host: str
     port: int
@@ -47,8 +47,8 @@ class ServedDoors:
         write_atomically(self._file(folder), json.dumps(asdict(self)).encode())
 
     @classmethod
-    def read(cls, folder: Path) -> ServedDoors | None:
-        """Return what the last gateway of the folder wrote; None where there was none."""
+    def read(cls, folder: Path) -> GatewayAddress | None:
+        """Return the address that the folder's last gateway wrote; None where none can be read."""
         try:
             return cls(**json.loads(cls._file(folder).read_text(encoding="utf-8")))
         except (OSError, ValueError, TypeError):
@@ -56,7 +56,7 @@ class ServedDoors:
 
 
 class Invitations:
-    """The codes of one gateway, each a file that is removed by who uses it: two cannot."""
+    """The codes of one gateway, each a file; using one removes it, so no code works twice."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "invitations"
@@ -73,7 +73,7 @@ class Invitations:
         return code
 
     def use(self, code: str, wall: float) -> str:
-        """Return whom a code lets in, once; '' where it is none, or not any more."""
+        """Return the name of a code, and remove the code; '' where it is unknown, used or expired."""
         file = self._of(code)
         try:
             invited = json.loads(file.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""The verb `lupin invite`: a link by which a person logs in at the gateway of this machine."""
+"""The verb `lupin invite`: prints a one-time link that logs a person in at this machine's gateway."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import click
 
 from lupin_engine.errors import UsageError, nearest
 from lupin_engine.plugin import read_domain, ros_domain
-from lupin_gateway.doors import read_tokens
-from lupin_gateway.entry.invitations import GOOD_FOR_S, Invitations, ServedDoors, state_folder
+from lupin_gateway.access import read_tokens
+from lupin_gateway.entry.invitations import GOOD_FOR_S, GatewayAddress, Invitations, state_folder
 
 #: Seconds that the gateway has for showing its certificate.
 ANSWER_S = 5.0
@@ -36,64 +36,64 @@ def invite(name: str, at: str, domain: int | None) -> int:
     Exit code: 0 printed, 2 nobody of this name, or no gateway that asks for tokens.
     """
     folder, wall = state_folder(domain), time.time()
-    doors = ServedDoors.read(folder)
-    if doors is None:
+    served = GatewayAddress.read(folder)
+    if served is None:
         number = ros_domain() if domain is None else domain
         raise UsageError(
             f"no gateway of this user has asked for tokens in ROS domain {number}; start one with "
             "lupin up --hmi --open, see docs/gateway.md"
         )
-    visitors = {one.visitor.name: one.visitor for one in read_tokens(Path(doors.tokens))}
+    visitors = {one.visitor.name: one.visitor for one in read_tokens(Path(served.tokens))}
     if name not in visitors:
-        raise UsageError(f"{doors.tokens} has no line for {name!r}; {nearest(name, visitors)}")
+        raise UsageError(f"{served.tokens} has no line for {name!r}; {nearest(name, visitors)}")
     if expired := visitors[name].has_expired(wall):
         raise UsageError(expired)
-    host = at or next(_hosts(_certified(doors)), socket.gethostname())
-    scheme = "https" if doors.certificate else "http"
-    link = f"{scheme}://{host}:{doors.port}/login#{Invitations(folder).invite(name, wall)}"
+    host = at or next(_hosts(_certified(served)), socket.gethostname())
+    scheme = "https" if served.certificate else "http"
+    link = f"{scheme}://{host}:{served.port}/login#{Invitations(folder).invite(name, wall)}"
     who = f"{name} ({visitors[name].role.word})"
     click.echo(f"{who} logs in with this link, once, within {GOOD_FOR_S // 60} minutes:\n\n  {link}\n")
     _draw(link)
     return 0
 
 
-def _certified(doors: ServedDoors) -> list[tuple[str, str]]:
+def _certified(served: GatewayAddress) -> list[tuple[str, str]]:
     """Return the kinds and names for which the gateway shows its certificate; this machine's without one.
 
     Raises:
         UsageError: it does not answer, or shows another certificate.
     """
-    host = "127.0.0.1" if doors.host == "0.0.0.0" else doors.host
+    host = "127.0.0.1" if served.host == "0.0.0.0" else served.host
     try:
-        with socket.create_connection((host, doors.port), ANSWER_S) as plain:
-            if not doors.certificate:
+        with socket.create_connection((host, served.port), ANSWER_S) as plain:
+            if not served.certificate:
                 return [("DNS", "localhost")]
             trust = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
             trust.check_hostname = False
             trust.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
-            trust.load_verify_locations(doors.certificate)
+            trust.load_verify_locations(served.certificate)
             with trust.wrap_socket(plain) as secured:
                 shown = secured.getpeercert() or {}
     except ssl.SSLError as problem:
         reason = getattr(problem, "verify_message", "") or str(problem)
         raise UsageError(
-            f"the gateway at port {doors.port} does not show the certificate {doors.certificate}: {reason}; "
-            "when the file is right, start the gateway again"
+            f"the gateway at port {served.port} does not show the certificate {served.certificate}: {reason}"
+            "; when the file is right, start the gateway again"
         ) from None
     except OSError as problem:
-        raise UsageError(f"no gateway answers at {host}:{doors.port}: {problem}") from None
+        raise UsageError(f"no gateway answers at {host}:{served.port}: {problem}") from None
     names: Any = shown.get("subjectAltName", ())
     return [(str(kind), str(name)) for kind, name in names]
 
 
 def _hosts(certified: list[tuple[str, str]]) -> Iterator[str]:
-    """Yield what of this may stand in a link: addresses of this machine, then names; no pattern."""
+    """Yield the certified hosts for a link: addresses of this machine, then names; no wildcards."""
     yield from (name for kind, name in certified if kind == "IP Address" and _is_here(name))
     yield from (name for kind, name in certified if kind == "DNS" and "*" not in name)
 
 
 def _is_here(address: str) -> bool:
-    """Say whether this machine has an address (IPv4) that others reach."""
+    """Return whether this machine has an IPv4 address that others can reach."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind((address, 0))

@@ -1,6 +1,7 @@
-"""What topics said before a page was opened: messages as they came, packed, each topic within its bytes.
+"""Topic history: records messages of some topics in compressed blocks, for pages that are opened later.
 
-Everything here runs on the loop of asyncio; nothing is decoded before a page asks.
+Each topic has a limit of bytes; the oldest block goes first. Messages are decoded only when a page asks. All
+of it runs on the event loop; nothing survives a restart of the gateway.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ _STAMPED = 12
 
 @dataclass(frozen=True)
 class _PackedBlock:
-    """Messages in a row; `last` is the latest of their times."""
+    """A block of compressed messages; `last` is the latest of their times."""
 
     last: int
     data: bytes
 
 
-class _TopicPast(Subscriber):
-    """Keeps what a topic says instead of sending it to a page."""
+class _HistoryRecorder(Subscriber):
+    """A subscriber that records a topic."""
 
     def __init__(self, wanted: HistoryTopic, wall: Callable[[], float]) -> None:
         super().__init__(wanted.name, Outbox(lambda: None))
@@ -51,7 +52,7 @@ class _TopicPast(Subscriber):
         self._news = b""
 
     def offer(self, sample: Sample) -> None:
-        """Keep a message, unless there was one a moment ago, or it says the same."""
+        """Record a message, unless the topic's settings (`every`, `on_change`) filter it out."""
         at = round(self._wall() * 1000)
         self._decode = sample.decode
         if self._is_wanted(sample, at):
@@ -61,7 +62,7 @@ class _TopicPast(Subscriber):
                 self._pack()
 
     def complain(self, problem: str) -> None:
-        """There is no page that could be told."""
+        """Ignore the problem: there is no page to report it to."""
 
     def _is_wanted(self, sample: Sample, at: int) -> bool:
         wanted = self._wanted
@@ -87,7 +88,7 @@ class _TopicPast(Subscriber):
             self._packed -= len(self._blocks.popleft().data)
 
     def since(self, begin: float) -> Iterator[tuple[int, bytes]]:
-        """Return what was kept from a time on, as lines of JSON with their times; all that there is now."""
+        """Return a snapshot of the recorded messages from a time on, as times and lines of JSON."""
         blocks = [block for block in self._blocks if block.last >= begin]
         return self._lines(blocks, self._open.copy(), begin)
 
@@ -98,10 +99,10 @@ class _TopicPast(Subscriber):
         for at, message in _unpacked(blocks, rest):
             if at >= begin:
                 try:
-                    told = as_json(self._decode(message))
+                    encoded = as_json(self._decode(message))
                 except NotCarried:
                     continue
-                yield at, b'{"topic":%b,"at":%d,"msg":%b}\n' % (topic, at, told)
+                yield at, b'{"topic":%b,"at":%d,"msg":%b}\n' % (topic, at, encoded)
 
 
 def _unpacked(
@@ -117,7 +118,7 @@ def _unpacked(
 
 
 def _source(sample: Sample) -> str:
-    """Return who speaks: several nodes tell transforms on one topic, each those of its own frames."""
+    """Return the key that `every` applies to: on /tf the child frame of the first transform, else ''."""
     if sample.topic != "/tf":
         return ""
     try:
@@ -128,28 +129,28 @@ def _source(sample: Sample) -> str:
 
 
 class TopicHistory:
-    """The past of some topics, from the start of the gateway on."""
+    """The recorders of all topics with a history."""
 
     def __init__(self, hub: Hub, wanted: Sequence[HistoryTopic], wall: Callable[[], float]) -> None:
         """`wall` is the clock by which messages arrive, in seconds since 1970."""
         self._hub = hub
         self._wanted = wanted
-        self._pasts = {each.name: _TopicPast(each, wall) for each in wanted}
+        self._recorders = {each.name: _HistoryRecorder(each, wall) for each in wanted}
 
     @property
     def topics(self) -> Collection[str]:
         """The names of the topics."""
-        return self._pasts.keys()
+        return self._recorders.keys()
 
     def start(self) -> None:
-        """Begin to keep; on the loop."""
+        """Begin to record; on the event loop."""
         for each in self._wanted:
-            self._hub.subscribe(self._pasts[each.name], each.type)
+            self._hub.subscribe(self._recorders[each.name], each.type)
 
     def lines(self, begin: float, topics: Collection[str]) -> Iterator[bytes]:
-        """Return what topics said from a time on (ms since 1970), a line of JSON for each message.
+        """Return the recorded messages from a time on (ms since 1970), a line of JSON each, the oldest first.
 
-        The oldest come first. What comes while they are being read is not among them.
+        Messages that arrive while they are read are not included; those that cannot be decoded are left out.
         """
-        pasts = [self._pasts[name].since(begin) for name in topics]
-        return map(itemgetter(1), heapq.merge(*pasts, key=itemgetter(0)))
+        recorded = [self._recorders[name].since(begin) for name in topics]
+        return map(itemgetter(1), heapq.merge(*recorded, key=itemgetter(0)))

@@ -1,4 +1,4 @@
-"""What the gateway is to keep of the past, as its parameter `history` says it."""
+"""Parses the parameter `history`: the topics to record, with their limits."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _ENTRY = re.compile(
 
 @dataclass(frozen=True)
 class HistoryTopic:
-    """A topic of which the past is kept: its type, and within how many bytes.
+    """A topic to record: its type, and its limit in bytes.
 
-    With `every` seconds at most one message is kept in that time, of each node that tells transforms. With
-    `on_change` also each one that is new apart from the stamp of its header, with which its type begins.
+    With `every` at most one message is kept in so many seconds (on /tf: of each first child frame). With
+    `on_change` every message that differs from the last one is kept; bytes of its header's stamp are ignored.
     """
 
     name: str
@@ -30,10 +30,10 @@ class HistoryTopic:
 
 
 def history_topics(entries: Sequence[str]) -> list[HistoryTopic]:
-    """Return what the parameter `history` says.
+    """Return the topics of the parameter `history`.
 
     Raises:
-        UsageError: what is wrong with each of its entries.
+        UsageError: all wrong entries.
     """
     problems, found = Problems(UsageError), dict[str, HistoryTopic]()
     for entry in entries:

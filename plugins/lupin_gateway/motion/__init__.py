@@ -1,7 +1,7 @@
-"""Whether pages may move the robot: by the stop, by the mission that has the base, and by who has taken it.
+"""Decides whether pages may move the robot: not under a stop, and not while a mission has the base.
 
-Everything here is a level: it is asked for each operation, and nothing that was refused is kept for later.
-Pure: time is an argument, in seconds of a clock that never goes back.
+Level-triggered: it is asked for each operation, and refused ones are not kept. A page may take the base of a
+mission that is held, or whose orchestrator is silent for `SILENCE_S`. Pure: times are of a steady clock.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Annotated, Literal, TypedDict
 
 from lupin_gateway.motion.names import absolute, any_of
 
-#: The service by which a page takes the base of a mission that is held, and the topic that tells who has it.
+#: The service by which a page takes the base of a mission that is held, and the topic with who has it.
 TAKE_BASE, BASE_TOPIC = "/lupin/hmi/take_base", "/lupin/hmi/base"
 #: What is said of motion that is refused under a stop: the orchestrator says the same of a resume.
 STOPPED = "refused: e-stop engaged"
@@ -22,7 +22,7 @@ SILENCE_S = 3.0
 
 @dataclass(frozen=True)
 class MissionLevel:
-    """What the orchestrator says: the published state, whether a mission is under way, held, and stopped."""
+    """The orchestrator's published state: lifecycle, and whether a mission is active, held or stopped."""
 
     lifecycle: str = ""
     under_way: bool = False
@@ -45,12 +45,12 @@ class BaseRecord(TypedDict):
 class MotionGate:
     """Who may move the robot now.
 
-    `hindrance` is why no page may: `stop`, `mission` (it has the base), `held` (it has, and a page may take
-    it); '' where pages with the role may.
+    `hindrance` is why no page may: `stop`, `mission` (it has the base), `held` (a mission has the base, and a
+    page may take it); '' where any page with the role may.
     """
 
     def __init__(self, commands: Iterable[str] = ()) -> None:
-        """`commands` are the orchestrator's services: who commands the mission gives the base back first."""
+        """`commands` are the orchestrator's services: calling one gives back a taken base first."""
         self._commands = any_of(commands)
         self._stops: tuple[str, ...] = ()
         self._mission = MissionLevel()
@@ -61,15 +61,15 @@ class MotionGate:
         self._reason = ""
 
     def hear_stops(self, sources: Iterable[str]) -> None:
-        """Take the names of the sources that hold the robot now."""
+        """Take the names of the engaged sources of the stop."""
         self._stops = tuple(sources)
 
     def hear_mission(self, mission: MissionLevel, now: float) -> None:
-        """Take what the orchestrator published."""
+        """Take the orchestrator's published state."""
         self._mission, self._heard = mission, now
 
     def settle(self, stopped_by_pages: bool, now: float) -> bool:
-        """Look at all levels; return whether who could move the robot until now may no longer."""
+        """Re-evaluate; return whether motion was allowed before and is not any more."""
         could_move = self._can_move
         self.hindrance, self._reason = self._look(stopped_by_pages, now)
         if self.hindrance != "held":
@@ -95,13 +95,13 @@ class MotionGate:
         return "mission", f"a mission has the base ({mission.lifecycle}): pause it first"
 
     def refusal(self, page: str) -> str:
-        """Return why a page may not move the robot now; '' where it may."""
+        """Return why a page may not move the robot; '' where it may."""
         if self.taken_by:
             return "" if self.taken_by == page else f"{self.taken_by} has the base"
         return self._reason
 
     def take(self, page: str) -> str:
-        """Let a page have the base of a mission that is held; return why not, '' where it has."""
+        """Give a page the base of a mission that is held; return why not, '' where that is done."""
         if not self.hindrance:
             return "no mission is under way: there is nobody to take the base from"
         if self.hindrance != "held":
@@ -112,11 +112,11 @@ class MotionGate:
         return ""
 
     def is_command(self, service: str) -> bool:
-        """Whether a service is one by which the mission is commanded."""
+        """Return whether a service commands the mission."""
         return bool(self._commands.fullmatch(absolute(service)))
 
     def state(self) -> BaseRecord:
-        """Return what pages can show; `stops` are the sources that hold the robot."""
+        """Return the state for pages; `stops` are the engaged sources."""
         return {
             "taken_by": self.taken_by,
             "hindrance": self.hindrance,

@@ -1,4 +1,4 @@
-"""Which operations of pages move the robot, as catalogs, bindings and settings declare it."""
+"""Classifies the operations that move the robot, as catalogs, bindings and settings declare them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SEND_GOAL = "/_action/send_goal"
 
 
 class MotionNames:
-    """Which operations of pages move the robot, as catalogs and bindings declare it; every goal does."""
+    """The operations that move the robot; every goal of an action counts as one."""
 
     def __init__(self, declared: Iterable[Access]) -> None:
         known = list(declared)
@@ -49,7 +49,7 @@ class MotionNames:
 
 
 def any_of(names: Iterable[str]) -> re.Pattern[str]:
-    """Return what matches any of the names; `*` in one stands for any letters."""
+    """Return a pattern that matches any of the names; `*` in one matches any text."""
     return re.compile("|".join(translate(name) for name in names) or r"(?!)")
 
 
@@ -59,7 +59,7 @@ def absolute(name: str) -> str:
 
 
 def _is_still(message: Any) -> bool:
-    """Whether every number of a message is zero, its header aside; an empty one is all zeros."""
+    """Return whether every number of a message is zero, its header excepted; an empty one is all zeros."""
     if isinstance(message, Mapping):
         return all(_is_still(value) for name, value in message.items() if name != "header")
     return isinstance(message, (int, float)) and message == 0

@@ -1,4 +1,4 @@
-"""The node `lupin_gateway`: pages in a browser by the rosbridge protocol, on a port of this computer."""
+"""The node `lupin_gateway`: wires ROS (main thread) to the web server (a thread with an event loop)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from lupin_engine.plugin import COUNT, DURATION, ROS_NAME, TEXT, Parameter, list
 from lupin_gateway.history import TopicHistory
 from lupin_gateway.history.settings import history_topics
 from lupin_gateway.hub import Backlog, Hub
-from lupin_gateway.node import house
+from lupin_gateway.node import rules as rule_parameters
 from lupin_gateway.node.listening import listen
 from lupin_gateway.node.loop import LoopThread
-from lupin_gateway.node.ros import NodeSide
+from lupin_gateway.node.ros import RosAdapter
 from lupin_gateway.server import Address, Gateway, serve
 from lupin_gateway.session import Limits
 from lupin_greenhouse import StopListener, StopState
@@ -79,12 +79,12 @@ PARAMETERS = {
         "an emergency stop that was told steadily and is silent for so long counts as engaged; 0: never",
         maximum=60.0,
     ),
-    **house.PARAMETERS,
+    **rule_parameters.PARAMETERS,
 }
 
 
 def kept_by(values: Mapping[str, Any]) -> Mapping[str, Backlog]:
-    """Return what topics keep, of the parameter `events`.
+    """Return the backlog of each topic, from the parameter `events`.
 
     Raises:
         UsageError: an entry is no `TOPIC=NUMBER`.
@@ -102,7 +102,7 @@ def check(values: Mapping[str, Any]) -> None:
     """Check the parameters together; see `ros.launch.nodes`."""
     kept_by(values)
     history_topics(values["history"])
-    house.check(values)
+    rule_parameters.check(values)
 
 
 def addresses(values: Mapping[str, Any]) -> list[str]:
@@ -119,31 +119,31 @@ def _open(waiting: Repeater, loop: LoopThread, serving: Callable[..., Any]) -> N
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the node until it is told to stop; `arguments` are the ROS arguments."""
+    """Run the node until it is stopped; `arguments` are the ROS arguments."""
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     with RosNode("lupin_gateway", arguments, PARAMETERS) as ros:
         values = ros.parameters()
         check(values)
         kept = kept_by(values)
-        address = Address(house.host(values), values["port"], values["rosbridge_port"])
+        address = Address(rule_parameters.host(values), values["port"], values["rosbridge_port"])
         sockets = address.sockets()
         loop = LoopThread(ros.stop)
         ros.on_stop(loop.stop)
         for each in sockets:
             ros.on_stop(each.close)
-        side = NodeSide(ros, loop.post)
+        port = RosAdapter(ros, loop.post)
         limits = Limits(values["call_timeout"], values["slow_call_timeout"], tuple(values["slow_services"]))
-        hub = Hub(side.listen, lambda topic: kept.get(topic, Backlog()))
+        hub = Hub(port.listen, lambda topic: kept.get(topic, Backlog()))
         history = TopicHistory(hub, history_topics(values["history"]), time.time)
-        rules = house.house_rules(ros, side, values)
+        rules = rule_parameters.gateway_rules(ros, port, values)
         loop.post(listen, hub, rules, load_catalog().profile)
 
         def hear_stop(state: StopState) -> None:
-            side.hear_stop(state.engaged)
+            port.hear_stop(state.engaged)
             loop.post(rules.hear_stops, state.sources)
 
         StopListener(ros, values["estop_topic"], values["estop_timeout"], hear_stop)
-        gateway = Gateway(side, hub, limits, rules, house.tls(values), history)
+        gateway = Gateway(port, hub, limits, rules, rule_parameters.tls(values), history)
         opening = Repeater(
             ros.steady_timer, DISCOVERY_S, lambda: _open(opening, loop, partial(serve, gateway, sockets))
         )

@@ -1,6 +1,7 @@
-"""Calls of services and goals of actions, whose types and servers are known by name only.
+"""Clients of services and actions that are known by name only; the server's type is looked up for each call.
 
-For the thread of ROS; none of it waits.
+For the ROS thread; nothing blocks. A call fails at its deadline, a goal after 5 s without acceptance or 3 s
+without its server.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from rclpy.serialization import serialize_message
 from lupin_gateway.filling import DoesNotFit, filled
 from lupin_gateway.motion import STOPPED
 from lupin_gateway.node import types
+from lupin_gateway.ports import CallFailed, GoalEnd
 from lupin_gateway.shapes import NotCarried
-from lupin_gateway.sides import CallFailed, GoalEnd
 from lupin_ros.adapter import (
     ActionCaller,
     CallFailure,
@@ -38,19 +39,19 @@ WATCH_S, GONE_AFTER_S = 0.5, 3.0
 
 
 def service_type(ros: RosNode, name: str) -> str:
-    """Return the type of a service that somebody serves; '' where nobody does."""
+    """Return the type of a served service; '' where nobody serves it."""
     requests, _ = service_channels(name)
     servers = ros.node.get_subscriptions_info_by_topic(requests, no_mangle=True)
     return type_name(servers[0]).removesuffix("_Request") if servers else ""
 
 
 def action_type(ros: RosNode, name: str) -> str:
-    """Return the type of an action that somebody serves; '' where nobody does."""
+    """Return the type of a served action; '' where nobody serves it."""
     return service_type(ros, f"{name}/_action/send_goal").removesuffix("_SendGoal")
 
 
-class When:
-    """Waits until something is so; `then(True)` follows, or `then(False)` after `limit` seconds."""
+class WaitUntil:
+    """Polls a condition; calls `then(True)` when it holds, or `then(False)` after `limit` seconds."""
 
     def __init__(
         self, ros: RosNode, holds: Callable[[], bool], limit: float, then: Callable[[bool], None]
@@ -72,7 +73,7 @@ class When:
 
 
 class Services:
-    """Clients of services, each made once, and the calls of all pages."""
+    """Cached clients of services, shared by all pages."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
@@ -88,8 +89,8 @@ class Services:
     ) -> None:
         """Call a service with the fields of its request; `done` gets those of the response, or `CallFailed`.
 
-        The type is that of the server. Its deadline counts from now, finding the server included; whether the
-        call is still allowed is asked once that is found.
+        The type is that of the server. The deadline includes discovery; `still_allowed` is asked after it, so
+        that a stop in the meantime refuses the call.
         """
         type_ = service_type(self._ros, name)
         if not type_:
@@ -113,7 +114,7 @@ class Services:
             left = max(0.01, end - time.monotonic())
             caller.call(request, left, partial(_answered, name, type_, limit, done))
 
-        When(self._ros, caller.ready, limit, found)
+        WaitUntil(self._ros, caller.ready, limit, found)
 
     def _caller(self, name: str, type_: str) -> ServiceCaller:
         if (name, type_) not in self._callers:
@@ -130,10 +131,10 @@ def _answered(name: str, type_: str, limit: float, done: Callable[[Any], None], 
         done(CallFailed(f"{answer.detail}"))
 
 
-class GoalUnderWay:
+class PendingGoal:
     """A goal of a page; `cancel` may come at any time, also before it is sent or accepted.
 
-    `feedback` gets the fields of each feedback, `done` comes once.
+    `feedback` gets the fields of each feedback; `done` is called exactly once.
     """
 
     def __init__(
@@ -150,25 +151,25 @@ class GoalUnderWay:
         self.out_of_sight = 0.0
 
     def cancel(self) -> None:
-        """Ask the server to end it; one that it accepts later is cancelled then."""
+        """Ask the server to cancel it; a goal that is accepted later is cancelled then."""
         self.is_cancelled = True
         if self.goal is not None:
             self.goal.cancel()
 
     def accepted(self) -> None:
-        """The server works on it."""
+        """The server has accepted it; it is cancelled where that was asked for, or it has failed already."""
         if self.deadline is not None:
             self.deadline.cancel()
         if self.is_cancelled or self.is_over:
             self.cancel()
 
     def fail(self, why: str) -> None:
-        """End it without a result; should the server work on it all the same, it is cancelled."""
+        """End it without a result, and cancel it on the server should it run there."""
         self.end(CallFailed(f"{self.name}: {why}"))
         self.cancel()
 
     def end(self, outcome: GoalEnd | CallFailed) -> None:
-        """Tell how it ended, once."""
+        """Report how it ended, once."""
         if self.deadline is not None:
             self.deadline.cancel()
         if not self.is_over:
@@ -177,57 +178,59 @@ class GoalUnderWay:
 
 
 class Actions:
-    """Clients of actions, each made once, and the goals of all pages."""
+    """Cached clients of actions, and the goals of all pages."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
         self._callers: dict[tuple[str, str], ActionCaller] = {}
-        self._under_way: list[GoalUnderWay] = []
+        self._pending: list[PendingGoal] = []
         self._watching = Repeater(ros.steady_timer, WATCH_S, self._watch)
 
-    def send(self, under_way: GoalUnderWay, data: Any) -> None:
+    def send(self, pending: PendingGoal, data: Any) -> None:
         """Send a goal given by its fields; the type is that of the server."""
-        name = under_way.name
+        name = pending.name
         type_ = action_type(self._ros, name)
         if not type_:
-            under_way.fail("nobody serves this action now")
+            pending.fail("nobody serves this action now")
             return
         try:
             goal = filled(types.shape(type_, "Goal"), data)
-            caller = under_way.caller = self._caller(name, type_)
+            caller = pending.caller = self._caller(name, type_)
         except (NotCarried, DoesNotFit) as problem:
-            under_way.fail(str(problem))
+            pending.fail(str(problem))
             return
         late = f"the goal was not accepted within {ACCEPTED_WITHIN_S:g} s"
-        under_way.deadline = self._ros.steady_timer(ACCEPTED_WITHIN_S, lambda: under_way.fail(late))
-        self._under_way.append(under_way)
+        pending.deadline = self._ros.steady_timer(ACCEPTED_WITHIN_S, lambda: pending.fail(late))
+        self._pending.append(pending)
         self._watching.start()
-        When(self._ros, caller.ready, ACCEPTED_WITHIN_S, partial(self._found, under_way, caller, type_, goal))
+        WaitUntil(
+            self._ros, caller.ready, ACCEPTED_WITHIN_S, partial(self._found, pending, caller, type_, goal)
+        )
 
     def cancel_all(self) -> None:
-        """Have all goals ended, also those that wait to be sent or accepted."""
-        for each in list(self._under_way):
+        """Cancel all goals, also those that wait to be sent or accepted."""
+        for each in list(self._pending):
             each.cancel()
 
     def _found(
-        self, under_way: GoalUnderWay, caller: ActionCaller, type_: str, goal: Any, is_there: bool
+        self, pending: PendingGoal, caller: ActionCaller, type_: str, goal: Any, is_there: bool
     ) -> None:
-        if under_way.is_cancelled or not is_there:
-            under_way.fail("cancelled before it was sent" if is_there else "its server was not reached")
+        if pending.is_cancelled or not is_there:
+            pending.fail("cancelled before it was sent" if is_there else "its server was not reached")
             return
 
         def fed_back(message: Any) -> None:
-            under_way.feedback(types.decode(type_, "Feedback")(serialize_message(message)))
+            pending.feedback(types.decode(type_, "Feedback")(serialize_message(message)))
 
         def ended(status: int, result: Any) -> None:
-            under_way.end(GoalEnd(status, types.decode(type_, "Result")(serialize_message(result))))
+            pending.end(GoalEnd(status, types.decode(type_, "Result")(serialize_message(result))))
 
-        under_way.goal = caller.send(
+        pending.goal = caller.send(
             goal,
-            accepted=under_way.accepted,
+            accepted=pending.accepted,
             feedback=fed_back,
             ended=ended,
-            rejected=lambda: under_way.fail("the goal was rejected"),
+            rejected=lambda: pending.fail("the goal was rejected"),
         )
 
     def _caller(self, name: str, type_: str) -> ActionCaller:
@@ -236,12 +239,12 @@ class Actions:
         return self._callers[name, type_]
 
     def _watch(self) -> None:
-        """Give up goals whose server has been gone for a while: nobody would tell how they ended."""
-        self._under_way = [each for each in self._under_way if not each.is_over]
-        for each in self._under_way:
+        """Fail goals whose server has been gone for `GONE_AFTER_S`: no result would come."""
+        self._pending = [each for each in self._pending if not each.is_over]
+        for each in self._pending:
             is_there = each.caller is not None and each.caller.ready()
             each.out_of_sight = 0.0 if is_there else each.out_of_sight + WATCH_S
             if each.out_of_sight >= GONE_AFTER_S:
                 each.fail("its server is gone")
-        if not self._under_way:
+        if not self._pending:
             self._watching.stop()

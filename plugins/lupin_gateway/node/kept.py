@@ -1,4 +1,7 @@
-"""A file of what outlives the gateway. Where the disk is slow, only the newest waits for it."""
+"""Saves state that outlives the gateway as JSON, atomically, on a thread; a slow disk gets the newest only.
+
+Stops and notifications are saved so. A failed write is logged, and not retried before the next change.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from lupin_ros.adapter import RosNode
 
 
 class StateFile:
-    """Data of JSON in a file; `what` it is stands in messages, such as `stops`."""
+    """Data of JSON in a file; `what` names it in messages, such as `stops`."""
 
     def __init__(self, ros: RosNode, file: Path, what: str) -> None:
         self._ros = ros
@@ -24,7 +27,7 @@ class StateFile:
         self._newest: Any = None
 
     def read(self) -> Any:
-        """Return what was kept; None where nothing was.
+        """Return the saved data; None where there is no file.
 
         Raises:
             OSError, ValueError: it cannot be read.
@@ -35,7 +38,7 @@ class StateFile:
             return None
 
     def keep(self, data: Any) -> None:
-        """Write it soon; returns at once."""
+        """Schedule a write; returns at once."""
         with self._lock:
             is_waiting, self._newest = self._newest is not None, data
         if not is_waiting:
@@ -49,5 +52,5 @@ class StateFile:
         try:
             write_atomically(self.file, json.dumps(data).encode())
         except OSError as problem:
-            told = f"the {self._what} cannot be kept for a gateway that starts again: {problem}"
-            self._ros.log.error(f"{self.file}: {told}")
+            text = f"the {self._what} cannot be kept for a gateway that starts again: {problem}"
+            self._ros.log.error(f"{self.file}: {text}")

@@ -1,4 +1,4 @@
-"""What the gateway hears of the robot: steps and diagnostics, to notify people, and who has the base."""
+"""Subscribes the gateway to steps, diagnostics and mission state, for notifications and the motion gate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import orjson
 
 from lupin_engine.plugin import Profile
 from lupin_gateway.encoding import Sample
-from lupin_gateway.guard import HouseRules
+from lupin_gateway.guard import GatewayRules
 from lupin_gateway.hub import Hub, Outbox, Subscriber
 from lupin_gateway.motion import MissionLevel
 from lupin_gateway.shapes import NotCarried
@@ -21,25 +21,25 @@ Take = Callable[[Mapping[str, Any]], None]
 
 
 class _RobotListener(Subscriber):
-    """Takes what a topic says, instead of sending it to a page."""
+    """A subscriber that calls a function for each message."""
 
     def __init__(self, topic: str, take: Take) -> None:
         super().__init__(topic, Outbox(lambda: None))
         self._take = take
 
     def offer(self, sample: Sample) -> None:
-        """Take a message; one that is not as it should be is nobody's notification."""
+        """Pass on a decoded message; one that cannot be decoded or has wrong fields is dropped."""
         try:
             self._take(sample.decode(sample.serialized))
         except (NotCarried, ValueError, TypeError, KeyError, AttributeError):
             return
 
     def complain(self, problem: str) -> None:
-        """There is no page that could be told."""
+        """Ignore the problem: there is no page to report it to."""
 
 
-def listen(hub: Hub, rules: HouseRules, profile: Profile) -> None:
-    """Begin to hear the robot; on the loop."""
+def listen(hub: Hub, rules: GatewayRules, profile: Profile) -> None:
+    """Begin to listen; on the event loop."""
     people, clocks = rules.people, rules.clocks
 
     def take_step(message: Mapping[str, Any]) -> None:
@@ -57,16 +57,16 @@ def listen(hub: Hub, rules: HouseRules, profile: Profile) -> None:
         hub.subscribe(_RobotListener(wire.state.name, partial(_take_state, rules, profile)), wire.state.type)
 
 
-def _take_state(rules: HouseRules, profile: Profile, message: Mapping[str, Any]) -> None:
-    """Take where the mission stands: whether it has the base, is held, or is stopped."""
+def _take_state(rules: GatewayRules, profile: Profile, message: Mapping[str, Any]) -> None:
+    """Pass the mission's state to the motion gate: whether it is active, held, or stopped."""
     assert profile.wire is not None
-    told = profile.wire.read_state(message)
+    state = profile.wire.read_state(message)
     alarms = (name for name, flag in profile.terminal.flags.items() if flag.alarm)
     level = MissionLevel(
-        told.lifecycle,
-        under_way=told.lifecycle not in profile.stages.without_mission,
-        held=told.paused,
-        stopped=any(told.flags.get(name) for name in alarms),
+        state.lifecycle,
+        under_way=state.lifecycle not in profile.stages.without_mission,
+        held=state.paused,
+        stopped=any(state.flags.get(name) for name in alarms),
     )
     rules.motion.hear_mission(level, rules.clocks.steady())
     rules.settle_motion()

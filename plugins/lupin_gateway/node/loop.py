@@ -1,4 +1,4 @@
-"""The loop of asyncio on a thread of its own, beside the one of ROS, and what is handed to it."""
+"""Runs the event loop (asyncio) on a thread of its own, with a thread-safe queue of callbacks for it."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ TURN_S = 0.005
 
 
 class LoopThread:
-    """Runs the pages' side; when that ends by itself, `ended` is called."""
+    """Runs the web side; `ended` is called when that ends, for whatever reason."""
 
     def __init__(self, ended: Callable[[], None]) -> None:
         self._loop = asyncio.new_event_loop()
         self._ended = ended
         self._posted: deque[tuple[Callable[..., None], tuple[Any, ...]]] = deque()
-        self._is_told = False
+        self._is_woken = False
         self._until: asyncio.Future[None] = self._loop.create_future()
         self._thread: threading.Thread | None = None
         #: 1 where the pages' side failed.
         self.exit_code = 0
 
     def start(self, serve: Callable[[asyncio.Future[None]], Coroutine[Any, Any, None]]) -> None:
-        """Run `serve`, which ends when what it is given does."""
+        """Run `serve`, which is to end when the future that it gets is done."""
         self._thread = threading.Thread(target=self._run, args=(serve,), name="pages", daemon=True)
         self._thread.start()
 
@@ -46,22 +46,23 @@ class LoopThread:
             self._ended()
 
     def post(self, callback: Callable[..., None], *arguments: Any) -> None:
-        """Call something on the loop, in the order of posting; safe from every thread.
+        """Schedule a call on the loop, in the order of posting; safe from every thread.
 
-        The loop is woken once for all that comes before it has had time.
+        The loop is woken once for all calls that are queued before it runs; after it has ended they are
+        dropped.
         """
         self._posted.append((callback, arguments))
-        if not self._is_told:
-            self._is_told = True
+        if not self._is_woken:
+            self._is_woken = True
             with contextlib.suppress(RuntimeError):  # the loop has ended: nobody is there to be told
                 self._loop.call_soon_threadsafe(self._run_posted)
 
     def _run_posted(self) -> None:
-        self._is_told = False
+        self._is_woken = False
         end = time.monotonic() + TURN_S
         for _ in range(len(self._posted)):
             if time.monotonic() >= end:
-                self._is_told = True
+                self._is_woken = True
                 self._loop.call_soon(self._run_posted)
                 return
             callback, arguments = self._posted.popleft()
@@ -73,12 +74,12 @@ class LoopThread:
                 )
 
     def close(self) -> None:
-        """Release the loop, unless the pages' side still runs."""
+        """Release the loop, unless the thread still runs."""
         if self._thread is None or not self._thread.is_alive():
             self._loop.close()
 
     def stop(self) -> None:
-        """End the pages' side; from another thread."""
+        """End the web side, from another thread; waits up to `END_WITHIN_S`."""
         with contextlib.suppress(RuntimeError):
             self._loop.call_soon_threadsafe(self._finish)
         if self._thread is not None:

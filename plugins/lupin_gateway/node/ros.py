@@ -1,4 +1,8 @@
-"""ROS as the pages' side sees it: what they ask for is handed to ROS's thread, what comes of it to theirs."""
+"""The adapter of `RosPort` to rclpy: posts each request to the ROS thread, and each result back to the loop.
+
+While the robot is stopped, publications, calls and goals that move it are refused, also those that were
+waiting for their server.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +13,17 @@ from typing import Any
 from lupin_gateway.encoding import Sample
 from lupin_gateway.motion import STOPPED
 from lupin_gateway.motion.names import MotionNames
-from lupin_gateway.node.calls import Actions, GoalUnderWay, Services
+from lupin_gateway.node.calls import Actions, PendingGoal, Services
 from lupin_gateway.node.rosapi import Rosapi
 from lupin_gateway.node.topics import Publishers, Subscription, Subscriptions
-from lupin_gateway.sides import CallFailed, GoalEnd
+from lupin_gateway.ports import CallFailed, GoalEnd
 from lupin_ros.adapter import RosNode
 
 Post = Callable[..., None]
 
 
-class NodeSide:
-    """See `sides.RosSide`; `post` calls something on the loop."""
+class RosAdapter:
+    """See `ports.RosPort`; `post` schedules a call on the event loop."""
 
     def __init__(self, ros: RosNode, post: Post) -> None:
         self._ros = ros
@@ -35,40 +39,44 @@ class NodeSide:
         self._stops = 0
 
     def about(self) -> Mapping[str, Any]:
-        """See `RosSide`."""
+        """See `RosPort`."""
         return {"mode": "robot"}
 
     def listen(
-        self, topic: str, type_: str, told: Callable[[Sample, bool], None], problem: Callable[[str], None]
+        self,
+        topic: str,
+        type_: str,
+        on_sample: Callable[[Sample, bool], None],
+        problem: Callable[[str], None],
     ) -> _HeldSubscription:
-        """See `RosSide`."""
+        """See `RosPort`."""
         feed = _HeldSubscription(self._ros, self._subscriptions)
-        self._ros.post(lambda: feed.open(topic, type_, told, problem))
+        self._ros.post(lambda: feed.open(topic, type_, on_sample, problem))
         return feed
 
     def advertise(self, topic: str, type_: str, latch: bool, problem: Callable[[str], None]) -> None:
-        """See `RosSide`."""
-        self._ros.post(lambda: self._tell(problem, self._publishers.advertise(topic, type_, latch)))
+        """See `RosPort`."""
+        self._ros.post(lambda: self._report(problem, self._publishers.advertise(topic, type_, latch)))
 
     def unadvertise(self, topic: str) -> None:
-        """See `RosSide`."""
+        """See `RosPort`."""
         self._ros.post(lambda: self._publishers.unadvertise(topic))
 
     def publish(self, topic: str, data: Any, problem: Callable[[str], None]) -> None:
-        """See `RosSide`."""
-        self._ros.post(lambda: self._tell(problem, self._publish(topic, data)))
+        """See `RosPort`."""
+        self._ros.post(lambda: self._report(problem, self._publish(topic, data)))
 
     def _publish(self, topic: str, data: Any) -> str:
         if self._stopped and self.moving.published(topic, data):
             return f"{topic} {STOPPED}"
         return self._publishers.publish(topic, data)
 
-    def _tell(self, problem: Callable[[str], None], text: str) -> None:
+    def _report(self, problem: Callable[[str], None], text: str) -> None:
         if text:
             self._post(problem, text)
 
     def call(self, service: str, data: Any, limit: float, done: Callable[[Any], None]) -> None:
-        """See `RosSide`."""
+        """See `RosPort`."""
         answer = partial(self._post, done)
         moves = self.moving.called(service)
 
@@ -80,7 +88,7 @@ class NodeSide:
         self._ros.post(call)
 
     def _still_allowed(self, stops: int) -> bool:
-        """Whether no stop has come since there were so many: a call may have waited for its server."""
+        """Return whether no stop came since the `stops`-th: a call may have waited for its server."""
         return not self._stopped and self._stops == stops
 
     def send_goal(
@@ -90,28 +98,28 @@ class NodeSide:
         feedback: Callable[[Mapping[str, Any]], None],
         done: Callable[[GoalEnd | CallFailed], None],
     ) -> Callable[[], None]:
-        """See `RosSide`."""
-        under_way = GoalUnderWay(action, partial(self._post, feedback), partial(self._post, done))
-        self._ros.post(lambda: self._send_goal(under_way, data))
-        return lambda: self._ros.post(under_way.cancel)
+        """See `RosPort`."""
+        pending = PendingGoal(action, partial(self._post, feedback), partial(self._post, done))
+        self._ros.post(lambda: self._send_goal(pending, data))
+        return lambda: self._ros.post(pending.cancel)
 
-    def _send_goal(self, under_way: GoalUnderWay, data: Any) -> None:
+    def _send_goal(self, pending: PendingGoal, data: Any) -> None:
         if self._stopped:
-            under_way.end(CallFailed(f"{under_way.name} {STOPPED}"))
+            pending.end(CallFailed(f"{pending.name} {STOPPED}"))
         else:
-            self._actions.send(under_way, data)
+            self._actions.send(pending, data)
 
     # -- what stops ---------------------------------------------------------------------------------------
 
     def hear_stop(self, engaged: bool) -> None:
-        """Take whether the robot is stopped; on ROS's thread."""
+        """Take whether the robot is stopped; on the ROS thread. An engaged stop ends all motion of pages."""
         if engaged and not self._stopped:
             self._stops += 1
             self._end_motion()
         self._stopped = engaged
 
     def halt(self) -> None:
-        """End what pages drive: cancel their goals, drop what waits, and publish zero velocities."""
+        """End all motion of pages: cancel their goals, drop waiting messages, publish zero velocities."""
         self._ros.post(self._end_motion)
 
     def _end_motion(self) -> None:
@@ -119,7 +127,7 @@ class NodeSide:
         self._publishers.halt(self.moving)
 
     def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
-        """See `RosSide`."""
+        """See `RosPort`."""
         if question not in self._rosapi.questions:
             return False
         self._ros.post(lambda: self._rosapi.answer(question, data, partial(self._post, done)))
@@ -131,7 +139,7 @@ def _always() -> bool:
 
 
 class _HeldSubscription:
-    """A subscription that the pages' side holds; made and ended on ROS's thread."""
+    """A subscription of the web side; made and closed on the ROS thread."""
 
     def __init__(self, ros: RosNode, subscriptions: Subscriptions) -> None:
         self._ros = ros
@@ -140,7 +148,7 @@ class _HeldSubscription:
         self._is_closed = False
 
     def open(self, *arguments: Any) -> None:
-        """Begin it."""
+        """Subscribe, unless it was closed in the meantime."""
         if not self._is_closed:
             self._subscription = self._subscriptions.add(*arguments)
 

@@ -1,7 +1,7 @@
-"""What pages ask about the network itself: the services of `/rosapi/`, answered by the gateway.
+"""Answers the services of `/rosapi/`: pages' queries about nodes, topics, services and parameters.
 
-Only what pages of this robot use. Their types are not looked at: pages have called `get_time` with a wrong
-one for years, and what counts is the name.
+Only those that pages of this robot use. Their types are not checked: pages have called `get_time` with a
+wrong one for years, so only the name counts.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from lupin_gateway.encoding import as_json
 from lupin_gateway.node import types
 from lupin_gateway.node.calls import Services, action_type, service_type
 from lupin_gateway.node.topics import topic_types
+from lupin_gateway.ports import CallFailed
 from lupin_gateway.protocol import full_type
 from lupin_gateway.shapes import TEXT, Listed, MessageShape, NotCarried
-from lupin_gateway.sides import CallFailed
 from lupin_ros.adapter import RosNode
 
-#: Seconds that a node has to tell a parameter.
+#: Seconds that a node has to answer about a parameter.
 PARAMETER_WITHIN_S = 5.0
 
 #: Fields of a ParameterValue by its type.
@@ -43,7 +43,7 @@ Done = Callable[[Any], None]
 
 
 class Rosapi:
-    """Answers questions; for the thread of ROS."""
+    """Answers queries; for the ROS thread."""
 
     def __init__(self, ros: RosNode, services: Services) -> None:
         self._ros = ros
@@ -63,7 +63,7 @@ class Rosapi:
         self.questions = frozenset({*self._questions, "get_param"})
 
     def answer(self, question: str, data: Any, done: Done) -> None:
-        """Answer: `done` gets the fields of the answer, or `CallFailed`."""
+        """Answer a query: `done` gets the fields of the response, or `CallFailed`."""
         try:
             if not isinstance(data, Mapping):
                 raise ValueError("its request is an object of fields")
@@ -100,7 +100,7 @@ class Rosapi:
         if not parameter:
             raise ValueError("'name' is written NODE:PARAMETER, such as /lupin_twin:frame_id")
 
-        def told(answer: Any) -> None:
+        def done_with(answer: Any) -> None:
             values = [] if isinstance(answer, CallFailed) else answer["values"]
             field = _VALUES.get(values[0]["type"]) if values else None
             if field is not None:
@@ -112,11 +112,11 @@ class Rosapi:
             done({"value": data.get("default_value", ""), "successful": False, "reason": reason})
 
         service = f"{_absolute(node)}/get_parameters"
-        self._services.call(service, {"names": [parameter]}, PARAMETER_WITHIN_S, told)
+        self._services.call(service, {"names": [parameter]}, PARAMETER_WITHIN_S, done_with)
 
 
 def _seen(found: list[tuple[str, list[str]]]) -> dict[str, str]:
-    """Return names with their types; what belongs to actions is left out, as ROS's own tools do."""
+    """Return names with their types, without the hidden ones of actions, as ROS's tools do."""
     return {name: kinds[0] for name, kinds in sorted(found) if "/_" not in name}
 
 
@@ -136,7 +136,7 @@ def _absolute(name: str) -> str:
 
 
 def _message_details(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Describe a message, and all that it is made of."""
+    """Return the definition of a message, and of all types that it contains."""
     definitions: dict[str, dict[str, Any]] = {}
     _describe(types.shape(full_type(_text(data, "type"), "msg")), definitions)
     return {"typedefs": list(definitions.values())}
@@ -146,17 +146,19 @@ def _describe(shape: MessageShape, definitions: dict[str, dict[str, Any]]) -> No
     if shape.name in definitions:
         return
     constants = _constants(types.class_of(shape.name))
-    told: dict[str, Any] = {
+    described: dict[str, Any] = {
         "type": _short(shape.name), "fieldnames": [], "fieldtypes": [], "fieldarraylen": [], "examples": [],
         "constnames": list(constants), "constvalues": [str(value) for value in constants.values()],
     }  # fmt: skip
-    definitions[shape.name] = told
+    definitions[shape.name] = described
     for name, kind in shape.fields.items():
         of = kind.of if isinstance(kind, Listed) else kind
-        told["fieldnames"].append(name)
-        told["fieldtypes"].append(_short(of.name) if isinstance(of, MessageShape) else _WRITTEN.get(of, of))
-        told["fieldarraylen"].append((kind.length or 0) if isinstance(kind, Listed) else -1)
-        told["examples"].append(_example(kind))
+        described["fieldnames"].append(name)
+        described["fieldtypes"].append(
+            _short(of.name) if isinstance(of, MessageShape) else _WRITTEN.get(of, of)
+        )
+        described["fieldarraylen"].append((kind.length or 0) if isinstance(kind, Listed) else -1)
+        described["examples"].append(_example(kind))
         if isinstance(of, MessageShape):
             _describe(of, definitions)
 

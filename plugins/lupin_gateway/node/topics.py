@@ -1,6 +1,7 @@
-"""Subscriptions that fit whoever publishes, and publishers that wait for their readers.
+"""Subscriptions whose QoS follows the publishers', and publishers that wait briefly for their readers.
 
-For the thread of ROS.
+For the ROS thread. Beyond `DEPTH` undelivered messages of a topic, and `MOST_HELD` unsent ones, the oldest
+are lost.
 """
 
 from __future__ import annotations
@@ -34,32 +35,34 @@ Post = Callable[..., None]
 
 
 class Subscription:
-    """One topic; there is a subscription of ROS as soon as somebody publishes.
+    """One topic; the ROS subscription is made as soon as somebody publishes.
 
-    Its reliability and durability are the best that all publishers offer: a subscriber that wants more hears
-    nothing, and one that wants less gets no backlog.
+    Its reliability and durability are the best that all publishers offer: a stricter reader would get
+    nothing, a laxer one no backlog.
     """
 
-    def __init__(self, ros: RosNode, topic: str, type_: str, told: Any, problem: Any, post: Post) -> None:
+    def __init__(
+        self, ros: RosNode, topic: str, type_: str, on_sample: Any, problem: Any, post: Post
+    ) -> None:
         self._ros = ros
         self.topic = topic
         self._type = type_
-        self._told = told
+        self._on_sample = on_sample
         self._problem = problem
         self._post = post
         self._profile: QoSProfile | None = None
         self._subscription: Any = None
         #: What the pages' side has had no time for yet; of more, the oldest are lost, as in ROS itself.
-        self._untold: deque[tuple[Sample, bool]] = deque(maxlen=DEPTH)
+        self._pending: deque[tuple[Sample, bool]] = deque(maxlen=DEPTH)
         self._is_posted = False
 
     @property
     def heard(self) -> bool:
-        """Whether there is a subscription of ROS."""
+        """Whether the ROS subscription exists."""
         return self._subscription is not None
 
     def look(self) -> None:
-        """Fit the subscription to the publishers that are there."""
+        """Match type and QoS to the current publishers; a type that none of them has is reported."""
         publishers = self._ros.node.get_publishers_info_by_topic(self.topic)
         if not publishers:
             return
@@ -84,23 +87,23 @@ class Subscription:
 
         def on_message(serialized: bytes, info: dict[str, int]) -> None:
             sample = Sample(self.topic, serialized, info["source_timestamp"], decode)
-            self._untold.append((sample, latched))
+            self._pending.append((sample, latched))
             if not self._is_posted:
                 self._is_posted = True
-                self._post(self._tell)
+                self._post(self._deliver_next)
 
         self._subscription = self._ros.subscribe_raw(kind, self.topic, profile, on_message)
         self._ros.watch_channels([f"rt{self.topic}"])
         self._post(self._problem, "")
 
-    def _tell(self) -> None:
-        """Hand over one message; on the loop, with a turn for others between two."""
+    def _deliver_next(self) -> None:
+        """Deliver one message on the loop, and schedule the next: other work comes in between."""
         self._is_posted = False
-        if self._untold:
-            self._told(*self._untold.popleft())
-        if self._untold and not self._is_posted:
+        if self._pending:
+            self._on_sample(*self._pending.popleft())
+        if self._pending and not self._is_posted:
             self._is_posted = True
-            self._post(self._tell)
+            self._post(self._deliver_next)
 
     def close(self) -> None:
         """End it."""
@@ -110,7 +113,7 @@ class Subscription:
 
 
 class Subscriptions:
-    """All subscriptions; looks at the publishers of each from time to time."""
+    """All subscriptions; looks for new publishers of each periodically."""
 
     def __init__(self, ros: RosNode, post: Post) -> None:
         self._ros = ros
@@ -119,23 +122,23 @@ class Subscriptions:
         self._round = 0
         self._looking = Repeater(ros.steady_timer, LOOK_S, self._look)
 
-    def add(self, topic: str, type_: str, told: Any, problem: Any) -> Subscription:
-        """Begin one."""
-        added = Subscription(self._ros, topic, type_, told, problem, self._post)
+    def add(self, topic: str, type_: str, on_sample: Any, problem: Any) -> Subscription:
+        """Begin a subscription."""
+        added = Subscription(self._ros, topic, type_, on_sample, problem, self._post)
         self._all.append(added)
         self._looking.start()
         self._ros.guarded(added.look)()
         return added
 
     def remove(self, subscription: Subscription) -> None:
-        """End one."""
+        """End a subscription."""
         subscription.close()
         self._all.remove(subscription)
         if not self._all:
             self._looking.stop()
 
     def published(self, topic: str) -> None:
-        """Look at one topic now: a page publishes it, and another may listen."""
+        """Look for publishers of one topic now: a page publishes it, and another may listen."""
         for each in self._all:
             if each.topic == topic and not each.heard:
                 self._ros.guarded(each.look)()
@@ -148,7 +151,7 @@ class Subscriptions:
 
 
 class _SharedPublisher:
-    """A publisher; what is sent before its readers are matched waits for them, for a moment."""
+    """A publisher; messages wait for its readers to be matched, for at most `MATCH_S`."""
 
     def __init__(self, ros: RosNode, topic: str, type_: str, latch: bool) -> None:
         self._ros = ros
@@ -193,7 +196,7 @@ class _SharedPublisher:
 
 
 class Publishers:
-    """All publishers, shared by the pages that advertise the same topic."""
+    """All publishers, one per topic, shared by the pages that advertise it."""
 
     def __init__(self, ros: RosNode, made: Callable[[str], None]) -> None:
         """`made` is called with the topic of each new publisher."""
@@ -204,7 +207,7 @@ class Publishers:
         self._used: set[str] = set()
 
     def advertise(self, topic: str, type_: str, latch: bool) -> str:
-        """Make a publisher, or use the one that is there; return what is wrong, '' where nothing is."""
+        """Make a publisher, or share the existing one; return the error, '' where there is none."""
         publisher = self._all.get(topic)
         if publisher is not None and publisher.type != type_:
             return f"{topic} is of type {publisher.type}, not {type_}"
@@ -227,7 +230,7 @@ class Publishers:
             raise NotCarried(f"it is of type {', '.join(known)}, not {type_}")
 
     def unadvertise(self, topic: str) -> None:
-        """One user fewer; the publisher stays for a moment, so that what was said last arrives."""
+        """Remove one user; the publisher stays for `PUBLISHER_LINGER_S`, so that its last message arrives."""
         publisher = self._all.get(topic)
         if publisher is None:
             return
@@ -245,7 +248,7 @@ class Publishers:
             publisher.close()
 
     def publish(self, topic: str, data: Any) -> str:
-        """Publish; without a publisher the topic's type is that of the network. Return what is wrong."""
+        """Publish, with the network's type if no page advertised one; return the error, else ''."""
         publisher = self._all.get(topic)
         if publisher is None:
             known = topic_types(self._ros, topic)
@@ -264,7 +267,7 @@ class Publishers:
         return ""
 
     def halt(self, moving: MotionNames) -> None:
-        """Drop what waits to move the robot, and publish zero on each topic of velocities that was used."""
+        """Drop waiting messages that move the robot; publish zero on each used topic of velocities."""
         used, self._used = self._used, set()
         for topic in used & self._all.keys():
             if moving.published(topic, None):

@@ -1,4 +1,4 @@
-"""Classes, shapes and decoders of ROS types by their names; each is looked up once."""
+"""Looks up classes, shapes and decoders of ROS types by name; results are cached."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def shape(name: str, part: str = "") -> MessageShape:
     """Return the shape of a message, or of a `part` of a service or action (Request, Goal and so on).
 
     Raises:
-        NotCarried: it is not installed here, or has what cannot be carried.
+        NotCarried: the type is not installed here, or has a field that is not supported.
     """
     kind = class_of(name)
     return shape_of(getattr(kind, part) if part else kind, _message_class, f"{name}.{part}" if part else name)
@@ -46,5 +46,5 @@ def _message_class(name: str) -> Any:
 
 @functools.cache
 def decode(name: str, part: str = "") -> Callable[[bytes], dict[str, Any]]:
-    """Return what reads a serialized message of a type; see `cdr.decoder`."""
+    """Return the decoder of a type; see `cdr.decoder`."""
     return decoder(shape(name, part))

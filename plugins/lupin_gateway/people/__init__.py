@@ -1,6 +1,6 @@
-"""What people of a robot know of each other: who is here, what they pressed, and what they were notified of.
+"""Publishes presence, recent commands and notifications to all pages, and saves notifications for a restart.
 
-Everything runs on the loop of asyncio, and nothing waits.
+All of it runs on the event loop; nothing blocks.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ HERE, COMMANDS, ACKNOWLEDGE = "/lupin/hmi/here", "/lupin/hmi/commands", "/lupin/
 MOST_COMMANDS, LONGEST_SENT = 200, 400
 
 #: Tells a topic, or keeps a text for the next gateway.
-Tell = Callable[[str, str], object]
+Publish = Callable[[str, str], object]
 
 
 class PeopleRecord(TypedDict):
@@ -39,31 +39,31 @@ class NotificationsRecord(TypedDict):
 
 
 def _nobody(_: str, __: str) -> None:
-    """Tell nobody."""
+    """Publish nothing."""
 
 
 class People:
     """The people of one gateway."""
 
-    def __init__(self, tell: Tell = _nobody, keep: Callable[[Any], object] = lambda _: None) -> None:
-        """`tell` gets a topic and its JSON; `keep` what the next gateway is to `restore`."""
+    def __init__(self, publish: Publish = _nobody, keep: Callable[[Any], object] = lambda _: None) -> None:
+        """`publish` gets a topic and its JSON; `keep` the state that the next gateway will `restore`."""
         self.presence = Presence()
         self.notifications = Notifications()
         self.steps = StepNotices(self.notifications)
         self.nodes = NodeNotices(self.notifications)
         self.stops = StopNotices(self.notifications)
-        self._tell = tell
+        self._publish = publish
         self._keep = keep
         self._commands: deque[dict[str, Any]] = deque(maxlen=MOST_COMMANDS)
         self._count = 0
-        self._told_here: tuple[int, int] = (-1, -1)
-        self._told_changes = -1
+        self._published_here: tuple[int, int] = (-1, -1)
+        self._published_changes = -1
 
     def restore(self, kept: Mapping[str, Any]) -> None:
-        """Take over what an earlier gateway has kept; nothing, where it has kept nothing.
+        """Load the state that an earlier gateway has saved; {} where there is none.
 
         Raises:
-            TypeError, KeyError, ValueError: this was never kept.
+            TypeError, KeyError, ValueError: the data is not such a state.
         """
         if kept:
             boot, sequence = kept["seen"]
@@ -71,7 +71,7 @@ class People:
             self.steps.seen = (str(boot), int(sequence))
 
     def commanded(self, line: Mapping[str, Any]) -> None:
-        """Remember a line of the audit log."""
+        """Remember a line of the audit log, as one of the last `MOST_COMMANDS`."""
         self._count += 1
         sent = json.dumps(line.get("sent", {}), ensure_ascii=False, default=str)
         short = sent if len(sent) <= LONGEST_SENT else f"{sent[:LONGEST_SENT]}…"
@@ -91,15 +91,15 @@ class People:
         refused = self.notifications.acknowledge(ids, who, at)
         return {"success": not refused, "message": refused or f"acknowledged by {who}"}
 
-    def tell_changes(self) -> None:
-        """Tell pages what is new, and keep it."""
+    def publish_changes(self) -> None:
+        """Publish and save whatever has changed."""
         here = (self.presence.changes, self._count)
-        if here != self._told_here:
-            self._told_here = here
-            state: PeopleRecord = {"people": self.presence.told(), "commands": self._count}
-            self._tell(PEOPLE_TOPIC, json.dumps(state, ensure_ascii=False))
-        if self.notifications.changes != self._told_changes:
-            self._told_changes = self.notifications.changes
-            told: NotificationsRecord = {"notifications": self.notifications.told()}
-            self._tell(NOTIFICATIONS_TOPIC, json.dumps(told, ensure_ascii=False))
-            self._keep({**told, "seen": self.steps.seen})
+        if here != self._published_here:
+            self._published_here = here
+            state: PeopleRecord = {"people": self.presence.as_data(), "commands": self._count}
+            self._publish(PEOPLE_TOPIC, json.dumps(state, ensure_ascii=False))
+        if self.notifications.changes != self._published_changes:
+            self._published_changes = self.notifications.changes
+            kept: NotificationsRecord = {"notifications": self.notifications.as_data()}
+            self._publish(NOTIFICATIONS_TOPIC, json.dumps(kept, ensure_ascii=False))
+            self._keep({**kept, "seen": self.steps.seen})

@@ -1,6 +1,6 @@
-"""What people should know of until somebody has acknowledged it, kept for all pages and the next gateway.
+"""Notifications that stay until somebody acknowledges them; at most `MOST`, shared by all pages.
 
-Pure: time is an argument, in seconds since 1970.
+Beyond that, acknowledged ones are dropped first, then the oldest. Pure: times are in seconds since 1970.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ WARNING, ERROR = 1, 2
 
 @dataclass(frozen=True)
 class Notification:
-    """One thing: what kind of thing (`code`, `stop`, `node`, ...), what it is about, and what it says.
+    """A notification: its kind (`code`, `stop`, `node`, ...), subject (`about`) and text.
 
-    `first` and `last` are when it was so first and last, of so many `times`; `over` is since when it is not
-    so any more, None while it is, or where nobody can tell. `by` is who acknowledged it, `acknowledged` when.
+    `first` and `last` are when it occurred first and last, of so many `times`; `over` is when it ended, None
+    while it lasts, or where an end is never reported. `by` is who acknowledged it, `acknowledged` when.
     """
 
     id: int
@@ -48,7 +48,7 @@ class Notifications:
         self.changes = 0
 
     def add(self, kind: str, about: str, severity: int, text: str, at: float) -> None:
-        """Notify people; where they have not acknowledged the same thing yet, it has happened once more."""
+        """Add a notification; where the same one is not acknowledged yet, count it once more instead."""
         text = text[:LONGEST]
         self.changes += 1
         before = self._open(kind, about)
@@ -66,40 +66,40 @@ class Notifications:
         return next((one for one in found if one.acknowledged is None), None)
 
     def lasting(self, kind: str) -> list[str]:
-        """Return what notifications of a kind are about that is not over."""
+        """Return the subjects of a kind whose notifications have not ended."""
         return [one.about for one in self._all.values() if one.kind == kind and one.over is None]
 
     def end(self, kind: str, about: str, at: float) -> None:
-        """It is not so any more; who has not seen it is still to see that it was."""
+        """Mark as ended; it still waits to be acknowledged."""
         for one in list(self._all.values()):
             if (one.kind, one.about) == (kind, about) and one.over is None:
                 self.changes += 1
                 self._all[one.id] = replace(one, over=at)
 
     def acknowledge(self, ids: Collection[int], who: str, at: float) -> str:
-        """Take somebody's word that these are known; return why not, '' where it is done."""
+        """Mark all as acknowledged by a person; return '', or why none is: an unknown id."""
         unknown = sorted(set(ids) - self._all.keys())
         if unknown or not ids:
-            told = ", ".join(map(str, unknown)) or "nothing was named"
-            return f"no such notification: {told}; nothing was acknowledged"
+            listed = ", ".join(map(str, unknown)) or "nothing was named"
+            return f"no such notification: {listed}; nothing was acknowledged"
         self.changes += 1
         for each in ids:
             if self._all[each].acknowledged is None:
                 self._all[each] = replace(self._all[each], by=who, acknowledged=at)
         return ""
 
-    def told(self) -> list[dict[str, Any]]:
+    def as_data(self) -> list[dict[str, Any]]:
         """Return all as data."""
         return [asdict(one) for one in self._all.values()]
 
-    def restore(self, told: Iterable[Mapping[str, Any]]) -> None:
-        """Take over what an earlier gateway has told.
+    def restore(self, saved: Iterable[Mapping[str, Any]]) -> None:
+        """Replace all by the `as_data` of an earlier gateway.
 
         Raises:
-            TypeError, KeyError, ValueError: it is not what `told` returns.
+            TypeError, KeyError, ValueError: the data is not of that form.
         """
         names = [each.name for each in fields(Notification)]
-        found = [Notification(**{name: one[name] for name in names}) for one in told]
+        found = [Notification(**{name: one[name] for name in names}) for one in saved]
         self._all = {int(one.id): one for one in sorted(found, key=lambda one: one.id)}
         self._next = max(self._all, default=0) + 1
         self.changes += 1

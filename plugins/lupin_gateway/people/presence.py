@@ -1,4 +1,4 @@
-"""Who is connected, and which view each looks at."""
+"""Presence: who is connected, and which view each page shows."""
 
 from __future__ import annotations
 
@@ -38,25 +38,25 @@ class Presence:
         self.changes = 0
 
     def joined(self, number: int, page: str, name: str, role: str, browser: str, at: float) -> None:
-        """A connection stands, since a time in seconds since 1970."""
+        """Add a connection, with its time in seconds since 1970."""
         self.changes += 1
         self._visits[number] = _ConnectedPage(page, name, role, browser, at)
 
     def shows(self, number: int, view: str) -> str:
-        """A page shows a view; return the name of its connection."""
+        """Record the view of a page; return the name of its connection."""
         self.changes += 1
         self._visits[number].view = view[:LONGEST_VIEW]
         return self._visits[number].page
 
     def gone(self, number: int) -> None:
-        """A connection has ended."""
+        """Remove a connection."""
         self.changes += 1
         self._visits.pop(number, None)
 
-    def told(self) -> list[PersonRecord]:
-        """Return who is there, who came first at first.
+    def as_data(self) -> list[PersonRecord]:
+        """Return the connections, the oldest first.
 
-        The console has a second connection for its stop, which tells no view: it is not told of.
+        The console's second connection, for its stop, has no view and is left out.
         """
         consoles = {visit.browser for visit in self._visits.values() if visit.view}
         return [

@@ -1,6 +1,6 @@
-"""What notifications are made of: steps of the mission, diagnostics of nodes, stops of pages.
+"""Makes notifications of the mission's steps, of nodes' diagnostics, and of pages' stops.
 
-Pure: time is an argument, in seconds since 1970; of nodes also of a clock that never goes back.
+Pure: times are in seconds since 1970; for nodes also of a steady clock.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ WARN, STALE = 1, 3
 
 
 class StepNotices:
-    """Codes that warn, and questions that wait for an answer."""
+    """Notifies of codes with a severity of warning or above, and of questions that wait for an answer."""
 
     def __init__(self, notifications: Notifications) -> None:
         self._notifications = notifications
@@ -25,13 +25,13 @@ class StepNotices:
         self.seen = ("", -1)
 
     def take(self, record: Mapping[str, Any]) -> None:
-        """Take a record of the topic of steps; one that was taken before is left out."""
+        """Take a record of the topic of steps; ones of the same session with an old number are ignored."""
         step, boot, at = record["step"], str(record["boot"]), float(record["wall_ns"]) * 1e-9
         if boot == self.seen[0] and step["sequence"] <= self.seen[1]:
             return
         self.seen = (boot, int(step["sequence"]))
-        told = () if self._is_stop_of_a_page(step) else step.get("codes", ())
-        for code in told:
+        codes = () if self._is_stop_of_a_page(step) else step.get("codes", ())
+        for code in codes:
             if code["severity"] >= WARNING:
                 text = ": ".join(filter(None, [code["label"], code["detail"]]))
                 about = f"{code['code']} {code['target']}".strip()
@@ -45,21 +45,21 @@ class StepNotices:
                 self._notifications.add("question", state, WARNING, question, at)
 
     def _is_stop_of_a_page(self, step: Mapping[str, Any]) -> bool:
-        """Whether the mission is held by a stop of which people are notified already: who pressed it."""
+        """Return whether a step only repeats a stop of a page, which is notified already."""
         engages = step.get("event") == "value" and step.get("data", {}).get("value") is True
         held = any(note.startswith("hold ") for note in step.get("notes", ()))
         return engages and held and bool(self._notifications.lasting("stop"))
 
 
 class NodeNotices:
-    """Nodes that have fallen silent, and machines that run out of something."""
+    """Notifies of nodes that are silent, and of machines with a warning (such as a low disk)."""
 
     def __init__(self, notifications: Notifications) -> None:
         self._notifications = notifications
         self._heard: dict[str, float] = {}
 
     def take(self, status: Mapping[str, Any], at: float, now: float) -> None:
-        """Take a status of /diagnostics, `now` of the steady clock. Those that are no nodes are left out."""
+        """Take a status of /diagnostics, `now` of the steady clock; only those of nodes count."""
         name, level, machine = str(status["name"]), int(status["level"]), str(status["hardware_id"])
         if not name.startswith("/"):
             return
@@ -74,7 +74,7 @@ class NodeNotices:
             self._notifications.add("machine", machine, WARNING, str(status["message"]), at)
 
     def look(self, at: float, now: float) -> None:
-        """Find out who is silent."""
+        """Notify of nodes that were silent for `SILENT_S`."""
         for name, heard in list(self._heard.items()):
             if now - heard > SILENT_S:
                 del self._heard[name]
@@ -83,7 +83,7 @@ class NodeNotices:
 
 
 class StopNotices:
-    """Stops that are engaged, by the names of who engaged them."""
+    """Notifies of engaged stops, by the names of the pages that engaged them."""
 
     def __init__(self, notifications: Notifications) -> None:
         self._notifications = notifications

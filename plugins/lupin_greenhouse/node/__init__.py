@@ -1,1 +1,1 @@
-"""The side of the greenhouse that talks to ROS."""
+"""The greenhouse's parts that need ROS: the stop listener and the watchdog."""

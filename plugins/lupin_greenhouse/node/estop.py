@@ -1,4 +1,4 @@
-"""The emergency stop as received by a node, of all its sources; see `stops`."""
+"""Subscribes to all sources of the emergency stop, and reports their combined state; see `stops`."""
 
 from __future__ import annotations
 
@@ -25,19 +25,20 @@ LOOKS = 8
 
 
 class StopListener:
-    """Listens to all sources of the stop, and keeps which of them hold the robot; see `stops`.
+    """Feeds the stop's topics to `StopFold`; nodes that move something call it to learn whether they may.
 
-    Real time, also where the robot's is simulated; looks are counted and not seconds, because a node that was
-    busy itself hears what has waited before the next look.
+    It uses real time, also in simulation, and counts timer ticks instead of seconds: after a block of its own
+    the node reads waiting messages before it counts on.
     """
 
     def __init__(
         self, ros: RosNode, topic: str, timeout: float, changed: Callable[[StopState], None]
     ) -> None:
-        """Call `changed` with each new state, and when a source is heard for the first time.
+        """Call `changed` with each new state, and when a source is first heard; if it raises, it is called
+        again.
 
-        `topic` is that of the robot's own emergency stop, '' for who publishes that one itself. When it was
-        steady and is silent for `timeout` s it is engaged; 0: never.
+        `topic` is the robot's own emergency stop, '' for the node that publishes it. Once that was periodic,
+        silence for `timeout` s counts as engaged; 0: never.
         """
         self._ros = ros
         self._changed = changed
@@ -61,21 +62,21 @@ class StopListener:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """The names of the sources that hold the robot."""
+        """The names of the engaged sources."""
         return self.state.sources
 
     @property
     def reason(self) -> str:
-        """Why nothing may move, with the topics that say so; '' while something may."""
+        """Why nothing may move, with the topics that say so; '' while it may."""
         said: dict[str, list[str]] = {}
         for name in self.state.sources:
             how = "silent" if name in self.state.silent else "engaged"
             said.setdefault(how, []).append(self._topics[name])
-        told = " and ".join(f"{how} ({', '.join(topics)})" for how, topics in said.items())
-        return told and f"the emergency stop is {told}"
+        stated = " and ".join(f"{how} ({', '.join(topics)})" for how, topics in said.items())
+        return stated and f"the emergency stop is {stated}"
 
     def close(self) -> None:
-        """Report nothing any more."""
+        """Stop reporting."""
         self._closed = True
         self._looking.stop()
 
@@ -88,7 +89,7 @@ class StopListener:
         self._fold.heard(source, message.data, writers, self._now + self._period)
         is_first = source not in self._heard
         self._heard.add(source)
-        self._tell(is_first)
+        self._report(is_first)
 
     def _writers(self, topic: str) -> frozenset[str]:
         found = self._ros.node.get_publishers_info_by_topic(topic)
@@ -97,9 +98,9 @@ class StopListener:
     def _look(self) -> None:
         self._now += self._period
         self._fold.look(self._now)
-        self._tell(False)
+        self._report(False)
 
-    def _tell(self, is_first: bool) -> None:
+    def _report(self, is_first: bool) -> None:
         self.state = self._fold.state
         if self._fold.waits:
             self._looking.start()

@@ -1,4 +1,4 @@
-"""Who moves the robot for somebody listens whether that one still speaks."""
+"""A watchdog for nodes that move something on behalf of another node, such as the orchestrator."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ WATCHDOG_PARAMETERS = {
 
 
 class SilenceWatchdog:
-    """Reports that a node has fallen silent while it must speak; once for each silence.
+    """Calls `lost` when a node falls silent while it must speak, once for each silence.
 
-    It was killed, hangs, or is on the far side of a broken link: it would not cancel what it has begun. Real
-    time, also where the robot's is simulated, because what is listened to is published by real time.
+    Such a node was killed, hangs, or its link is broken, so it will not cancel its own motions. Real time,
+    also in simulation: the watched node publishes by real time.
     """
 
     def __init__(self, every: Every, timeout: float, lost: Callable[[str], None], node: str) -> None:
@@ -42,7 +42,7 @@ class SilenceWatchdog:
         self._looking = Repeater(every, timeout / LOOKS, self._look)
 
     def heard(self, must_speak: bool) -> None:
-        """Take a message; `must_speak`: another one has to follow."""
+        """Restart the timeout; `must_speak`: another message has to follow, else the watchdog is off."""
         self._missed = 0
         if self._timeout and must_speak:
             self._looking.start()
@@ -50,7 +50,7 @@ class SilenceWatchdog:
             self._looking.stop()
 
     def _look(self) -> None:
-        """Count looks and not seconds: a node that was busy itself hears what has waited before the next."""
+        """Count ticks instead of seconds: after a block of its own the node reads waiting messages first."""
         self._missed += 1
         if self._missed > LOOKS:
             self._looking.stop()

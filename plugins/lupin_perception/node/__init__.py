@@ -1,4 +1,4 @@
-"""The node `perception_aggregator`: tags, flowers and pests, from what the detectors see."""
+"""The node `perception_aggregator`: fuses the detectors' frames into tags, flowers and pests."""
 
 from __future__ import annotations
 

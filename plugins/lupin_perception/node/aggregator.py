@@ -1,6 +1,6 @@
-"""The aggregator as a node: takes in frames, tells of tags at a steady rate and of findings at once.
+"""The aggregator node: takes detectors' frames, publishes tags periodically and findings at once.
 
-No callback waits for anything. What comes in damaged is told once for each kind of damage, and left out.
+No callback blocks. Invalid input is dropped; each kind of fault is logged once.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ HEAR_S, RECALL_S = 2.0, 10.0
 #: Without a mission the tag that flowers belong to changes when another one is nearer by so much (m): what is
 #: measured of two tags at one distance changes from frame to frame.
 NEARER_M = 0.1
-#: Without a mission a scan has no end: what was not seen for so many seconds is not told any more.
+#: Without a mission a scan has no end: detections older than so many seconds are dropped.
 IDLE_MEMORY_S = 30.0
-#: A box that has moved (m) or turned (rad) by more is told again with its flowers.
+#: A box that has moved (m) or turned (rad) by more is published again with its flowers.
 MOVED_M, TURNED = 0.05, 0.1
 
 
 class Aggregator:
-    """Fuses what the detectors see into tags on the map, flowers at tags, and pests at none."""
+    """Fuses detections into tags on the map, flowers at tags, and pests at no tag."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
@@ -80,9 +80,9 @@ class Aggregator:
         self._begun = ros.elapsed()
         self._pan = 0.0
         self._since = ros.stamp()
-        #: The box that the flowers of this scan were told in; None before they were.
-        self._told_box: PlanterBox | None = None
-        self._has_told = False
+        #: The box with which this scan's flowers were published; None before.
+        self._published_box: PlanterBox | None = None
+        self._has_published = False
         self._warn = WarnOnce(ros.log)
         self._connect()
         self._boxes = KnownBoxes(ros, values, self._tags, self._warn)
@@ -131,7 +131,7 @@ class Aggregator:
         self._interrupted = ""  # the mission has gone on to something else
 
     def _begin(self, mission_id: str) -> None:
-        """Forget the last mission, and restore what an earlier process stored of this one."""
+        """Forget the last mission, and restore the saved state of this one."""
         past, self._past = self._past, None
         if past is None or past.mission_id != mission_id:
             past = Past(mission_id)
@@ -142,7 +142,7 @@ class Aggregator:
         self._boxes.refresh()
         self._aim("")
         self._since = self._ros.stamp()
-        self._tell_tags()
+        self._publish_tags()
 
     def _recall(self) -> Past | None:
         try:
@@ -152,8 +152,8 @@ class Aggregator:
             return None
 
     def _keep(self) -> None:
-        """Store what has changed of a mission."""
-        scanned = self._scan.tag_id if self._has_told else ""
+        """Save the mission's state where it has changed."""
+        scanned = self._scan.tag_id if self._has_published else ""
         state = self._tags.revision, len(self._watch.reported), scanned
         if self._tags.mission_id and state != self._kept:
             self._kept = state
@@ -165,53 +165,53 @@ class Aggregator:
                 self._warn(str(error))
 
     def _aim(self, tag_id: str) -> None:
-        """Credit flowers to this tag from now on; another one than before begins a new scan."""
+        """Credit flowers to this tag from now on; another tag begins a new scan."""
         box, last = self._boxes.find(tag_id), self._scan.tag_id
         if self._scan.aim(tag_id, None if box is None else box.size.width):
-            self._has_told, self._told_box = False, None
+            self._has_published, self._published_box = False, None
             self._aged = self._ros.elapsed()
             self._aimed = self._aimed if tag_id == last else self._aged
             self._resume()
 
     def _resume(self) -> None:
-        """Continue the scan in which an earlier process was killed: what it published stays valid."""
+        """Continue the scan of a killed process: its published result stays valid."""
         known = self._tags.find(self._scan.tag_id)
         if known is not None and known.id == self._interrupted and known.summary is not None:
             self._scan.resume(known.summary)
 
     def _age(self) -> None:
-        """Age a scan without an end: false detections would add up over a night."""
+        """Age an endless scan: false detections would add up over a night."""
         now = self._ros.elapsed()
         if self._is_idle() and now - self._aged >= IDLE_MEMORY_S:
             self._aged = now
             self._scan.age()
 
     def _is_under_way(self) -> bool:
-        """Say whether a mission is under way, as far as was heard lately."""
+        """Return whether a mission is active, by the last state if that is fresh."""
         heard = self._ros.elapsed() - self._mission_heard <= self._values["mission_freshness_s"]
         return heard and is_under_way(self._mission.lifecycle_state)
 
     def _is_idle(self) -> bool:
-        """Say whether no mission is under way; one that is may not have been heard of yet."""
+        """Return whether no mission is active, and one would have been heard of by now."""
         return not self._is_under_way() and not self._may_hear()
 
     def _may_hear(self) -> bool:
-        """Say whether this node has just begun and may hear of a mission in a moment."""
+        """Return whether this node has just begun and may hear of a mission in a moment."""
         return math.isinf(self._mission_heard) and self._ros.elapsed() - self._begun <= HEAR_S
 
     def _mission_id(self) -> str:
-        """Return what observations are part of: what is seen after a mission's end is none of its finds."""
+        """Return the active mission's id for observations; '' outside of one."""
         return self._tags.mission_id if self._is_under_way() else ""
 
     def _focus(self) -> str:
-        """Name the tag that flowers belong to, '' for none."""
+        """Return the tag that flowers belong to, '' for none."""
         mission = self._mission
         if self._is_under_way():
             return scanned_tag(mission.lifecycle_state, mission.mission_phase, mission.current_target)
         return self._nearest() if self._values["attribute_when_idle"] and self._is_idle() else ""
 
     def _nearest(self) -> str:
-        """Name the nearest discovered tag in sight, '' for none."""
+        """Return the nearest discovered tag in sight, '' for none."""
         in_sight = self._sightings.in_sight(self._ros.elapsed())
         here = {tag: distance for tag, distance in in_sight.items() if self._tags.find(tag)}
         if not here:
@@ -223,7 +223,7 @@ class Aggregator:
 
     def _on_tags(self, message: String) -> None:
         seen, problems = read_tags(message.data)
-        self._tell_problems("tag_detections_topic", problems)
+        self._log_problems("tag_detections_topic", problems)
         warning = self._sightings.see(seen, self._ros.elapsed())
         if warning:
             self._ros.log.warning(warning)
@@ -239,16 +239,16 @@ class Aggregator:
             # At once: a mission that has just come to this tag will say where it is.
             self._tick()
             if known.id == self._scan.tag_id:
-                self._tell_flowers()  # seen already, and there may be no further frame
+                self._publish_flowers()  # seen already, and there may be no further frame
 
     def _tick(self) -> None:
-        # A list without what is remembered would tell the mission that its finds are gone.
+        # A list without the restored tags would mean to the mission that its finds are gone.
         patience = RECALL_S if math.isinf(self._mission_heard) else HEAR_S
         if self._past is None or self._ros.elapsed() - self._begun > patience:
             self._keep()
-            self._tell_tags()
+            self._publish_tags()
 
-    def _tell_tags(self) -> None:
+    def _publish_tags(self) -> None:
         self._lists.publish(messages.discovered_tags(self._tags.discovered(), self._since))
 
     def _confirm(self, request: ConfirmTag.Request, response: ConfirmTag.Response) -> ConfirmTag.Response:
@@ -265,7 +265,7 @@ class Aggregator:
     def _on_flowers(self, message: String) -> None:
         names, width = self._values["flower_class_names"], self._values["detection_image_width"]
         detections, problems = read_flowers(message.data, names, width)
-        self._tell_problems("yolo_detections_topic", problems)
+        self._log_problems("yolo_detections_topic", problems)
         self._aim(self._focus())
         now = self._ros.elapsed()
         # A late frame was seen from an earlier position: it belongs to no scan and is no find.
@@ -273,24 +273,24 @@ class Aggregator:
         if self._scan.tag_id and not is_late:
             self._age()
             self._scan.add(detections, self._pan)
-            self._tell_flowers()
+            self._publish_flowers()
         if self._scan.tag_id or is_late or self._may_hear() or self._sightings.in_sight(now):
             self._watch.interrupt()
         else:
             self._look_for_pests(detections)
 
-    def _tell_flowers(self) -> None:
-        """Tell what grows at the scanned tag, if that is news and the tag is discovered."""
+    def _publish_flowers(self) -> None:
+        """Publish the flowers of the scanned tag, if it is discovered and they are news."""
         known, summary = self._tags.find(self._scan.tag_id), self._scan.summary()
         if known is None or summary is None:
             return
         box = self._boxes.find(known.id)
         if box is None:
             box = box_from_tag(known.pose, self._size, self._values["tag_lateral_offset"])
-        told = known.summary if self._has_told else None
-        if not summary.tells_more_than(told) and _is_alike(box, self._told_box):
+        published = known.summary if self._has_published else None
+        if not summary.adds_to(published) and _is_alike(box, self._published_box):
             return
-        self._has_told, self._told_box = True, box
+        self._has_published, self._published_box = True, box
         self._tags.classify(known.id, summary)
         self._since = self._ros.stamp()
         places = np.empty((0, 2)) if box is None else self._places(box, summary.blooms)
@@ -313,7 +313,7 @@ class Aggregator:
 
     # --- what is wrong ------------------------------------------------------------------------------------
 
-    def _tell_problems(self, topic: str, problems: Sequence[str]) -> None:
+    def _log_problems(self, topic: str, problems: Sequence[str]) -> None:
         for problem in problems:
             self._warn(f"{self._values[topic]}: {problem}")
 
@@ -331,7 +331,7 @@ def _is_alike(box: PlanterBox | None, other: PlanterBox | None) -> bool:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the node until it is told to stop; `arguments` are the ROS arguments."""
+    """Run the node until it is stopped; `arguments` are the ROS arguments."""
     with RosNode(NAME, arguments, PARAMETERS) as ros:
         Aggregator(ros)
         ros.spin()

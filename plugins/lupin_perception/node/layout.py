@@ -1,6 +1,6 @@
-"""The planter boxes of the known layout, told to others once a second; or taken from whoever tells them.
+"""The planter boxes: derived from the layout and published once a second, or received from another node.
 
-One of the two, never both: a topic has one source.
+Never both: a topic has one source.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from lupin_perception.registry import Registry
 from lupin_ros.adapter import Qos, RosNode
 
 #: Seconds between two messages about the boxes: consumers in browsers need them again and again.
-TELL_S = 1.0
+PUBLISH_S = 1.0
 
 
 class KnownBoxes:
@@ -28,7 +28,7 @@ class KnownBoxes:
     def __init__(
         self, ros: RosNode, values: Mapping[str, Any], tags: Registry, warn: Callable[[str], None]
     ) -> None:
-        """`warn` tells a text, each only once.
+        """`warn` logs a text, each only once.
 
         Raises:
             LupinError: the layout cannot be used.
@@ -45,23 +45,23 @@ class KnownBoxes:
         self._height: float = values["box_height"]
         self._registered = tags.revision
         self._text = ""
-        self._teller = ros.publisher(String, self._topic, Qos.LATCHED)
-        ros.steady_timer(TELL_S, self._tell)
+        self._publisher = ros.publisher(String, self._topic, Qos.LATCHED)
+        ros.steady_timer(PUBLISH_S, self._publish)
 
     def find(self, tag_id: str) -> PlanterBox | None:
         """Return the box at a tag; None when the layout knows none."""
         return self._boxes.get(tag_id)
 
     def refresh(self) -> None:
-        """Lay the layout over the map anew if tags have changed since; others do so where they tell boxes."""
+        """Register the layout again if tags have changed; does nothing where boxes are received."""
         if self._layout is not None and self._registered != self._tags.revision:
             self._registered = self._tags.revision
             self._register(self._layout)
 
-    def _tell(self) -> None:
+    def _publish(self) -> None:
         self.refresh()
         if self._text:
-            self._teller.publish(String(data=self._text))
+            self._publisher.publish(String(data=self._text))
 
     def _register(self, known_layout: layout.Layout) -> None:
         found = {known.id: known.pose for known in self._tags.discovered()}

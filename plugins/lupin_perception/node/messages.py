@@ -1,4 +1,4 @@
-"""What the aggregator knows, as messages."""
+"""Converts the aggregator's data to messages."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _discovered(known: Known) -> DiscoveredTag:
 def flower_observation(
     known: Known, summary: ScanSummary, box: PlanterBox | None, places: Array, mission_id: str, stamp: Time
 ) -> Observation:
-    """Return what grows at a tag; `places` are where its blooms are drawn, row by row."""
+    """Return the Observation of a tag's flowers; `places` are where its blooms are drawn, row by row."""
     message = _observation(Observation.KIND_FLOWER, mission_id, stamp)
     message.tag_pose_in_map = pose_message(known.pose)
     flower: FlowerObservation = message.flower
@@ -86,7 +86,7 @@ def _points(blooms: Sequence[ColumnBloom], places: Array) -> list[FlowerPoint]:
 
 
 def anomaly_observation(pest: Pest, robot: Pose, mission_id: str, stamp: Time) -> Observation:
-    """Return the report of a pest that belongs to no tag, seen from where the robot is."""
+    """Return the Observation of a pest that belongs to no tag, at the robot's pose."""
     message = _observation(Observation.KIND_ANOMALY, mission_id, stamp)
     message.tag_pose_in_map.orientation.w = 0.0  # there is no tag
     report: AnomalyReport = message.anomaly
@@ -96,7 +96,7 @@ def anomaly_observation(pest: Pest, robot: Pose, mission_id: str, stamp: Time) -
 
 
 def reading_observation(known: Known, reading: TagReading, source: str, stamp: Time) -> Observation:
-    """Return what was measured at a tag without a mission."""
+    """Return the Observation of a reading outside of a mission."""
     message = _observation(Observation.KIND_TAG_READING, "", stamp, source)
     message.tag_pose_in_map = pose_message(known.pose)
     message.tag_reading = reading

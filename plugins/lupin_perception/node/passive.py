@@ -1,4 +1,4 @@
-"""Reads the climate at known tags while no mission is under way, so that the maps are never empty."""
+"""Reads sensors at known tags while no mission is active, so that maps are never empty; see `idle`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ANSWER_S = 5.0
 
 
 class PassiveObserver:
-    """Reads one tag after the other from the bridge, and publishes the readings without a mission."""
+    """Requests readings from the bridge, and publishes them without a mission; stops when one begins."""
 
     def __init__(
         self,
@@ -29,12 +29,12 @@ class PassiveObserver:
         observations: Publisher,
         is_idle: Callable[[], bool],
     ) -> None:
-        """`observations` is where readings go; `is_idle` says whether no mission is under way."""
+        """`observations` publishes readings; `is_idle` returns whether no mission is active."""
         self._ros, self._tags, self._observations, self._is_idle = ros, tags, observations, is_idle
         self._source: str = values["source_name"]
         self._schedule = Schedule(values["refresh_period_s"])
         self._bridge = ros.service(GetTagReading, values["reading_service"])
-        self._told_absent = False
+        self._logged_absent = False
         ros.timer(values["tick_period_s"], self._tick)
 
     def _tick(self) -> None:
@@ -42,16 +42,16 @@ class PassiveObserver:
         if not tags or not self._is_idle():
             return
         if not self._bridge.ready():
-            self._tell_absent()
+            self._log_absent()
             return
-        self._told_absent = False
+        self._logged_absent = False
         for tag_id in self._schedule.due(tags, self._ros.elapsed()):
             request = GetTagReading.Request(tag_id=tag_id)
             self._bridge.call(request, ANSWER_S, partial(self._on_answer, tag_id))
 
-    def _tell_absent(self) -> None:
-        if not self._told_absent:
-            self._told_absent = True
+    def _log_absent(self) -> None:
+        if not self._logged_absent:
+            self._logged_absent = True
             self._ros.log.warning("tags are known but nobody reads them", missing=self._bridge.name)
 
     def _on_answer(self, tag_id: str, answer: GetTagReading.Response | CallFailure) -> None:

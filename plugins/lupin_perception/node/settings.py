@@ -1,4 +1,4 @@
-"""The parameters of the aggregator, and what they make."""
+"""The parameters of the aggregator, their checks, and the rules made of them."""
 
 from __future__ import annotations
 
@@ -117,10 +117,10 @@ PARAMETERS: Mapping[str, Parameter] = {**TOPICS, **TAGS, **FLOWERS, **BOXES, **L
 
 
 def check(values: Mapping[str, Any]) -> None:
-    """Look whether parameters fit each other, and the layout can be used.
+    """Check that parameters fit each other, and that the layout can be used.
 
     Raises:
-        LupinError: they do not, or it cannot; the text has everything that is wrong.
+        LupinError: all errors.
     """
     problems = Problems()
     with problems.collecting():
@@ -132,10 +132,10 @@ def check(values: Mapping[str, Any]) -> None:
 
 
 def fusion_rules(values: Mapping[str, Any]) -> Rules:
-    """Return how flowers are fused.
+    """Return the rules of fusion.
 
     Raises:
-        LupinError: the pest is none of the detector's classes.
+        LupinError: the pest is not among the detector's classes.
     """
     anomaly, classes = values["anomaly_class_name"], values["flower_class_names"]
     if anomaly not in classes:

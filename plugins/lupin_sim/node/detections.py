@@ -1,4 +1,4 @@
-"""The detectors of the simulated cameras as topics: the input of the perception aggregator."""
+"""Publishes the simulated detectors' frames: the input of the perception aggregator."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ BASE, CAMERA = "base_link", "camera_link"
 
 
 class Detections:
-    """Publishes, frame by frame, the tags and flowers in view, and the places of the tags as transforms.
+    """Publishes tags and flowers in view, and the tags' transforms.
 
-    `send` publishes transforms together with those of the robot, at one moment: a tag is placed by where the
-    robot was when it saw it.
+    `send` publishes transforms together with the robot's, with one stamp: a tag is placed by the pose from
+    which it was seen.
     """
 
     def __init__(self, ros: RosNode, send: Callable[[Sequence[TransformStamped]], None]) -> None:
@@ -29,7 +29,7 @@ class Detections:
         self._tags = ros.publisher(String, "/camera/tag_detections_json", Qos.DETECTION)
         self._flowers = ros.publisher(String, "/yolo/detections", Qos.DETECTION)
 
-    def tell(self, pose: FloorPose, seen: Sequence[Plate], pests: Sequence[Point]) -> None:
+    def publish(self, pose: FloorPose, seen: Sequence[Plate], pests: Sequence[Point]) -> None:
         """Publish one frame of each camera, taken from `pose`."""
         plates = readable(seen)
         tags = [_transform(CAMERA, f"tag_{p.id}", tag_in_robot(pose, p), 0.0) for p in plates]

@@ -1,4 +1,4 @@
-"""The topics that displays such as RViz use: the plan of the robot, and goals by a click on the map."""
+"""The topics of displays such as RViz: the robot's plan, and goals by a click on the map."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lupin_sim.floor import Point
 
 
 class Display:
-    """The topics of the real navigation that displays use, `/plan` and `/goal_pose`."""
+    """The topics `/plan` and `/goal_pose`, as real navigation has them."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
@@ -30,7 +30,7 @@ class Display:
         self._stopped = False
         ros.subscribe(PoseStamped, "/goal_pose", Qos.EVENT, self._on_click)
 
-    def tell_plan(self, path: Sequence[Point], yaw: float) -> None:
+    def publish_plan(self, path: Sequence[Point], yaw: float) -> None:
         """Publish the corners of the remaining path, from the robot on; it ends with heading `yaw`."""
         headings = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(path)]
         message = Path()
@@ -56,7 +56,7 @@ class Display:
         )
 
     def stop(self, engaged: bool) -> None:
-        """Hear whether the stop is engaged: it ends the drive to a click; letting go moves nothing."""
+        """Take the stop's state: engaged, it cancels the drive to a click; a release moves nothing."""
         self._stopped = engaged
         if engaged and self._clicked is not None:
             self._clicked.abandon()
@@ -64,7 +64,7 @@ class Display:
 
 
 def quaternion(yaw: float) -> Quaternion:
-    """Return the turn by `yaw` radians about the vertical."""
+    """Return the rotation by `yaw` radians about the vertical."""
     return Quaternion(**turn_fields(yaw))
 
 

@@ -1,7 +1,6 @@
-"""The simulated robot as a node: where it is, what it senses, and where it drives.
+"""The simulated robot as a node: pose, sensors, battery, stop, and the action `navigate_to_pose`.
 
-A heartbeat of 5 Hz tells everybody where the robot is; only while a goal is under way does a faster timer
-move it. No callback waits for anything.
+A 5 Hz heartbeat publishes; a faster timer moves the robot only while it drives. No callback blocks.
 """
 
 from __future__ import annotations
@@ -101,7 +100,7 @@ def check(values: Mapping[str, Any]) -> None:
     """Check that the parameters describe a greenhouse.
 
     Raises:
-        LupinError: they do not; the text has everything that is wrong.
+        LupinError: all errors.
     """
     problems = Problems()
     with problems.collecting():
@@ -112,7 +111,7 @@ def check(values: Mapping[str, Any]) -> None:
 
 
 class SimNode:
-    """Publishes what the robot's sensors would, and drives where `navigate_to_pose` says."""
+    """Publishes the robot's sensors, and drives to the goals of `navigate_to_pose`."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
@@ -167,7 +166,7 @@ class SimNode:
     # --- settings -----------------------------------------------------------------------------------------
 
     def _change(self, values: Mapping[str, Any]) -> str | None:
-        """Take new parameter values, or say why not."""
+        """Apply new parameter values; return why not, None where that is done."""
         fixed = [name for name in values if name not in LIVE]
         if fixed:
             return f"{', '.join(fixed)}: read at the start of the node only"
@@ -189,7 +188,7 @@ class SimNode:
         return None
 
     def _show_used_up_fault(self, before: InjectedFault) -> None:
-        """Let the parameter say `none` once the fault has hit its last goal."""
+        """Set the parameter to `none` once the fault has hit its last goal."""
         if self._faults.kind is before:
             return
 
@@ -214,7 +213,7 @@ class SimNode:
         return self._estop_parameter or self._stops.engaged
 
     def _on_twist(self, message: Twist) -> None:
-        """Obey a velocity by hand, unless the robot is stopped or drives to a goal."""
+        """Follow a velocity command, unless the robot is stopped or drives to a goal."""
         forward, left = message.linear.x, message.angular.z
         if self._estop or self._goal is not None or not (math.isfinite(forward) and math.isfinite(left)):
             return
@@ -223,7 +222,7 @@ class SimNode:
         self._moving.start()
 
     def _settle(self) -> None:
-        """Apply a change at once: to the brake, and to what is published."""
+        """Apply a change to the brake, and publish it."""
         if self._estop and self._goal is None:
             self._robot.halt()  # a velocity from before the stop is not obeyed after it
         self._robot.braked = self._estop or self._faults.now(InjectedFault.STALL)
@@ -260,7 +259,7 @@ class SimNode:
         self._robot.follow(path, heading(target.orientation))
         self._standing = 0
         self._settle()
-        self._tell_plan(served)
+        self._publish_plan(served)
         if not self._moving.running:
             self._moves = 0
             self._moving.start()
@@ -279,10 +278,10 @@ class SimNode:
             if self._moves % MOVES_PER_FEEDBACK == 0:
                 self._goal.feedback(self._feedback())
             if self._moves % MOVES_PER_PLAN == 0:
-                self._tell_plan(self._goal)
+                self._publish_plan(self._goal)
 
     def _roll_on(self) -> None:
-        """Tell where the robot is while it is driven by hand, and when that has ended."""
+        """Publish the pose while the robot follows a velocity, and when that ends."""
         self._publish_transforms()
         if not self._robot.by_hand:
             self._moving.stop()
@@ -296,11 +295,11 @@ class SimNode:
         else:
             self._end_goal("succeeded")
 
-    def _tell_plan(self, served: ServedGoal) -> None:
-        self._display.tell_plan(self._robot.path, heading(served.request.pose.pose.orientation))
+    def _publish_plan(self, served: ServedGoal) -> None:
+        self._display.publish_plan(self._robot.path, heading(served.request.pose.pose.orientation))
 
     def _advance(self) -> None:
-        """Move the robot to where it is now, and look around on the way."""
+        """Move the robot to the present time, and look around on the way."""
         now = self._ros.elapsed()
         self._next_look = max(self._next_look, now - LOOKS_WITHIN_S)
         while self._goal is not None and self._next_look <= now:
@@ -330,7 +329,7 @@ class SimNode:
         # Pose and map go out before the result, so whoever waits for the result knows them.
         self._settle()
         self._senses.look(self._robot.pose)
-        self._senses.tell_map()
+        self._senses.publish_map()
         end = {"succeeded": served.succeed, "aborted": served.abort, "canceled": served.cancel}[how]
         end(NavigateToPose.Result(error_code=code, error_msg=message))
 
@@ -342,7 +341,7 @@ class SimNode:
         feedback.distance_remaining = self._robot.remaining
         return feedback
 
-    # --- what everybody is told ---------------------------------------------------------------------------
+    # --- published messages ------------------------------------------------------------------------------
 
     def _beat(self) -> None:
         self._advance()
@@ -371,7 +370,7 @@ class SimNode:
         self._poses.publish(message)
 
     def _publish_transforms(self, sensed: Sequence[TransformStamped] = ()) -> None:
-        """Publish the robot's pose and what it senses from there, with one stamp."""
+        """Publish the robot's pose and its sensed transforms with one stamp."""
         transforms = [_transform("odom", "base_link", self._robot.pose), *sensed]
         if not self._faults.now(InjectedFault.LOSE_LOCALIZATION):
             transforms.insert(0, _transform("map", "odom", FloorPose(0.0, 0.0, 0.0)))
@@ -413,7 +412,7 @@ def _transform(parent: str, child: str, pose: FloorPose) -> TransformStamped:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the node until it is told to stop; `arguments` are the ROS arguments."""
+    """Run the node until it is stopped; `arguments` are the ROS arguments."""
     with RosNode("lupin_sim", arguments, PARAMETERS) as ros:
         SimNode(ros)
         ros.spin()

@@ -1,7 +1,7 @@
-"""What the simulated robot senses: the map that grows as it drives, and what its cameras detect.
+"""The simulated robot's senses: the map revealed as it drives, and its cameras' detections.
 
-Where a tag is on the map, and which tags are discovered, is for the aggregator to say: the cameras tell what
-they see, frame by frame, as those of the real robot do.
+Cameras report what they see frame by frame, as the real ones do; placing and discovering tags is the
+aggregator's work.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from lupin_sim.node.detections import Detections
 from lupin_sim.robot import FloorPose
 
 #: The least seconds between two maps, and the most: not everybody hears what is latched.
-TELL_S, TELL_AGAIN_S = 0.5, 5.0
+PUBLISH_S, REPUBLISH_S = 0.5, 5.0
 
 PARAMETERS = {
     "lidar_range": Parameter(LENGTH, 1.5, "how far the robot sees walls and tables", minimum=0.1),
@@ -41,7 +41,7 @@ PARAMETERS = {
 
 
 class Senses:
-    """Looks around from the robot's pose, and publishes what is seen."""
+    """Looks around from the robot's pose, and publishes the results."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class Senses:
         values: Mapping[str, Any],
         send: Callable[[Sequence[TransformStamped]], None],
     ) -> None:
-        """`send` publishes transforms of what is sensed together with the robot's own."""
+        """`send` publishes sensed transforms together with the robot's own."""
         self._ros = ros
         self._send = send
         self._map = GrowingMap(Lidar(layout, values["lidar_range"]))
@@ -59,30 +59,30 @@ class Senses:
         )
         self._mapped_from: tuple[float, float] | None = None
         self._mission_id = ""
-        self._told = ros.elapsed()
+        self._published = ros.elapsed()
         self._maps = ros.publisher(OccupancyGrid, "/map", Qos.LATCHED)
         self._detections = Detections(ros, send) if values["detector"] else None
-        ros.timer(TELL_S, self.tell_map)
+        ros.timer(PUBLISH_S, self.publish_map)
 
     def look(self, pose: FloorPose) -> None:
-        """Look around from `pose`, and publish that pose and what is seen."""
+        """Look around from `pose`; publish that pose and the detections."""
         if self._mapped_from != (pose.x, pose.y):  # turning shows the lidar nothing new
             self._mapped_from = pose.x, pose.y
             self._map.reveal(pose.x, pose.y)
         if self._detections is None:
             self._send([])
         else:
-            self._detections.tell(pose, self._camera.sees(pose), self._camera.pests(pose))
+            self._detections.publish(pose, self._camera.sees(pose), self._camera.pests(pose))
 
-    def tell_map(self) -> None:
+    def publish_map(self) -> None:
         """Publish the map if it has changed, or if the last message is old."""
         now = self._ros.elapsed()
-        if self._map.changed or now - self._told >= TELL_AGAIN_S:
-            self._told = now
+        if self._map.changed or now - self._published >= REPUBLISH_S:
+            self._published = now
             self._maps.publish(self._grid())
 
     def hear_mission(self, mission_id: str) -> None:
-        """Forget the map when a mission begins: in a known greenhouse there is nothing to search."""
+        """Clear the map when a mission begins: in a known greenhouse there is nothing to explore."""
         if mission_id not in ("", self._mission_id):
             self._mission_id = mission_id
             self._map.forget()
@@ -104,7 +104,7 @@ def places(numbers: Sequence[float]) -> list[Point]:
     """Return numbers as places, two each.
 
     Raises:
-        LupinError: one has no y.
+        LupinError: the count is odd.
     """
     if len(numbers) % 2:
         raise LupinError(f"parameter 'pests': expected x and y of each place, got {len(numbers)} numbers")

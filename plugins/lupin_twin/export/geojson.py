@@ -1,8 +1,7 @@
-"""A mission's record as GeoJSON by RFC 7946: longitude and latitude, WGS84.
+"""Exports a mission's record as GeoJSON (RFC 7946): longitude and latitude, WGS84.
 
-Each feature's `kind` says what it is: `tag` (its place and the latest of everything), `reading`, `flowers`
-and `bloom` (as observed, with the time), `box` (a planter box) or `anomaly`. What has no place has the
-geometry null.
+A feature's `kind` is `tag` (its place and latest state), `reading`, `flowers` and `bloom` (as observed, with
+the time), `box` (a planter box) or `anomaly`. Without a place its geometry is null.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ SMALLEST_M2 = 1e-4
 
 
 def geojson(record: MissionRecord, origin: Georeference) -> bytes:
-    """Return the features; foreign member `lupin` has the units and how the map was laid on the earth."""
+    """Return the features; foreign member `lupin` has the units and the georeference."""
     features = [*_tags(record, origin), *_observed(record, origin)]
     units = {name: QUANTITIES[name].symbol for name in record.sensors if name in QUANTITIES}
     return to_json(
@@ -95,15 +94,15 @@ def _flowers(
 ) -> Iterator[dict[str, Any]]:
     shared = {"tag_id": seen.tag_id, **shared}
     confidence = finite(seen.confidence)
-    told = {"species": seen.species, "species_confidence": confidence, "pest": seen.anomaly}
-    yield _feature("flowers", name, place, **shared, **told, blooms=len(seen.blooms))
+    properties = {"species": seen.species, "species_confidence": confidence, "pest": seen.anomaly}
+    yield _feature("flowers", name, place, **shared, **properties, blooms=len(seen.blooms))
     for index, bloom in enumerate(seen.blooms, 1):
-        told = {
+        properties = {
             "species": bloom.species,
             "species_confidence": finite(bloom.confidence),
             "pest": bloom.anomaly,
         }
-        yield _feature("bloom", f"{name}-{index}", origin.point(bloom.x, bloom.y), **shared, **told)
+        yield _feature("bloom", f"{name}-{index}", origin.point(bloom.x, bloom.y), **shared, **properties)
 
 
 def _shared(observation: Observation) -> dict[str, Any]:
@@ -112,7 +111,7 @@ def _shared(observation: Observation) -> dict[str, Any]:
 
 
 def _values(readings: dict[str, float]) -> dict[str, float | None]:
-    """Return values under names that nothing else has."""
+    """Return values under unique names."""
     return {f"sensor_{name}": finite(value) for name, value in readings.items()}
 
 
@@ -127,8 +126,8 @@ def _place(tag: TwinTag, origin: Georeference) -> dict[str, Any] | None:
 def _ring(corners: Corners, origin: Georeference) -> list[list[float]]:
     """Return corners as a closed ring, anticlockwise as the standard wants it; [] if they enclose nothing.
 
-    A planter box is convex: its corners are in the order of their directions from its middle, however they
-    were told. In the order of the wire they could cross.
+    A planter box is convex, so its corners are sorted by direction from its middle: in the order of the wire
+    the sides could cross.
     """
     if len(corners) < 3 or not all(is_near(x, y) for x, y in corners):
         return []

@@ -1,7 +1,7 @@
-"""From metres on the greenhouse's map to longitude and latitude; pure.
+"""Converts metres on the greenhouse's map to longitude and latitude; pure.
 
-The map is a plane that touches the ellipsoid of WGS84 in its origin. Within 1 km of it that is right to
-decimetres, within 100 m to 5 mm.
+The map is the tangent plane of the WGS84 ellipsoid in its origin: right to 5 mm within 100 m, to decimetres
+within 1 km.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FORM = "LATITUDE,LONGITUDE or LATITUDE,LONGITUDE,DIRECTION"
 
 @dataclass(frozen=True)
 class Georeference:
-    """Where the map's origin is, in degrees, and where its x axis points, in degrees clockwise from north."""
+    """The origin of the map, and the direction of its x axis, in degrees (clockwise from north)."""
 
     latitude: float
     longitude: float
@@ -39,10 +39,10 @@ class Georeference:
 
     @classmethod
     def parse(cls, text: str) -> Georeference:
-        """Read an origin as a person writes it.
+        """Parse an origin as written by a person.
 
         Raises:
-            UsageError: it is not that; the text says what is allowed.
+            UsageError: it is invalid; the text says what is allowed.
         """
         try:
             numbers = [float(part) for part in text.split(",")]
@@ -72,12 +72,12 @@ class Georeference:
         return [round(number, DIGITS) for number in found]
 
     def point(self, x: float, y: float) -> dict[str, Any] | None:
-        """Return a place on the map as a GeoJSON point; None where no greenhouse is."""
+        """Return a place on the map as a GeoJSON point; None where it is not finite or too far away."""
         if not is_near(x, y):
             return None
         return {"type": "Point", "coordinates": self.position(x, y)}
 
 
 def is_near(x: float, y: float) -> bool:
-    """Say whether a place on the map is one, and near enough for the map's plane to be on the earth."""
+    """Return whether a place is finite, and near enough to the origin for the tangent plane."""
     return math.hypot(x, y) <= FARTHEST_M  # false for what is no number

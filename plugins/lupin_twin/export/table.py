@@ -1,8 +1,7 @@
-"""A mission's record as a table: CSV by RFC 4180, and its description by the W3C's CSV on the Web.
+"""Exports a mission's record as CSV (RFC 4180), with a description by the W3C's CSV on the Web.
 
-One row for each observation. Units, types and what the columns mean are in the description, whose name is
-the table's with `-metadata.json`: there readers of CSV on the Web look for it. Of blooms the table has their
-number only.
+One row for each observation. The description has units, types and meanings; its name is the table's with
+`-metadata.json`, where readers of CSV on the Web look for it. Of blooms the table has only the number.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ _NO_LETTER = re.compile(r"[^A-Za-z0-9_]|^_")
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its header, its XML Schema type, what it is, the unit, and what a row has in it."""
+    """A column: header, XML Schema type, description, unit, and the function that gives a row's cell."""
 
     title: str
     datatype: str
@@ -44,15 +43,15 @@ class Column:
     unece: str = ""
 
     def described(self) -> dict[str, Any]:
-        """Return what the description tells of it."""
-        told = {
+        """Return the column's entry in the description."""
+        known = {
             "name": _NO_LETTER.sub(_percent, self.title),
             "titles": self.title,
             "datatype": self.datatype,
             "dc:description": self.doc,
         }
         units = {"schema:unitText": self.symbol, "schema:unitCode": self.unece} if self.symbol else {}
-        return told | units
+        return known | units
 
 
 def table(record: MissionRecord) -> bytes:
@@ -100,7 +99,7 @@ def _columns(record: MissionRecord) -> Iterator[Column]:
 
 
 def _places(record: MissionRecord) -> Iterator[Column]:
-    """Yield where a tag is; first of all where an anomaly was seen."""
+    """Yield the columns of places: an anomaly's own, else the tag's."""
 
     def place(seen: Observation) -> Pin | None:
         if isinstance(seen.record, Anomaly):
@@ -122,7 +121,7 @@ def _places(record: MissionRecord) -> Iterator[Column]:
 
 
 def _title_of(sensor: str) -> str:
-    """Return a sensor's name, or one that neither another column nor another sensor has."""
+    """Return a unique column title for a sensor."""
     fixed = _FIXED | {column.title for column in _FLOWERS}
     return f"{_PREFIX}{sensor}" if sensor in fixed or sensor.startswith(_PREFIX) else sensor
 
@@ -169,7 +168,7 @@ def _tag(record: Observed) -> str:
 
 
 def _number(value: float) -> str:
-    """Return a number as XML Schema writes it; CSV on the Web has the exponent with a large E."""
+    """Return a number as XML Schema writes it: the exponent with a large E."""
     if math.isfinite(value):
         return repr(value).upper()
     return "NaN" if math.isnan(value) else "INF" if value > 0 else "-INF"

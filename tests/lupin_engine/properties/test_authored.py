@@ -15,7 +15,7 @@ from lupin_engine.errors import ChartError
 from lupin_engine.missions.folders import lifecycle_of
 from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.types import DURATION
-from lupin_engine.properties.authored import properties_of, told, watched
+from lupin_engine.properties.authored import properties_of, sentence, watched
 from lupin_engine.properties.built_in import BUILT_IN, STANDSTILL, Glance, Passage, Verdict, due
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scenario import load_scenario
@@ -94,12 +94,12 @@ def test_what_is_remembered_is_times() -> None:
 def test_they_are_told_in_a_sentence() -> None:
     """The author's own, or the words with their conditions."""
     rule = TemporalProperty("p", PLACE, never=n(5), after=n(1), until=n(2))
-    assert told(rule) == "after n in (1,): never n in (5,), until n in (2,)"
+    assert sentence(rule) == "after n in (1,): never n in (5,), until n in (2,)"
     ten = Constant(10.0, PLACE, DURATION)
     comes = TemporalProperty("p", PLACE, eventually=n(2), within=ten, after=n(1))
-    assert told(comes) == "after n in (1,): eventually n in (2,) within 10 s"
+    assert sentence(comes) == "after n in (1,): eventually n in (2,) within 10 s"
     written = TemporalProperty("p", PLACE, eventually=n(2), within=expression(lambda _: 10.0, "param.soon"))
-    assert told(written) == "eventually n in (2,) within param.soon"
+    assert sentence(written) == "eventually n in (2,) within param.soon"
     assert watched(TemporalProperty("p", PLACE, always=n(5), summary="Five.")).says == "Five."
     assert [one.name for one in properties_of(chart(NUMBER), {"p": rule})][-1] == "p"
 

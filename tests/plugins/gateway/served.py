@@ -17,16 +17,16 @@ from websockets.sync.client import ClientConnection, connect
 from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.pages import declared_access
 from lupin_engine.plugin.registry import load_catalog
+from lupin_gateway.access import AccessControl, AllowList, IssuedToken
 from lupin_gateway.audit import AuditLog
-from lupin_gateway.doors import AllowList, Doors, IssuedToken
 from lupin_gateway.encoding import Sample
-from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
+from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, ClockPair, GatewayRules, RuleOutputs
 from lupin_gateway.history import TopicHistory
 from lupin_gateway.history.settings import HistoryTopic
 from lupin_gateway.hub import Backlog, Hub
+from lupin_gateway.ports import GoalEnd
 from lupin_gateway.server import Address, Gateway, serve
 from lupin_gateway.session import Limits
-from lupin_gateway.sides import GoalEnd
 from lupin_gateway.stop import StopArbiter
 from lupin_ros.service.names import ACCESS
 
@@ -116,13 +116,13 @@ class ServedGateway:
         self._audit = AuditLog(self.log)
         #: Seconds that the steady clock of the rules is ahead of the real one.
         self.ahead = 0.0
-        self.rules = HouseRules(
-            Doors((lambda: tokens) if tokens is not None else None, origins),
+        self.rules = GatewayRules(
+            AccessControl((lambda: tokens) if tokens is not None else None, origins),
             AllowList([*declared_access(load_catalog()), ACCESS, OWN_ACCESS, extra]),
             stops or StopArbiter(),
             self._audit,
-            TwoClocks(lambda: time.monotonic() + self.ahead, wall),
-            Hands(
+            ClockPair(lambda: time.monotonic() + self.ahead, wall),
+            RuleOutputs(
                 self.stop_told.append,
                 self._tell_state,
                 self.pauses.append,

@@ -24,9 +24,9 @@ from websockets.sync.client import connect
 
 from lupin_engine.plugin.contract import Access
 from lupin_gateway import server
-from lupin_gateway.doors import LONGEST_FRAME, MOST_SUBSCRIPTIONS, IssuedToken, UserRole, Visitor
+from lupin_gateway.access import LONGEST_FRAME, MOST_SUBSCRIPTIONS, IssuedToken, UserRole, Visitor
 from lupin_gateway.guard import RESET_STOP
-from lupin_gateway.sides import CallFailed
+from lupin_gateway.ports import CallFailed
 from lupin_gateway.stop import LINK_GRACE_S, OnLinkLost, StopArbiter
 from tests.plugins.gateway.served import OpenPage, ServedGateway, until
 
@@ -287,11 +287,11 @@ def test_a_token_that_expires_while_the_page_is_open(tmp_path: Path) -> None:
     clock = [1_790_000_000.0]
     token = IssuedToken(Visitor("anna", UserRole.OPERATOR, 1_790_000_100.0), "a" * 40)
     with ServedGateway(tmp_path, tokens=[token], wall=lambda: clock[0]) as gateway:
-        gateway.rules.doors._tokens = lambda: [
+        gateway.rules.access._tokens = lambda: [
             IssuedToken(Visitor("anna", UserRole.OPERATOR, YEAR_2100), "a" * 40)
         ]
         with pytest.MonkeyPatch.context() as patched:
-            patched.setattr(gateway.rules.doors, "admit", lambda *_: token.visitor)
+            patched.setattr(gateway.rules.access, "admit", lambda *_: token.visitor)
             page = page_of("anna", gateway)
         clock[0] += 200.0
         text = "the token of anna has expired with 2026-09-21; ask for a new one"

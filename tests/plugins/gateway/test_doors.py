@@ -11,13 +11,13 @@ from lupin_engine.errors import LupinError
 from lupin_engine.plugin.contract import Access
 from lupin_engine.plugin.pages import declared_access
 from lupin_engine.plugin.registry import Catalog, load_catalog
-from lupin_gateway.doors import (
+from lupin_gateway.access import (
     LONGEST_FRAME,
     MOST_SUBSCRIPTIONS,
     OPERATIONS_PER_S,
+    AccessControl,
     Allowance,
     AllowList,
-    Doors,
     NotAdmitted,
     Use,
     UserRole,
@@ -66,10 +66,10 @@ def bearer(token: str, **more: str) -> dict[str, str]:
 
 def test_tokens_by_header_and_cookie(file: Path) -> None:
     """A token has a name, a role and a last day."""
-    doors = Doors(lambda: read_tokens(file))
-    assert doors.admit(bearer(ANNAS), NEW_YEAR - 1) == Visitor("anna", UserRole.OPERATOR, NEW_YEAR)
+    access = AccessControl(lambda: read_tokens(file))
+    assert access.admit(bearer(ANNAS), NEW_YEAR - 1) == Visitor("anna", UserRole.OPERATOR, NEW_YEAR)
     cookie = {"host": "robot:8443", "cookie": f"theme=dark; lupin_token={BENS}"}
-    assert doors.admit(cookie, NEW_YEAR).role is UserRole.VIEWER
+    assert access.admit(cookie, NEW_YEAR).role is UserRole.VIEWER
 
 
 @pytest.mark.parametrize(
@@ -88,16 +88,16 @@ def test_tokens_by_header_and_cookie(file: Path) -> None:
 )  # fmt: skip
 def test_no_token_no_entry(file: Path, headers: dict[str, str], text: str) -> None:
     """Missing, wrong and expired are told apart, and no token is in what is told."""
-    doors = Doors(lambda: read_tokens(file))
+    access = AccessControl(lambda: read_tokens(file))
     with pytest.raises(NotAdmitted) as refused:
-        doors.admit({"host": "robot:8443", **headers}, NEW_YEAR)
+        access.admit({"host": "robot:8443", **headers}, NEW_YEAR)
     assert (refused.value.status, str(refused.value)) == (401, text)
-    assert doors.asks_for_token
+    assert access.asks_for_token
 
 
 def test_a_token_that_expires_while_its_page_is_open(file: Path) -> None:
     """Who has come in is looked at again with each operation."""
-    anna = Doors(lambda: read_tokens(file)).admit(bearer(ANNAS), NEW_YEAR - 1)
+    anna = AccessControl(lambda: read_tokens(file)).admit(bearer(ANNAS), NEW_YEAR - 1)
     assert anna.has_expired(NEW_YEAR - 1) == ""
     assert anna.has_expired(NEW_YEAR) == "the token of anna has expired with 2026-12-31; ask for a new one"
 
@@ -145,14 +145,14 @@ def test_a_file_without_tokens(tmp_path: Path) -> None:
 
 def test_tokens_that_cannot_be_read_any_more(file: Path) -> None:
     """Nobody comes in, which is told; when the file is mended, everybody does."""
-    doors = Doors(lambda: read_tokens(file))
+    access = AccessControl(lambda: read_tokens(file))
     file.chmod(0o644)
     with pytest.raises(NotAdmitted) as refused:
-        doors.admit(bearer(ANNAS), 0.0)
+        access.admit(bearer(ANNAS), 0.0)
     text = "nobody can come in now: the gateway cannot use its file of tokens, and its log says why"
     assert (refused.value.status, str(refused.value)) == (503, text)
     file.chmod(0o600)
-    assert doors.admit(bearer(ANNAS), 0.0).name == "anna"
+    assert access.admit(bearer(ANNAS), 0.0).name == "anna"
 
 
 # -- origins ----------------------------------------------------------------------------------------------
@@ -170,8 +170,8 @@ def test_tokens_that_cannot_be_read_any_more(file: Path) -> None:
 )
 def test_pages_of_this_machine(host: str, origin: str) -> None:
     """Without tokens: pages of this machine on any port, programs, and pages that a setting names."""
-    doors = Doors(origins=["https://hmi.example:8443/"])
-    visitor = doors.admit({"host": host, **({"origin": origin} if origin else {})}, 0.0)
+    access = AccessControl(origins=["https://hmi.example:8443/"])
+    visitor = access.admit({"host": host, **({"origin": origin} if origin else {})}, 0.0)
     assert visitor.role is UserRole.ENGINEER
 
 
@@ -190,19 +190,19 @@ def test_pages_of_this_machine(host: str, origin: str) -> None:
 def test_foreign_pages(host: str, origin: str, text: str) -> None:
     """A page of another host is refused, and so is a name that its owner lets lead here."""
     with pytest.raises(NotAdmitted) as refused:
-        Doors().admit({"host": host, "origin": origin}, 0.0)
+        AccessControl().admit({"host": host, "origin": origin}, 0.0)
     assert (refused.value.status, str(refused.value)) == (403, text)
 
 
 def test_a_foreign_page_with_a_token(file: Path) -> None:
     """The origin is looked at first: a cookie that a browser sends along opens nothing."""
-    doors = Doors(lambda: read_tokens(file))
-    doors.admit(bearer(ANNAS, origin="https://robot"), 0.0)
+    access = AccessControl(lambda: read_tokens(file))
+    access.admit(bearer(ANNAS, origin="https://robot"), 0.0)
     for origin in ("https://evil.example", "null"):
         with pytest.raises(NotAdmitted, match="may not use this gateway"):
-            doors.admit(bearer(ANNAS, origin=origin), 0.0)
+            access.admit(bearer(ANNAS, origin=origin), 0.0)
         with pytest.raises(NotAdmitted, match="may not use this gateway"):
-            doors.admit(bearer(ANNAS, host="", origin=origin), 0.0)
+            access.admit(bearer(ANNAS, host="", origin=origin), 0.0)
 
 
 # -- names ------------------------------------------------------------------------------------------------

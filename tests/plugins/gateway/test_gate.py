@@ -13,7 +13,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from lupin_gateway import server
-from lupin_gateway.doors import IssuedToken, UserRole, Visitor
+from lupin_gateway.access import IssuedToken, UserRole, Visitor
 from lupin_gateway.entry import gate
 from lupin_gateway.entry.gate import Gate, Places, places
 from tests.plugins.gateway.served import PATIENCE, OpenPage, ServedGateway, until
@@ -126,7 +126,7 @@ def test_who_is_not_in_the_file_any_more_has_to_go(tmp_path: Path, monkeypatch: 
         anna, eve = page_of(ANNA, gateway), page_of(EVE, gateway)
         eve.stop(True)
         eve.work_off()
-        gateway.rules.doors._tokens = lambda: [ANNA]
+        gateway.rules.access._tokens = lambda: [ANNA]
         until(lambda: eve.socket.close_code, "the end")
         reason = "this token was taken out of the file of tokens"
         assert (eve.socket.close_code, eve.socket.close_reason) == (1008, reason)

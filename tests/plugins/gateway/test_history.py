@@ -18,7 +18,7 @@ from urllib.request import Request, urlopen
 import pytest
 
 from lupin_engine.errors import UsageError
-from lupin_gateway.doors import IssuedToken, UserRole, Visitor
+from lupin_gateway.access import IssuedToken, UserRole, Visitor
 from lupin_gateway.encoding import Sample
 from lupin_gateway.history import BLOCK_BYTES, TopicHistory
 from lupin_gateway.history.settings import HistoryTopic, history_topics

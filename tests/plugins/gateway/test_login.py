@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from lupin_cli.main import main
-from lupin_gateway.doors import BadTokens, Doors, IssuedToken, UserRole, Visitor, read_tokens
+from lupin_gateway.access import AccessControl, BadTokens, IssuedToken, UserRole, Visitor, read_tokens
 from lupin_gateway.entry.attempts import MOST_ADDRESSES, WrongAttempts, delay, is_written_down
-from lupin_gateway.entry.invitations import GOOD_FOR_S, Invitations, ServedDoors, state_folder
+from lupin_gateway.entry.invitations import GOOD_FOR_S, GatewayAddress, Invitations, state_folder
 from tests.plugins.gateway.served import ServedGateway, until
 
 FOREVER = 4_102_444_800.0
@@ -138,8 +138,8 @@ def test_why_somebody_has_to_go(tmp_path: Path) -> None:
         file.chmod(0o600)
 
     written(f"anna operator 2099-12-31 {'a' * 40}\neve viewer 2099-12-31 {'e' * 40}\n")
-    doors, visitors = Doors(lambda: read_tokens(file)), [one.visitor for one in read_tokens(file)]
-    assert doors.reasons_to_go(visitors, 0.0) == ["", ""]
+    access, visitors = AccessControl(lambda: read_tokens(file)), [one.visitor for one in read_tokens(file)]
+    assert access.reasons_to_go(visitors, 0.0) == ["", ""]
     taken = "this token was taken out of the file of tokens"
     for text, reasons in (
         (f"anna operator 2099-12-31 {'a' * 40}\nben boss\n", ["", taken]),
@@ -147,14 +147,14 @@ def test_why_somebody_has_to_go(tmp_path: Path) -> None:
         ("", [taken, taken]),
     ):
         written(text)
-        assert doors.reasons_to_go(visitors, 0.0) == reasons
+        assert access.reasons_to_go(visitors, 0.0) == reasons
     file.unlink()
     with pytest.raises(BadTokens):
         read_tokens(file)
-    assert doors.reasons_to_go(visitors, 0.0) == [taken, taken]
-    late = doors.reasons_to_go(visitors, FOREVER)[0]
+    assert access.reasons_to_go(visitors, 0.0) == [taken, taken]
+    late = access.reasons_to_go(visitors, FOREVER)[0]
     assert late == "the token of anna has expired with 2099-12-31; ask for a new one"
-    assert Doors().reasons_to_go(visitors, 0.0) == ["", ""]
+    assert AccessControl().reasons_to_go(visitors, 0.0) == ["", ""]
 
 
 # -- the verb ---------------------------------------------------------------------------------------------
@@ -181,7 +181,7 @@ def test_nobody_to_invite_to(state: Path, capsys: pytest.CaptureFixture[str]) ->
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     tokens = state.parents[1] / "tokens"
-    ServedDoors("127.0.0.1", port, str(tokens), "").keep(state)
+    GatewayAddress("127.0.0.1", port, str(tokens), "").keep(state)
     for name, told in (
         ("ana", f"{tokens} has no line for 'ana'; did you mean 'anna'?"),
         ("old", "the token of old has expired with 2020-12-31; ask for a new one"),
@@ -192,7 +192,7 @@ def test_nobody_to_invite_to(state: Path, capsys: pytest.CaptureFixture[str]) ->
 
 def test_inviting_somebody(guarded: ServedGateway, state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The link has the code of a file; the QR code is the same."""
-    ServedDoors("127.0.0.1", guarded.port, str(state.parents[1] / "tokens"), "").keep(state)
+    GatewayAddress("127.0.0.1", guarded.port, str(state.parents[1] / "tokens"), "").keep(state)
     guarded.rules.invitations = Invitations(state)
     assert main(["invite", "anna"]) == 0
     head, _, link, _, *code = capsys.readouterr().out.splitlines()

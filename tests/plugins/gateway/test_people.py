@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from lupin_gateway.access import IssuedToken, UserRole, Visitor
 from lupin_gateway.audit import last_lines
-from lupin_gateway.doors import IssuedToken, UserRole, Visitor
 from lupin_gateway.people import NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
 from lupin_gateway.people.notifications import ERROR, MOST, WARNING, Notifications
 from lupin_gateway.people.sources import SILENT_S, NodeNotices, StepNotices, StopNotices
@@ -19,9 +19,9 @@ TOKENS = [
 ]
 
 
-def told(notifications: Notifications) -> list[tuple[Any, ...]]:
+def as_data(notifications: Notifications) -> list[tuple[Any, ...]]:
     """Kind, about, times, over of all."""
-    return [(one["kind"], one["about"], one["times"], one["over"]) for one in notifications.told()]
+    return [(one["kind"], one["about"], one["times"], one["over"]) for one in notifications.as_data()]
 
 
 def step(sequence: int, *codes: dict[str, Any], boot: str = "b1", asking: Any = ()) -> dict[str, Any]:
@@ -43,11 +43,11 @@ def test_the_same_again_is_one_until_it_is_acknowledged() -> None:
     found = Notifications()
     found.add("code", "nav_failed 3", WARNING, "first", 1.0)
     found.add("code", "nav_failed 3", WARNING, "second", 2.0)
-    assert told(found) == [("code", "nav_failed 3", 2, None)]
-    assert found.told()[0]["text"] == "second"
+    assert as_data(found) == [("code", "nav_failed 3", 2, None)]
+    assert found.as_data()[0]["text"] == "second"
     assert found.acknowledge([1], "anna-1", 3.0) == ""
     found.add("code", "nav_failed 3", WARNING, "third", 4.0)
-    assert [one["acknowledged"] for one in found.told()] == [3.0, None]
+    assert [one["acknowledged"] for one in found.as_data()] == [3.0, None]
 
 
 def test_what_is_known_already_stays_so_and_what_is_not_there_is_refused() -> None:
@@ -55,7 +55,7 @@ def test_what_is_known_already_stays_so_and_what_is_not_there_is_refused() -> No
     found.add("stop", "page-1", ERROR, "stopped", 1.0)
     assert found.acknowledge([1], "anna-1", 2.0) == ""
     assert found.acknowledge([1], "bert-2", 3.0) == ""
-    assert (found.told()[0]["by"], found.told()[0]["acknowledged"]) == ("anna-1", 2.0)
+    assert (found.as_data()[0]["by"], found.as_data()[0]["acknowledged"]) == ("anna-1", 2.0)
     assert found.acknowledge([1, 7], "x", 4.0) == "no such notification: 7; nothing was acknowledged"
     assert (
         found.acknowledge([], "x", 4.0) == "no such notification: nothing was named; nothing was acknowledged"
@@ -68,10 +68,10 @@ def test_their_number_is_bounded_and_the_acknowledged_go_first() -> None:
         found.add("code", str(number), WARNING, "", 0.0)
     found.acknowledge([5], "anna", 1.0)
     found.add("code", "one more", WARNING, "", 2.0)
-    assert len(found.told()) == MOST
-    assert [one["id"] for one in found.told()[:6]] == [1, 2, 3, 4, 6, 7]
+    assert len(found.as_data()) == MOST
+    assert [one["id"] for one in found.as_data()[:6]] == [1, 2, 3, 4, 6, 7]
     found.add("code", "and another", WARNING, "", 3.0)
-    assert [one["id"] for one in found.told()[:2]] == [2, 3]
+    assert [one["id"] for one in found.as_data()[:2]] == [2, 3]
 
 
 def test_steps_notify_of_warnings_and_of_questions_until_they_are_answered() -> None:
@@ -79,15 +79,15 @@ def test_steps_notify_of_warnings_and_of_questions_until_they_are_answered() -> 
     steps = StepNotices(found)
     steps.take(step(1, code("already_paused", 0), code("nav_failed", 1, "3"), code("driver_error", 2)))
     steps.take(step(1, code("nav_failed", 1, "3")))  # the backlog again
-    assert told(found) == [("code", "nav_failed 3", 1, None), ("code", "driver_error", 1, None)]
-    assert found.told()[0]["text"] == "NAV_FAILED: why"
+    assert as_data(found) == [("code", "nav_failed 3", 1, None), ("code", "driver_error", 1, None)]
+    assert found.as_data()[0]["text"] == "NAV_FAILED: why"
     asking = [{"state": "MISSION.ASK", "question": "Go on?"}]
     steps.take(step(2, asking=asking))
     steps.take(step(3, asking=asking))
     steps.take(step(4))
-    assert told(found)[2:] == [("question", "MISSION.ASK", 1, 4.0)]
+    assert as_data(found)[2:] == [("question", "MISSION.ASK", 1, 4.0)]
     steps.take(step(1, code("nav_failed", 1, "3"), boot="b2"))
-    assert told(found)[0] == ("code", "nav_failed 3", 2, None)
+    assert as_data(found)[0] == ("code", "nav_failed 3", 2, None)
 
 
 def status(name: str, level: int = 0, message: str = "running") -> dict[str, Any]:
@@ -101,13 +101,16 @@ def test_a_node_that_falls_silent_is_lost_until_it_is_heard_again() -> None:
     nodes.take(status("/lupin_twin"), 100.0, 0.0)
     nodes.take(status("a sensor of somebody"), 100.0, 0.0)
     nodes.look(105.0, SILENT_S)
-    assert told(found) == []
+    assert as_data(found) == []
     nodes.look(106.0, SILENT_S + 1.0)
     nodes.look(107.0, SILENT_S + 2.0)
-    assert told(found) == [("node", "/lupin_twin", 1, None)]
-    assert (found.told()[0]["text"], found.told()[0]["first"]) == ("/lupin_twin is not heard any more", 100.0)
+    assert as_data(found) == [("node", "/lupin_twin", 1, None)]
+    assert (found.as_data()[0]["text"], found.as_data()[0]["first"]) == (
+        "/lupin_twin is not heard any more",
+        100.0,
+    )
     nodes.take(status("/lupin_twin"), 110.0, 10.0)
-    assert told(found) == [("node", "/lupin_twin", 1, 110.0)]
+    assert as_data(found) == [("node", "/lupin_twin", 1, 110.0)]
 
 
 def test_a_node_that_ends_as_it_should_is_not_lost() -> None:
@@ -116,7 +119,7 @@ def test_a_node_that_ends_as_it_should_is_not_lost() -> None:
     nodes.take(status("/lupin_twin"), 100.0, 0.0)
     nodes.take(status("/lupin_twin", 3, "ended"), 101.0, 1.0)
     nodes.look(200.0, 100.0)
-    assert told(found) == []
+    assert as_data(found) == []
 
 
 def test_a_machine_that_runs_out_of_something_is_told_once() -> None:
@@ -124,9 +127,9 @@ def test_a_machine_that_runs_out_of_something_is_told_once() -> None:
     nodes = NodeNotices(found)
     for name in ("/one", "/other"):
         nodes.take(status(name, 1, "the disk is nearly full"), 1.0, 1.0)
-    assert told(found) == [("machine", "robot", 1, None)]
+    assert as_data(found) == [("machine", "robot", 1, None)]
     nodes.take(status("/one"), 2.0, 2.0)
-    assert told(found) == [("machine", "robot", 1, 2.0)]
+    assert as_data(found) == [("machine", "robot", 1, 2.0)]
 
 
 def test_stops_are_told_by_who_engaged_them() -> None:
@@ -135,7 +138,7 @@ def test_stops_are_told_by_who_engaged_them() -> None:
     stops.take(["page-1"], 1.0)
     stops.take(["page-1", "link"], 2.0)
     stops.take(["link"], 3.0)
-    assert told(found) == [("stop", "page-1", 1, 3.0), ("stop", "link", 1, None)]
+    assert as_data(found) == [("stop", "page-1", 1, 3.0), ("stop", "link", 1, None)]
 
 
 def test_they_outlive_the_gateway() -> None:
@@ -143,23 +146,23 @@ def test_they_outlive_the_gateway() -> None:
     people = People(keep=kept.append)
     people.steps.take(step(4, code("driver_error", 2)))
     people.notifications.acknowledge([1], "anna-1", 5.0)
-    people.tell_changes()
+    people.publish_changes()
     later = People()
     later.restore(json.loads(json.dumps(kept[-1])))
     later.steps.take(step(4, code("driver_error", 2)))
-    assert later.notifications.told() == people.notifications.told()
+    assert later.notifications.as_data() == people.notifications.as_data()
     later.steps.take(step(5, code("driver_error", 2)))
-    assert [one["id"] for one in later.notifications.told()] == [1, 2]
+    assert [one["id"] for one in later.notifications.as_data()] == [1, 2]
 
 
 def test_nothing_is_told_twice() -> None:
     found: list[tuple[str, str]] = []
     people = People(lambda topic, text: found.append((topic, text)))
-    people.tell_changes()
-    people.tell_changes()
+    people.publish_changes()
+    people.publish_changes()
     assert [topic for topic, _ in found] == [PEOPLE_TOPIC, NOTIFICATIONS_TOPIC]
     people.notifications.add("stop", "page-1", ERROR, "stopped by page-1", 1.0)
-    people.tell_changes()
+    people.publish_changes()
     assert [topic for topic, _ in found[2:]] == [NOTIFICATIONS_TOPIC]
 
 
@@ -171,7 +174,7 @@ def test_pages_see_who_is_here_and_operators_what_was_pressed(tmp_path: Path) ->
         anna_again = OpenPage(served.port, authorization=f"Bearer {'a' * 64}", cookie="lupin_browser=x")
         assert anna.call("/lupin/hmi/here", view="chart")["values"] == {"page": "anna-1"}
         anna_again.call("/lupin/hmi/here", view="map")
-        here = served.call(served.rules.people.presence.told)
+        here = served.call(served.rules.people.presence.as_data)
         assert [(one["page"], one["role"], one["view"]) for one in here] == [
             ("anna-1", "operator", "chart"),
             ("hall-2", "viewer", ""),
@@ -203,7 +206,7 @@ def test_who_acknowledges_is_known_and_written_down(tmp_path: Path) -> None:
         }
         answer = page.call("/lupin/hmi/acknowledge", ids=[1])["values"]
         assert answer == {"success": True, "message": "acknowledged by page-1"}
-        [stop] = served.call(served.rules.people.notifications.told)
+        [stop] = served.call(served.rules.people.notifications.as_data)
         assert (stop["kind"], stop["about"], stop["by"]) == ("stop", "page-1", "page-1")
         page.close()
     assert [(line["name"], line.get("accepted")) for line in served.lines()][1:] == [
@@ -230,5 +233,5 @@ def test_a_stop_of_a_page_is_told_once() -> None:
         record = step(sequence, code("estop_engaged", 1))
         record["step"] |= engaged
         StepNotices(found).take(record)
-        kinds = [kind for kind, *_ in told(found)]
+        kinds = [kind for kind, *_ in as_data(found)]
         assert kinds == (["stop"] if names else ["code"])

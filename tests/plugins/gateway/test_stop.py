@@ -22,23 +22,23 @@ def two_pages(**settings: object) -> StopArbiter:
 def test_two_pages_one_stopped() -> None:
     """A page that is not stopped tells so again and again, and releases nobody else's stop."""
     stops = two_pages()
-    stops.told(ANNA, True, 1.0)
+    stops.report(ANNA, True, 1.0)
     heard = []
     for half_second in range(20):
         for page, stopped in ((BEN, False), (ANNA, True)):
-            assert stops.told(page, stopped, half_second / 2) == ""
+            assert stops.report(page, stopped, half_second / 2) == ""
             heard.append(stops.stopped)
     assert set(heard) == {True}
-    stops.told(ANNA, False, 11.0)
+    stops.report(ANNA, False, 11.0)
     assert not stops.stopped
 
 
 def test_a_page_gone_stopped_leaves_its_stop() -> None:
     """The stop stays, by the name of the page, until an operator resets it by that name."""
     stops = two_pages()
-    stops.told(ANNA, True, 1.0)
+    stops.report(ANNA, True, 1.0)
     stops.gone(ANNA, 2.0)
-    stops.told(BEN, False, 3.0)
+    stops.report(BEN, False, 3.0)
     assert stops.stopped
     assert stops.state(5.0)["stops"] == [{"name": "anna-1", "left": True, "age": 4.0}]
     assert stops.reset("anna") == "no stop is called 'anna'; engaged are: anna-1"
@@ -51,7 +51,7 @@ def test_a_page_gone_stopped_leaves_its_stop() -> None:
 def test_a_page_gone_running_leaves_nothing() -> None:
     """Who has told no stop goes without a trace."""
     stops = two_pages()
-    stops.told(ANNA, False, 1.0)
+    stops.report(ANNA, False, 1.0)
     stops.gone(ANNA, 2.0)
     stops.gone(ANNA, 2.0)
     assert not stops.stopped
@@ -60,12 +60,12 @@ def test_a_page_gone_running_leaves_nothing() -> None:
 def test_a_page_that_is_loaded_anew_takes_its_stop_over() -> None:
     """Pages stop when they are left and when they are loaded: one reset by their button is enough."""
     stops = two_pages()
-    stops.told(ANNA, True, 1.0)
+    stops.report(ANNA, True, 1.0)
     stops.gone(ANNA, 1.1)
     stops.joined(EVE, "anna-3", operator=True, browser="a")
-    stops.told(EVE, True, 1.5)
+    stops.report(EVE, True, 1.5)
     assert stops.state(2.0)["stops"] == [{"name": "anna-3", "left": False, "age": 1.0}]
-    stops.told(EVE, False, 3.0)
+    stops.report(EVE, False, 3.0)
     assert not stops.stopped
 
 
@@ -73,11 +73,11 @@ def test_a_page_that_is_loaded_anew_takes_its_stop_over() -> None:
 def test_others_take_no_stop_over(browser: str, said: list[bool]) -> None:
     """Another browser does not, one that is unknown does not, and one that was never stopped does not."""
     stops = two_pages()
-    stops.told(ANNA, True, 1.0)
+    stops.report(ANNA, True, 1.0)
     stops.gone(ANNA, 1.1)
     stops.joined(EVE, "eve-3", operator=True, browser=browser)
     for stopped in said:
-        stops.told(EVE, stopped, 2.0)
+        stops.report(EVE, stopped, 2.0)
     assert stops.stopped
 
 
@@ -85,11 +85,11 @@ def test_pages_of_unknown_browsers_take_nothing_over() -> None:
     """No cookie is no proof, also where both have none."""
     stops = StopArbiter()
     stops.joined(ANNA, "page-1", operator=True)
-    stops.told(ANNA, True, 1.0)
+    stops.report(ANNA, True, 1.0)
     stops.gone(ANNA, 2.0)
     stops.joined(BEN, "page-2", operator=True)
-    stops.told(BEN, True, 3.0)
-    stops.told(BEN, False, 4.0)
+    stops.report(BEN, True, 3.0)
+    stops.report(BEN, False, 4.0)
     assert stops.stopped
 
 
@@ -97,16 +97,16 @@ def test_a_viewer_stops_and_does_not_release() -> None:
     """Its stop is reset by an operator, by name; what the page then repeats is not a new stop."""
     stops = StopArbiter()
     stops.joined(EVE, "eve-3", operator=False)
-    assert stops.told(EVE, True, 1.0) == ""
-    refused = stops.told(EVE, False, 2.0)
+    assert stops.report(EVE, True, 1.0) == ""
+    refused = stops.report(EVE, False, 2.0)
     assert refused == "only an operator releases a stop: reset the stop 'eve-3'"
     assert stops.stopped
     assert stops.reset("eve-3") == ""
-    repeated = stops.told(EVE, True, 3.0)
+    repeated = stops.report(EVE, True, 3.0)
     assert repeated == "an operator has reset this stop: release it on this page before it stops again"
     assert not stops.stopped
-    assert stops.told(EVE, False, 4.0) == ""
-    stops.told(EVE, True, 5.0)
+    assert stops.report(EVE, False, 4.0) == ""
+    stops.report(EVE, True, 5.0)
     assert stops.stopped
 
 
@@ -114,15 +114,15 @@ def test_viewers_that_may_not_stop() -> None:
     """A setting leaves the stop to operators; a page that says that it runs is not told so."""
     stops = StopArbiter(viewers_stop=False)
     stops.joined(EVE, "eve-3", operator=False)
-    assert stops.told(EVE, True, 1.0) == "the stop is for operators here (viewers_stop is off)"
-    assert stops.told(EVE, False, 1.0) == ""
+    assert stops.report(EVE, True, 1.0) == "the stop is for operators here (viewers_stop is off)"
+    assert stops.report(EVE, False, 1.0) == ""
     assert not stops.stopped
 
 
 def test_nobody_resets_the_stop_of_an_operator_who_is_there() -> None:
     """Who is connected says for himself that the danger is over."""
     stops = two_pages()
-    stops.told(ANNA, True, 1.0)
+    stops.report(ANNA, True, 1.0)
     assert stops.reset("anna-1") == "anna-1 is connected, and releases its stop itself"
     assert stops.stopped
 
@@ -176,11 +176,11 @@ def test_viewers_are_no_link() -> None:
 def test_a_gateway_that_starts_again_keeps_the_stops() -> None:
     """Its pages are gone with it; two stops of one name are two."""
     before = two_pages()
-    before.told(ANNA, True, 1.0)
+    before.report(ANNA, True, 1.0)
     after = StopArbiter(OnLinkLost.PAUSE)
     after.restore(before.kept(), 0.0)
     after.joined(ANNA, "anna-1", operator=True)
-    after.told(ANNA, True, 1.0)
+    after.report(ANNA, True, 1.0)
     after.gone(ANNA, 2.0)
     assert [stop["name"] for stop in after.state(2.0)["stops"]] == ["anna-1", "anna-1'"]
     after.reset("anna-1")
@@ -231,7 +231,7 @@ def test_the_or_of_all_pages(happened: list[tuple[int, str]]) -> None:
             stops.joined(page, f"page-{now}", operator=True)
             pages[page] = False
         elif what in ("stop", "run") and page in pages:
-            stops.told(page, what == "stop", now)
+            stops.report(page, what == "stop", now)
             pages[page] = what == "stop"
         elif what == "gone":
             stops.gone(page, now)

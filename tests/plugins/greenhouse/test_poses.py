@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from lupin_greenhouse.poses import Pose, between, heading, matrix, pose_of, product, seen_turn
+from lupin_greenhouse.poses import Pose, between, heading, matrix, pose_of, product, seen_rotation
 from tests.plugins.greenhouse.places import at, is_same
 
 numbers = st.floats(-100.0, 100.0)
@@ -88,7 +88,7 @@ def test_a_quaternion_of_any_length_is_a_rotation(scale: float) -> None:
 )
 def test_a_tag_that_was_seen_has_a_turn_where_it_tells_numbers(told: Any, turn: Any) -> None:
     x, y, z, w = told
-    assert seen_turn(SimpleNamespace(x=x, y=y, z=z, w=w)) == turn
+    assert seen_rotation(SimpleNamespace(x=x, y=y, z=z, w=w)) == turn
 
 
 def test_halfway_is_halfway_and_by_the_shorter_way() -> None:

@@ -252,8 +252,8 @@ def bloom_at(column: int, species: str = "tulip_red", anomaly: bool = False) -> 
 )
 def test_what_has_changed_is_news(now: ScanSummary, news: bool) -> None:
     before = ScanSummary("tulip_red", 0.9, False, (bloom_at(3),))
-    assert now.tells_more_than(before) is news
-    assert now.tells_more_than(None)
+    assert now.adds_to(before) is news
+    assert now.adds_to(None)
 
 
 @pytest.mark.parametrize(

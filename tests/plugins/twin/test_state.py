@@ -557,19 +557,19 @@ def test_a_clock_that_was_set_back_leaves_nothing_fresh_for_ever() -> None:
     """A simulation that begins anew: its tags of an hour ago would be 0 s old for an hour."""
     twin = Twin()
     for tag_id, time in (("old", 2.0), ("new", 3600.0)):
-        twin.tell_time(time)
+        twin.advance_time(time)
         twin.apply(reading(tag_id, time), time)
     twin.apply(Discovery("seen", HERE), 3600.0)
     revision = twin.revision
-    twin.tell_time(10.0)
+    twin.advance_time(10.0)
     ages = {name: tag.stale_seconds(15.0) for name, tag in twin.tags.items()}
     assert ages == {"old": 13.0, "new": 5.0, "seen": 1e9}
     assert twin.revision > revision, "it is told"
     revision = twin.revision
     for now in (0.0, 10.0, 15.0):
-        twin.tell_time(now)
+        twin.advance_time(now)
     assert twin.revision == revision, "time goes on"
-    twin.tell_time(4.0)
+    twin.advance_time(4.0)
     twin.apply(reading("old", 3.0), 4.0)
     assert {name: tag.last_observed for name, tag in twin.tags.items()} == {
         "old": 3.0,
@@ -580,9 +580,9 @@ def test_a_clock_that_was_set_back_leaves_nothing_fresh_for_ever() -> None:
 
 def test_the_time_of_a_new_clock_is_taken_for_what_it_is() -> None:
     twin = state_of(reading("5", 3600.0), received=3600.0)
-    twin.tell_time(3600.0)
+    twin.advance_time(3600.0)
     twin.forget_time()
-    twin.tell_time(10.0)
+    twin.advance_time(10.0)
     assert twin.tags["5"].last_observed == 3600.0
 
 

@@ -58,7 +58,7 @@ def why(
 
     Exit code: 0 told, 2 the journal does not know.
     """
-    from lupin_engine.replay import Inquiry, chart_of, covering, live_again, run_called, runs_of
+    from lupin_engine.replay import Inquiry, chart_of, covering, replay_run, run_called, runs_of
     from lupin_engine.runtime import journal_folder
 
     if bool(about) is (at is not None):
@@ -71,7 +71,7 @@ def why(
         run = run_called(runs, mission_id)
         moment = _moment(at, run.last) if at is not None else 0.0
     chart = chart_of(run, load_catalog()).chart
-    lived, machine = live_again(run, chart)
+    lived, machine = replay_run(run, chart)
     inquiry = Inquiry(chart, lived, depth)
     found = (
         inquiry.moment(moment) if at is not None else _asked(inquiry, about, chart.profile.terminal.target)

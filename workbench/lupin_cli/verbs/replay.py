@@ -60,14 +60,14 @@ def replay(
         return _show(Path(what), port, journal, domain)
     if sum((interactive, scenario is not None, changed is not None)) > 1:
         raise UsageError("--interactive, --to-scenario and --against do not go together")
-    from lupin_engine.replay import chart_of, live_again, recording_of, run_called, runs_of
+    from lupin_engine.replay import chart_of, recording_of, replay_run, run_called, runs_of
     from lupin_engine.runtime import journal_folder
 
     run = run_called(runs_of(journal or journal_folder(domain=domain)), what)
     for problem in run.problems:
         click.echo(problem, err=True)
     loaded = chart_of(run, load_catalog())
-    lived, machine = live_again(run, loaded.chart)
+    lived, machine = replay_run(run, loaded.chart)
     shown = _cut(loaded, lived, until)
     if not (interactive or scenario or changed):
         _tell(loaded, shown, machine, picture, is_whole=len(shown) == len(lived))

@@ -3,7 +3,7 @@ import { computed, effect, signal } from "@preact/signals";
 import { MSG_TYPES, type CommandResponse, type MissionState, type Observation } from "../../ros";
 import { link } from "../../wire/link";
 import { alike, recordTopic, topic } from "../topics";
-import type { ChartRecord, MissionsRecord, PossibleTold, StepRecord } from "../../records";
+import type { ChartRecord, MissionsRecord, PublishedPossible, StepRecord } from "../../records";
 
 const ORCHESTRATOR = "/mission_orchestrator";
 /** Seconds without a word after which the orchestrator is silent; the history has a sign of life every 2 s. */
@@ -29,7 +29,7 @@ export const steps = recordTopic<StepRecord>(`${ORCHESTRATOR}/steps`, {
   minor: ({ step }) => step.event === "attempt.progress",
 });
 
-export const possible = recordTopic<PossibleTold>(`${ORCHESTRATOR}/possible`, {
+export const possible = recordTopic<PublishedPossible>(`${ORCHESTRATOR}/possible`, {
   keep: 500,
   always: true,
   same: alike,

@@ -1,1 +1,2 @@
-"""The calibration of the servos: its service, its chart, and what the chart does to the servos."""
+"""The calibration of the servos over ROS: its service, its chart, and the driver of the chart's
+operations."""

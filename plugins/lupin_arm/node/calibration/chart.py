@@ -1,4 +1,4 @@
-"""The chart of the calibration, read when this is imported: a mistake in it keeps the node from starting."""
+"""Loads the calibration's chart at import: an error in it keeps the node from starting."""
 
 from __future__ import annotations
 

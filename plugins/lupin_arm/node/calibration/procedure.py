@@ -1,7 +1,7 @@
-"""`/lupin/arm/calibrate`: the calibration's chart, run by the engine in the arm's process.
+"""Serves `/lupin/arm/calibrate` by running the calibration's chart with the engine in the arm's process.
 
-The service has no rules of its own: a request is an event of the chart, and the chart's refusal is the
-answer. An accepted request is answered when the chart rests: while it waits for the pose, or back in IDLE.
+The service has no rules of its own: a request is an event of the chart, and a refusal is the chart's. An
+accepted request is answered when the chart is stable: waiting for the pose, or back in IDLE.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ POSE_NOW = "the arm has no torque: bring it into its zero pose by hand, then com
 
 
 class _NodeTime:
-    """The time of the node's timers."""
+    """The clock of the node's timers."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
@@ -55,7 +55,7 @@ class _NodeTime:
 
 
 class _Pending(NamedTuple):
-    """A request that the chart has accepted; `began` says whether a calibration was under way then."""
+    """An accepted request; `began` says whether a calibration was active before it."""
 
     action: str
     began: bool
@@ -110,10 +110,10 @@ class Calibration:
             answer(response)
 
     def _asked(self, action: str) -> bool:
-        """Hand a request to the chart; whether there was one.
+        """Send a request to the chart as an event; return whether the chart accepted it.
 
         Raises:
-            Refused: there is no such action, no servos, or the chart does not take it now.
+            ArmRequestRefused: the action is unknown, there are no real servos, or the chart refuses it now.
         """
         if action == "status":
             return False
@@ -123,7 +123,7 @@ class Calibration:
             )
         if action == "start":
             self._gates.require()
-        self._servos.tell_stopped()
+        self._servos.publish_stopped()
         step = self._engine.request(EVENTS[action])
         self._work()
         if step.refusal is not None:
@@ -144,7 +144,7 @@ class Calibration:
     # --- the loop -----------------------------------------------------------------------------------------
 
     def _work(self) -> None:
-        """Step what is queued and due, then sleep until the next deadline."""
+        """Process queued events and due timers, then sleep until the next deadline."""
         self._engine.drain()
         if self._deadline is not None:
             self._deadline.cancel()
@@ -162,7 +162,7 @@ class Calibration:
 
     @property
     def state(self) -> str:
-        """The state as callers know it."""
+        """The state in the words of callers."""
         return AWAITING_POSE if self._machine.view.lifecycle == AWAITING_POSE else IDLE
 
     def _where(self) -> str:
@@ -175,7 +175,7 @@ class Calibration:
         return POSE_NOW if where == POSING else f"under way: {where.lower().replace('_', ' ')}"
 
     def _answer(self) -> None:
-        """Answer what has been waiting, once the chart rests."""
+        """Answer the waiting requests once the chart is stable."""
         where = self._where()
         if where not in (IDLE, POSING):
             return
@@ -191,7 +191,7 @@ class Calibration:
             answer(response)
 
     def _outcome(self, action: str, where: str) -> tuple[bool, str]:
-        """Answer with the result of a calibration."""
+        """Return success and message of a request."""
         if where == POSING:
             return True, POSE_NOW
         view = self._machine.view
@@ -207,7 +207,7 @@ class Calibration:
         return action == "cancel", CHART.codes["cancelled"].label
 
     def _found(self) -> list[Correction]:
-        """Return what was measured and written in the last calibration."""
+        """Return the corrections of the last calibration."""
         return [Correction(**one) for one in self._machine.memory.context["found"]]
 
     def _close(self) -> None:
@@ -219,7 +219,7 @@ class Calibration:
 
 
 def _fill(response: CalibrateArm.Response, found: list[Correction]) -> None:
-    """Tell what was written to which servo, and how far each of them was off."""
+    """Write the corrections into a response: the offset written to each servo, and its difference."""
     response.joint_names = [one.joint for one in found]
     response.offsets_applied = [0 if one.in_place or one.refused else one.difference for one in found]
     response.diffs_observed = [one.difference for one in found]

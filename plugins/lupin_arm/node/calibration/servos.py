@@ -1,7 +1,7 @@
-"""What the calibration's chart does to the servos: its plugin's driver, over the vendor's services.
+"""The driver of the calibration chart's operations, over the vendor's servo services.
 
-Servos are handled one after the other. The first failure ends the operation, and the chart restores all of
-them.
+Servos are handled one after the other. The first failure ends the operation, and the chart restores all
+servos; restoring offsets, and reading them to measure, goes on with the next servo.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ Answers = Callable[[list[Any]], None]
 
 
 class _Connection:
-    """The servos' services and positions; there only while the arm is calibrated.
+    """The servos' services and positions; connected only during a calibration.
 
-    Positions come a hundred times a second, and everything that a node listens to makes it slower.
+    Positions arrive 100 times a second, and every subscription costs the node time.
     """
 
     def __init__(self, ros: RosNode, gate: str) -> None:
@@ -80,13 +80,13 @@ class _Connection:
 
 
 class Servos:
-    """See `plugin.contract.Driver` for what every call promises."""
+    """See `plugin.contract.Driver` for the contract of each call."""
 
     def __init__(self, ros: RosNode, arm: Arm, outlet: Outlet, gate: str, mark: RestoreMarker) -> None:
         """`gate` is the vendor's service that lets the controller command the servos.
 
-        `mark` is there from the first thing that is done to the servos to the last. It has their offsets
-        while they have none of their own: a process that is killed meanwhile must not be the end of them.
+        `mark` exists from the first change of the servos to the last one and holds their original offsets, so
+        that they can be restored after a crash.
         """
         self._ros = ros
         self._arm = arm
@@ -121,7 +121,7 @@ class Servos:
             self._connection = None
 
     def left_behind(self) -> str:
-        """Say what an earlier calibration has left as it should not be, "" for nothing."""
+        """Return what an earlier calibration has left unrestored; "" for nothing."""
         if not self._owed and self._arm.torque and self._mark.left_behind:
             self._mark.remove()  # somebody has switched it on since
         if not self._mark.left_behind:
@@ -131,7 +131,7 @@ class Servos:
     # --- the driver ---------------------------------------------------------------------------------------
 
     def missing(self) -> list[str]:
-        """Nothing: what is missing is told when it is needed."""
+        """Return nothing: a missing service is reported when it is called."""
         return []
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
@@ -141,13 +141,13 @@ class Servos:
         self._operations[operation](attempt, arguments)
 
     def cancel(self, attempt: str) -> None:
-        """Send no further request to the servos; the last one is still carried out."""
+        """Send no further requests to the servos; the last one is still carried out."""
         if attempt in self._running:
             self._running.discard(attempt)
             self._outlet.cancelled(attempt)
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
-        """Refuse: there are no actions."""
+        """Raise ValueError: there are no actions."""
         raise ValueError(f"calibration has no action {action!r}")
 
     def close(self) -> None:
@@ -179,10 +179,10 @@ class Servos:
         self._ask(attempt, [call], lambda _: self._done(attempt))
 
     def _interrupted(self, _: str) -> None:
-        self.tell_stopped()
+        self.publish_stopped()
 
-    def tell_stopped(self) -> None:
-        """Tell the chart whether the arm is stopped."""
+    def publish_stopped(self) -> None:
+        """Report to the chart whether the arm is stopped."""
         self._outlet.value("calibration.stopped", self._arm.stopped, self._ros.elapsed())
 
     def _switch(self, attempt: str, on: bool, code: str) -> None:
@@ -212,9 +212,9 @@ class Servos:
 
     def _read_offsets(self, attempt: str, _: Mapping[str, Any]) -> None:
         def read(answers: list[Any]) -> None:
-            told = zip(HOMES, answers, strict=True)
+            replies = zip(HOMES, answers, strict=True)
             # Where offsets are owed, the servos say what an earlier calibration has left.
-            before = {joint: answer.centidegrees for joint, answer in told} | self._owed
+            before = {joint: answer.centidegrees for joint, answer in replies} | self._owed
             self._done(attempt, offsets=[{"joint": j, "centidegrees": o} for j, o in before.items()])
 
         self._ask(attempt, self._reads(), read)
@@ -227,7 +227,7 @@ class Servos:
         self._ask(attempt, self._writes(dict.fromkeys(HOMES, 0)), lambda _: self._done(attempt))
 
     def _write_offsets(self, attempt: str, arguments: Mapping[str, Any]) -> None:
-        """Write to every servo: one that does not answer keeps no other from being restored."""
+        """Write all offsets back; a silent servo fails the attempt after the others are done."""
         calls = self._writes(_offsets(arguments["offsets"]))
 
         def written(answers: list[Any]) -> None:
@@ -243,7 +243,7 @@ class Servos:
         self._ask(attempt, calls, written, code=None)
 
     def _owe(self, offsets: Mapping[str, int]) -> None:
-        """Keep what the servos must get back, also where this process is killed."""
+        """Save the offsets that the servos must get back, in memory and on disk."""
         self._owed = dict(offsets)
         self._mark.set(json.dumps(self._owed))
 
@@ -263,7 +263,7 @@ class Servos:
         ]
 
     def _measure(self, attempt: str, arguments: Mapping[str, Any]) -> None:
-        """Use positions received from now on: older ones are from before the pose."""
+        """Use only positions that arrive from now on: older ones are from before the pose."""
         self._servos.counts.clear()
         self._ros.call_later(arguments["window"], lambda: self._measured(attempt, arguments["largest"]))
 
@@ -275,8 +275,8 @@ class Servos:
             return
 
         def read(answers: list[Any]) -> None:
-            told = zip(HOMES, answers, strict=True)
-            offsets = {j: answer.centidegrees for j, answer in told if not isinstance(answer, CallFailure)}
+            replies = zip(HOMES, answers, strict=True)
+            offsets = {j: answer.centidegrees for j, answer in replies if not isinstance(answer, CallFailure)}
             found = corrections(counts, offsets, largest)
             self._done(attempt, corrections=[_record(one) for one in found])
 
@@ -298,9 +298,9 @@ class Servos:
     def _ask(
         self, attempt: str, calls: Sequence[ServoCall], then: Answers, code: str | None = "servo_failed"
     ) -> None:
-        """Make calls one after the other, then `then`; the first that fails ends the attempt in `code`.
+        """Make calls one after the other, then `then`; the first failure ends the attempt with `code`.
 
-        Without a code all are made, and failures are among the answers.
+        Without a code all calls are made, and failures are among the answers.
         """
         answers: list[Any] = []
 
@@ -335,7 +335,7 @@ class Servos:
 
 
 def _problem(service: ServiceCaller, answer: Any) -> str | None:
-    """Say what is wrong with an answer; None when nothing is."""
+    """Return the error in an answer; None without one."""
     if isinstance(answer, CallFailure):
         return answer.detail
     if not getattr(answer, "status", True) or not getattr(answer, "success", True):
@@ -348,12 +348,12 @@ def _offsets(records: Sequence[Mapping[str, Any]]) -> dict[str, int]:
 
 
 def _kept(text: str) -> dict[str, int]:
-    """Return the offsets that a mark has; a servo of which it says nothing sensible is left out."""
+    """Return the offsets in a mark's text; invalid entries are dropped."""
     try:
-        told = json.loads(text)
+        data = json.loads(text)
     except (ValueError, RecursionError):
         return {}
-    entries = told.items() if isinstance(told, dict) else ()
+    entries = data.items() if isinstance(data, dict) else ()
     return {
         joint: offset
         for joint, offset in entries

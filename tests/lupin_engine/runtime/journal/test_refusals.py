@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
-from lupin_engine.replay.journaled import live_again, runs_of
+from lupin_engine.replay.journaled import replay_run, runs_of
 from lupin_engine.replay.why import Inquiry
 from lupin_engine.runtime.clock import VirtualClock
 from lupin_engine.runtime.engine import Engine
@@ -79,7 +79,7 @@ def test_a_run_with_a_flood_in_it_is_the_same_when_it_is_replayed(tmp_path: Path
     assert (sent, file.stat().st_size < 70_000) == (4, True)
     assert recover(read_journal(file), world).machine.snapshot() == machine.snapshot()
     (run,) = runs_of(tmp_path)
-    lived, again = live_again(run, loaded)
+    lived, again = replay_run(run, loaded)
     assert again.memory.sequence == machine.memory.sequence
     assert [each.step.notes[-1:] for each in lived[-2:]] == [(), ("and 473 more like it",)]
     told = Inquiry(loaded, lived, 1).moment(1.8e9 + 2.0)

@@ -24,7 +24,7 @@ from lupin_msgs.msg import MissionState
 from lupin_ros.adapter.node import Goal, Qos, RosNode
 from lupin_sim.detector import CLASSES, blooms_of
 from lupin_sim.node import PARAMETERS, SimNode
-from lupin_sim.node.senses import TELL_S
+from lupin_sim.node.senses import PUBLISH_S
 from lupin_sim.robot import FloorPose
 from tests.lupin_ros.helpers import PATIENCE, spin_until
 
@@ -402,11 +402,11 @@ def test_the_map_is_latched_and_grows_as_the_robot_drives(make_node: MakeNode) -
 
 
 def test_a_map_without_news_is_not_sent_again(make_node: MakeNode, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lupin_sim.node.senses.TELL_AGAIN_S", math.inf)
+    monkeypatch.setattr("lupin_sim.node.senses.REPUBLISH_S", math.inf)
     scene = Sensed(make_node)
     scene.until(lambda: scene.maps)
     seen = len(scene.maps)
-    end = scene.observer.elapsed() + 2.2 * TELL_S
+    end = scene.observer.elapsed() + 2.2 * PUBLISH_S
     scene.until(lambda: scene.observer.elapsed() > end, "two chances to tell it")
     assert len(scene.maps) == seen
 
@@ -414,7 +414,7 @@ def test_a_map_without_news_is_not_sent_again(make_node: MakeNode, monkeypatch: 
 def test_a_map_without_news_is_told_again_for_those_who_hear_nothing_latched(
     make_node: MakeNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lupin_sim.node.senses.TELL_AGAIN_S", 0.6)
+    monkeypatch.setattr("lupin_sim.node.senses.REPUBLISH_S", 0.6)
     scene = Sensed(make_node)
     scene.until(lambda: len(scene.maps) >= 2, "the map once more")
     assert scene.maps[-1].data == scene.maps[-2].data

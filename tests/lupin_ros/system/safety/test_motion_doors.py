@@ -165,10 +165,10 @@ class Bystander(Operator):
 
     def press(self, engaged: bool) -> None:
         """Press or release the shared stop, as a panel without a gateway does."""
-        self.tell_stop(engaged)
+        self.publish_stop(engaged)
         self.until(lambda: self.state.estop_engaged is engaged, f"the stop is {engaged}")
 
-    def tell_stop(self, engaged: bool) -> None:
+    def publish_stop(self, engaged: bool) -> None:
         """The same, whoever hears it."""
         if engaged:
             self._pressed.start()
@@ -285,9 +285,9 @@ def test_a_stop_without_an_orchestrator_ends_goals_too(robot: Bystander) -> None
     robot.rest(3.0)
     ended = robot.send()
     robot.drives()
-    robot.tell_stop(True)
+    robot.publish_stop(True)
     robot.until(lambda: ended, "the end of the goal")
-    robot.tell_stop(False)
+    robot.publish_stop(False)
     assert robot.rest(WATCHED_S) < STANDING_M
 
 

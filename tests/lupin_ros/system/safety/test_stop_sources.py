@@ -14,7 +14,7 @@ from std_msgs.msg import Bool
 from tf2_msgs.msg import TFMessage
 
 from lupin_gateway.guard import RESET_STOP, STOPS_TOPIC
-from lupin_gateway.node.house import TAKEN_OVER_S
+from lupin_gateway.node.rules import TAKEN_OVER_S
 from lupin_greenhouse.stops import PAGES_TOPIC
 from lupin_ros.adapter.node import Qos
 from tests.lupin_ros.plugins.gateway.conftest import free_port

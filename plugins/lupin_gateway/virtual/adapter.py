@@ -1,4 +1,7 @@
-"""A simulation or a recording in the place of ROS; everything runs on the loop of asyncio."""
+"""The adapter of `RosPort` to a simulation or a recording; all of it runs on the event loop.
+
+Publications, actions and most of `/rosapi/` are refused with a sentence.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +15,17 @@ from lupin_engine.plugin import PageMessage, PageSource
 from lupin_gateway.encoding import Sample, as_json
 from lupin_gateway.guard import STOPS_TOPIC
 from lupin_gateway.people import NOTIFICATIONS_TOPIC, PEOPLE_TOPIC
-from lupin_gateway.sides import CallFailed, GoalEnd
+from lupin_gateway.ports import CallFailed, GoalEnd
 
 
 class _HeardTopic:
     """One subscription; see `hub.Feed`."""
 
-    def __init__(self, all_: list[_HeardTopic], topic: str, told: Callable[[Sample, bool], None]) -> None:
+    def __init__(
+        self, all_: list[_HeardTopic], topic: str, on_sample: Callable[[Sample, bool], None]
+    ) -> None:
         self.topic = topic
-        self.told = told
+        self.on_sample = on_sample
         self._all = all_
         all_.append(self)
 
@@ -29,8 +34,8 @@ class _HeardTopic:
         self._all.remove(self)
 
 
-class SourceSide:
-    """See `sides.RosSide`; `steady` is the clock, in seconds, by which the source works."""
+class SourceAdapter:
+    """See `ports.RosPort`; `steady` is the clock, in seconds, by which the source works."""
 
     def __init__(self, source: PageSource, steady: Callable[[], float]) -> None:
         self._source = source
@@ -40,7 +45,7 @@ class SourceSide:
         self._count = 0
         self._stopped = False
         self._asked = asyncio.Event()
-        #: Called when nothing is to be kept any more of what was told.
+        #: Called when the source's messages are to be dropped.
         self.forgotten: Callable[[], None] = lambda: None
 
     @property
@@ -49,8 +54,8 @@ class SourceSide:
         return {**self._source.topics, **dict.fromkeys(own, "std_msgs/msg/String")}
 
     async def work(self) -> None:
-        """Let the source work, for ever."""
-        self._source.begin(self._tell, self._forget)
+        """Run the source, for ever."""
+        self._source.begin(self._deliver, self._forget)
         while True:
             self._asked.clear()
             wait = self._source.work(self._steady())
@@ -59,62 +64,66 @@ class SourceSide:
             await asyncio.wait({waiting}, timeout=wait)
             waiting.cancel()
 
-    def tell(self, topic: str, text: str) -> None:
-        """Tell pages something of the gateway itself, in a std_msgs/String."""
-        self._tell(PageMessage(topic, self._source.clock(self._steady()), {"data": text}))
+    def publish_text(self, topic: str, text: str) -> None:
+        """Send a std_msgs/String of the gateway itself to pages."""
+        self._deliver(PageMessage(topic, self._source.clock(self._steady()), {"data": text}))
 
     def stop(self, stopped: bool) -> None:
-        """Hear whether a page has stopped; told again and again."""
+        """Pass on whether a page has stopped; called periodically, passed on when it changes."""
         if stopped is not self._stopped:
             self._stopped = stopped
             self._source.stop(stopped)
             self._asked.set()
 
     def _forget(self) -> None:
-        """Keep nothing of the source for pages that come later."""
+        """Drop the last messages of the source's topics."""
         for topic in self._source.topics:
             self._last.pop(topic, None)
         self.forgotten()
 
-    def _tell(self, message: PageMessage) -> None:
+    def _deliver(self, message: PageMessage) -> None:
         self._count += 1  # two messages that say the same are two
         sample = _sample(message, self._count)
         self._last[message.topic] = sample
         for each in list(self._heard):
             if each.topic == message.topic:
-                each.told(sample, True)
+                each.on_sample(sample, True)
 
     # -- as the side of ROS -----------------------------------------------------------------------------
 
     def about(self) -> Mapping[str, Any]:
-        """See `RosSide`."""
+        """See `RosPort`."""
         return self._source.about()
 
     def listen(
-        self, topic: str, type_: str, told: Callable[[Sample, bool], None], problem: Callable[[str], None]
+        self,
+        topic: str,
+        type_: str,
+        on_sample: Callable[[Sample, bool], None],
+        problem: Callable[[str], None],
     ) -> _HeardTopic:
-        """See `RosSide`."""
+        """See `RosPort`."""
         known = self._types.get(topic, type_)
         loop = asyncio.get_running_loop()
         if type_ and type_ != known:
             loop.call_soon(problem, f"{topic} is of type {known}, not {type_}")
         elif topic in self._last:
-            loop.call_soon(told, self._last[topic], True)
-        return _HeardTopic(self._heard, topic, told)
+            loop.call_soon(on_sample, self._last[topic], True)
+        return _HeardTopic(self._heard, topic, on_sample)
 
     def advertise(self, topic: str, type_: str, latch: bool, problem: Callable[[str], None]) -> None:
-        """See `RosSide`."""
+        """See `RosPort`."""
         problem(self._no("hears nothing that pages publish", topic))
 
     def unadvertise(self, topic: str) -> None:
-        """See `RosSide`."""
+        """See `RosPort`."""
 
     def publish(self, topic: str, data: Any, problem: Callable[[str], None]) -> None:
-        """See `RosSide`."""
+        """See `RosPort`."""
         problem(self._no("hears nothing that pages publish", topic))
 
     def call(self, service: str, data: Any, limit: float, done: Callable[[Any], None]) -> None:
-        """See `RosSide`."""
+        """See `RosPort`."""
         loop = asyncio.get_running_loop()
         try:
             if not isinstance(data, Mapping):
@@ -132,12 +141,12 @@ class SourceSide:
         feedback: Callable[[Mapping[str, Any]], None],
         done: Callable[[GoalEnd | CallFailed], None],
     ) -> Callable[[], None]:
-        """See `RosSide`."""
+        """See `RosPort`."""
         asyncio.get_running_loop().call_soon(done, CallFailed(self._no("has no actions", action)))
         return lambda: None
 
     def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
-        """See `RosSide`."""
+        """See `RosPort`."""
         if question == "get_time":
             rest, seconds = math.modf(self._source.clock(self._steady()) / 1000.0)
             done({"time": {"sec": int(seconds), "nanosec": int(rest * 1e9)}})
@@ -152,24 +161,24 @@ class SourceSide:
 
 
 class SourceHistory:
-    """What a source told before a page was opened; see `sides.KeptPast`."""
+    """The history of a source; see `ports.HistoryPort`."""
 
     def __init__(self, source: PageSource) -> None:
         self._source = source
 
     @property
     def topics(self) -> Collection[str]:
-        """See `KeptPast`."""
+        """See `HistoryPort`."""
         return self._source.topics.keys()
 
     def start(self) -> None:
-        """See `KeptPast`."""
+        """See `HistoryPort`."""
 
     def lines(self, begin: float, topics: Collection[str]) -> Iterator[bytes]:
-        """See `KeptPast`."""
+        """See `HistoryPort`."""
         for message in self._source.history(begin, topics):
-            told = as_json(message.fields)
-            yield b'{"topic":%b,"at":%.3f,"msg":%b}\n' % (as_json(message.topic), message.at, told)
+            encoded = as_json(message.fields)
+            yield b'{"topic":%b,"at":%.3f,"msg":%b}\n' % (as_json(message.topic), message.at, encoded)
 
 
 def _sample(message: PageMessage, count: int) -> Sample:

@@ -1,4 +1,4 @@
-"""Who may come in, and what each may do: origins, tokens, roles, the list of names, and limits.
+"""Access control: tokens, origins, roles, the allow list of names, and rate limits of one client.
 
 Pure: the wall clock is an argument. A refusal is a sentence that says what to do; none has a token in it.
 """
@@ -25,7 +25,7 @@ from lupin_engine.plugin import Access
 from lupin_gateway.motion.names import MotionNames
 from lupin_greenhouse import HMI_TOPIC
 
-#: The topic on which each page tells its software stop. Everybody who may come in may tell it: `stop` judges.
+#: The topic on which pages publish their software stops. Every visitor may publish there: `stop` judges.
 STOP_TOPIC = HMI_TOPIC
 #: The cookie that carries a token.
 TOKEN_COOKIE = "lupin_token"
@@ -52,7 +52,7 @@ class UserRole(enum.IntEnum):
 
 
 class Use(enum.Enum):
-    """What is done with a name of the network, as words of a sentence."""
+    """How a name of the network is used, as words of a sentence."""
 
     SUBSCRIBE = "subscribing to"
     PUBLISH = "publishing on"
@@ -62,7 +62,7 @@ class Use(enum.Enum):
 
 @dataclass(frozen=True)
 class Visitor:
-    """Who has come in: name, role, and until when, in seconds of the wall clock (UNIX).
+    """An authenticated client: name, role, and until when, in seconds of the wall clock (UNIX).
 
     `mark` is the hash of the token; '' where none is asked for.
     """
@@ -73,7 +73,7 @@ class Visitor:
     mark: str = field(default="", repr=False, compare=False)
 
     def has_expired(self, wall: float) -> str:
-        """Return that the token has expired, in words; '' while it has not."""
+        """Return a sentence that the token has expired; '' while it has not."""
         if self.expires > wall:
             return ""
         day = datetime.fromtimestamp(self.expires - 1, timezone.utc).date()
@@ -81,7 +81,7 @@ class Visitor:
 
 
 class NotAdmitted(LupinError):
-    """Somebody may not come in: with which status of HTTP, and whether a wrong token or code was shown."""
+    """A client is refused: the status of HTTP, and whether it gave a wrong token or code."""
 
     def __init__(self, status: int, text: str, *, wrong: bool = False) -> None:
         super().__init__(text)
@@ -101,7 +101,7 @@ class IssuedToken:
 
 
 class BadTokens(LupinError):
-    """A file of tokens that nobody can come in with; `good` are those of its lines that are right."""
+    """A file of tokens has errors; `good` are the tokens of its correct lines."""
 
     def __init__(self, text: str, good: Iterable[IssuedToken] = ()) -> None:
         super().__init__(text)
@@ -114,7 +114,7 @@ def read_tokens(file: Path) -> tuple[IssuedToken, ...]:
     EXPIRES is a day (its end, UTC), such as 2026-12-31.
 
     Raises:
-        BadTokens: everything that is wrong with the file, each with its line; no text has a token in it.
+        BadTokens: all errors of the file, each with its line; no text has a token in it.
     """
     problems, found = Problems(), dict[str, IssuedToken]()
     try:
@@ -171,7 +171,7 @@ def _token_problems(words: Sequence[str], before: Mapping[str, IssuedToken]) -> 
 
 
 def _shown(word: str) -> str:
-    """Return a word that is wrong, unless it is as long as a token that stands in the wrong place."""
+    """Return a wrong word for a message; '' where it is so long that it may be a misplaced token."""
     return f" {word!r}" if len(word) < SHORTEST_TOKEN // 2 else ""
 
 
@@ -184,10 +184,10 @@ def _end_of(day: str) -> float | None:
 
 
 def admitted(token: str, tokens: Iterable[IssuedToken], wall: float) -> Visitor:
-    """Return whose token it is.
+    """Return the visitor that a token belongs to; all tokens are compared, in constant time.
 
     Raises:
-        NotAdmitted: there is none, nobody has it, or it has expired.
+        NotAdmitted: the token is missing, unknown or expired.
     """
     if not token:
         raise NotAdmitted(
@@ -205,7 +205,7 @@ def admitted(token: str, tokens: Iterable[IssuedToken], wall: float) -> Visitor:
 
 
 def token_of(headers: Mapping[str, str]) -> str:
-    """Return the token of a request, of its header or its cookie, '' without one; the address has none."""
+    """Return the bearer token of a request, else that of its cookie, else ''; never from the URL."""
     scheme, _, value = headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer" and value.strip():
         return value.strip()
@@ -225,9 +225,9 @@ def cookie_of(headers: Mapping[str, str], name: str) -> str:
 
 
 class AllowList:
-    """Which names pages may use, by the least role: what plugins, missions and settings declare.
+    """The allow list: the least role for each name, as plugins, missions and settings declare it.
 
-    An engineer may subscribe to every topic; all else must be declared.
+    An engineer may subscribe to every topic; every other use of an undeclared name is refused.
     """
 
     def __init__(self, declared: Iterable[Access]) -> None:
@@ -251,7 +251,7 @@ class AllowList:
             names[name] = min(role, names.get(name, role))
 
     def least(self, use: Use, name: str) -> UserRole | None:
-        """Return the least role that may; None: nobody may."""
+        """Return the least role that may use a name so; None: no role may."""
         known = self._known(use)
         found = [known.get(name)]
         found += [role for pattern, role in self._patterns if pattern.fullmatch(name)]
@@ -265,7 +265,7 @@ class AllowList:
         return self._read if use in (Use.SUBSCRIBE, Use.CALL) else self._commanded
 
     def refusal(self, visitor: Visitor, use: Use, name: str) -> str:
-        """Return why a visitor may not use a name so; '' where that is allowed."""
+        """Return why a visitor may not use a name so; '' where it may. The stop's topic is always allowed."""
         name = f"/{name.lstrip('/')}"
         if use in (Use.PUBLISH, Use.SUBSCRIBE) and name == STOP_TOPIC:
             return ""
@@ -282,15 +282,15 @@ class AllowList:
 # -- doors ------------------------------------------------------------------------------------------------
 
 
-class Doors:
-    """Who may come in: without tokens everybody on this machine, as an engineer; else who has a token."""
+class AccessControl:
+    """Authentication: without tokens every client of this machine is an engineer; else a token is needed."""
 
     def __init__(
         self,
         tokens: Callable[[], Sequence[IssuedToken]] | None = None,
         origins: Iterable[str] = (),
     ) -> None:
-        """`tokens` is asked for each visitor; None: only this machine can reach the gateway, and needs none.
+        """`tokens` is read for each visitor; None: the gateway listens on this machine only, and needs none.
 
         `origins` are those of pages that other servers serve, such as https://hmi.example:8443.
         """
@@ -303,10 +303,11 @@ class Doors:
         return self._tokens is not None
 
     def admit(self, headers: Mapping[str, str], wall: float) -> Visitor:
-        """Return who sends a request; its headers are in lower case.
+        """Return the visitor who sends a request; its headers are in lower case.
 
         Raises:
-            NotAdmitted: the page is a foreign one, or the token is missing, wrong or expired.
+            NotAdmitted: the page's origin is foreign, the token is missing, wrong or expired, or the file of
+                tokens cannot be used.
         """
         self.check_origin(headers)
         if self._tokens is None:
@@ -314,7 +315,7 @@ class Doors:
         return admitted(token_of(headers), self._usable(self._tokens), wall)
 
     def token_for(self, name: str, wall: float) -> tuple[str, Visitor]:
-        """Return the token of a person who has proved to be that one in another way, and the visitor.
+        """Return the token and the visitor of a person who was authenticated otherwise (by an invitation).
 
         Raises:
             NotAdmitted: nobody has this name any more, or the token has expired.
@@ -333,10 +334,10 @@ class Doors:
             raise NotAdmitted(503, text) from None
 
     def reasons_to_go(self, visitors: Sequence[Visitor], wall: float) -> list[str]:
-        """Return for each of those who are in why that one may not stay; '' where it may.
+        """Return for each connected visitor why its connection must end; '' where it may stay.
 
-        A token may have expired, or stand in no line any more with its name and role. Other lines that are
-        wrong turn out nobody.
+        That is an expired token, or one that is not in the file any more with its name and role. Errors in
+        other lines of the file end no connection.
         """
         if self._tokens is None:
             return [""] * len(visitors)
@@ -349,10 +350,11 @@ class Doors:
         return [one.has_expired(wall) or ("" if (one, one.mark) in stay else taken) for one in visitors]
 
     def check_origin(self, headers: Mapping[str, str]) -> None:
-        """Refuse a request that a foreign page sends, which is one of another host, on whatever port.
+        """Refuse a request from a page of another host, on whatever port (cross-site requests, DNS
+        rebinding).
 
         Raises:
-            NotAdmitted: with the setting that would let it in.
+            NotAdmitted: with the setting that would allow it.
         """
         host, origin = _host(f"//{headers.get('host', '')}"), headers.get("origin", "").lower()
         if self._tokens is None and host not in _HERE:
@@ -361,9 +363,9 @@ class Doors:
                 403, f"this gateway is for this machine alone: open http://localhost, not {host!r}"
             )
         if origin and origin not in self._origins and not _is_same(_host(origin), host):
-            told = shortened(origin)
+            shown = shortened(origin)
             raise NotAdmitted(
-                403, f"pages of {told!r} may not use this gateway; its setting `origins` lets them"
+                403, f"pages of {shown!r} may not use this gateway; its setting `origins` lets them"
             )
 
 
@@ -379,7 +381,7 @@ def _is_same(one: str, other: str) -> bool:
 
 
 def open_problems(certificate: str, key: str, tokens: str) -> Iterator[str]:
-    """Tell what keeps the gateway from being opened to other machines: files not named, or not there."""
+    """Yield the settings that an open gateway lacks: files that are not named, or do not exist."""
     wanted = {
         "tls_certificate": (certificate, "the certificate of this machine (PEM)"),
         "tls_key": (key, "its key (PEM)"),
@@ -396,7 +398,7 @@ def open_problems(certificate: str, key: str, tokens: str) -> Iterator[str]:
 
 
 class Allowance:
-    """What one client may use up; each method returns why it is too much, '' where it is not."""
+    """Rate limits of one client (token bucket); each method returns why something is refused, else ''."""
 
     def __init__(self) -> None:
         self._left = float(OPERATIONS_PER_S)
@@ -404,18 +406,18 @@ class Allowance:
         self._at = -math.inf
 
     def frame(self, size: int) -> str:
-        """A frame of so many bytes."""
+        """Check the size of a frame in bytes."""
         if size <= LONGEST_FRAME:
             return ""
         return f"the frame has {size} bytes, at most {LONGEST_FRAME} are taken; nothing of it was carried out"
 
     def long_frame(self, size: int, now: float) -> str:
-        """A frame of so many bytes, at a time of the steady clock; the operation in it counts so."""
+        """Check a long frame, at a time of the steady clock; it counts once for each 10,000 bytes."""
         self._more = size // BYTES_AN_OPERATION
         return self.used_up(now)
 
     def operation(self, now: float) -> str:
-        """One more operation, at a time of the steady clock; a stop is not asked about."""
+        """Take one operation, at a time of the steady clock. Stops are not counted: they never get here."""
         refused = self.used_up(now)
         if not refused:
             self._left -= max(1, self._more)
@@ -423,7 +425,7 @@ class Allowance:
         return refused
 
     def used_up(self, now: float) -> str:
-        """Whether an operation would be one too many."""
+        """Refill the bucket; return why no further operation is allowed, '' where one is. Takes nothing."""
         gained = max(0.0, now - self._at) * OPERATIONS_PER_S
         self._left = min(float(OPERATIONS_PER_S), self._left + gained)
         self._at = now
@@ -432,7 +434,7 @@ class Allowance:
         return f"more than {OPERATIONS_PER_S} operations a second; this one was not carried out"
 
     def subscription(self, have: int) -> str:
-        """One more subscription than there are."""
+        """Check one more subscription than `have`."""
         if have < MOST_SUBSCRIPTIONS:
             return ""
         return f"a client has at most {MOST_SUBSCRIPTIONS} subscriptions; unsubscribe from something first"

@@ -1,7 +1,6 @@
-"""What is told of a machine, as plain data: the profile's state and outcomes, steps, what is possible.
+"""Builds a machine's reports as plain data: state and outcomes by the profile, steps, available requests.
 
-Pure: nothing of ROS is imported, and clocks are arguments. The orchestrator publishes it; a simulation shows
-it to pages.
+Pure: no ROS, and clocks are arguments. The orchestrator publishes them; a simulation shows them to pages.
 """
 
 from __future__ import annotations
@@ -18,12 +17,12 @@ from lupin_engine.runtime import Foresight, PossibleRecord, step_record, view_re
 from lupin_ros.service import messages
 
 
-class ToldState:
+class StateMessages:
     """The profile's messages about one mission after the other.
 
     Args:
         wire: of the profile.
-        machine: returns the machine as it is now.
+        machine: returns the present machine.
         now: the clock of the machine, in seconds.
         stamp: the same moment as the fields of a `builtin_interfaces/msg/Time`.
     """
@@ -40,14 +39,14 @@ class ToldState:
         self._now = now
         self._stamp = stamp
         self._started: Fields | None = None
-        self._told: tuple[object, ...] = ()
+        self._published: tuple[object, ...] = ()
 
     def mission_started(self, at: Fields | None = None) -> None:
-        """Note that a mission was accepted, now or at another moment."""
+        """Record that a mission was accepted, now or at another moment."""
         self._started = at or self._stamp()
 
     def fields(self, view: View) -> Fields:
-        """Return the state as it is."""
+        """Return the state message."""
         machine = self._machine()
         value, codes = partial(self._value, now=self._now()), machine.chart.codes
         return self._wire.state_fields(
@@ -55,18 +54,19 @@ class ToldState:
         )
 
     def news(self, view: View, moment: Moment | None = None) -> Fields | None:
-        """Return the state when lifecycle, phase, target or a flag is new, or a code was reported; else None.
+        """Return the state if lifecycle, phase, target or a flag has changed, or a code was reported; else
+        None.
 
-        With a `moment` it is that of a view in between.
+        With a `moment` it is that of a microstep in between.
         """
         if moment is not None:
             view = replace(view, lifecycle=moment.lifecycle, phase=moment.phase, target=moment.target)
         fields = self.fields(view)
         said = (view.lifecycle, view.phase, view.target, view.paused, view.codes, view.mission_id)
         shown = (*said, *(fields[name] for name in self._wire.urgent))
-        if shown == self._told:
+        if shown == self._published:
             return None
-        self._told = shown
+        self._published = shown
         return fields
 
     def outcome(self, published: Publish) -> Fields:
@@ -82,17 +82,16 @@ class ToldState:
 
 
 class StepNews:
-    """Which steps are worth telling."""
+    """Filters the steps that are published."""
 
     def __init__(self) -> None:
         self._noted: dict[str, tuple[str, ...]] = {}
 
     def is_news(self, step: Step) -> bool:
-        """Say whether a step is worth telling.
+        """Return whether to publish a step.
 
-        Live values come all the time: they are when they change something, or when there is something to note
-        that was not noted the last time. The reports of attempts are told even when they change nothing: who
-        watches sees what is waited for, and when the last goal has ended.
+        Steps by live values are published only if they change something, or have other notes than the last
+        one of that value. All others are, since watchers want to see attempts end.
         """
         if step.event.name != "value" or step.changed:
             return True
@@ -104,7 +103,7 @@ class StepNews:
 
 @dataclass(frozen=True)
 class StepMoment:
-    """When a step was taken: by the machine's clock and the network's, in seconds, and on the wall."""
+    """The time of a step: by the machine's clock and the network's, in seconds, and the wall clock."""
 
     time: float
     stamp: float
@@ -112,7 +111,7 @@ class StepMoment:
 
 
 class CommandOrigin(TypedDict, total=False):
-    """Who commanded a step and by which id, as far as that was told."""
+    """Who commanded a step and by which id, if known."""
 
     by: str
     command_id: str
@@ -138,11 +137,11 @@ class StepRecord(_TakenStep, total=False):
     command: Annotated[Mapping[str, str], CommandOrigin]
 
 
-def step_told(
+def published_step(
     step: Step, view: View, loaded: LoadedMissions, boot: str, at: StepMoment, origin: Mapping[str, str]
 ) -> StepRecord:
-    """Return the record of a step; `origin` is who commanded it, as far as that is known."""
-    told: StepRecord = {
+    """Return the record of a step; `origin` is its command's caller and id, if known."""
+    record: StepRecord = {
         "time": at.time,
         "stamp": at.stamp,
         "wall_ns": at.wall_ns,
@@ -152,11 +151,11 @@ def step_told(
         "view": view_record(view, loaded.chart),
     }
     if origin:
-        told["command"] = origin
-    return told
+        record["command"] = origin
+    return record
 
 
-class PossibleTold(TypedDict):
+class PublishedPossible(TypedDict):
     """What each request would do after a step of a start of the orchestrator."""
 
     boot: str
@@ -165,8 +164,8 @@ class PossibleTold(TypedDict):
     requests: list[PossibleRecord]
 
 
-class ToldPossible:
-    """What each request would do now, when that is other than before."""
+class PossibleNews:
+    """The dry run of each request, published when it changes."""
 
     def __init__(self, boot: str) -> None:
         self._boot = boot
@@ -174,11 +173,11 @@ class ToldPossible:
         self._foreseen: list[PossibleRecord] = []
 
     def forget(self) -> None:
-        """Tell it again in any case."""
+        """Publish the next one in any case."""
         self._foreseen = []
 
-    def news(self, machine: Machine, chart_hash: str, now: float) -> PossibleTold | None:
-        """Return what is new; where nothing can have changed it costs next to nothing, and None comes."""
+    def news(self, machine: Machine, chart_hash: str, now: float) -> PublishedPossible | None:
+        """Return the record if it has changed, else None; cheap where nothing can have changed."""
         if self._foresight is None or self._foresight[0] is not machine:
             self._foresight = machine, Foresight(machine)
         found = self._foresight[1].news(now)

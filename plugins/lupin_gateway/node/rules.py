@@ -1,4 +1,4 @@
-"""The house rules as parameters of the node: doors, names, what a lost link does, and where the log is."""
+"""Builds the gateway's rules from the node's parameters: access control, allow list, stops, and audit log."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from lupin_engine.plugin import (
     load_catalog,
     one_of,
 )
-from lupin_gateway.audit import AuditLog, last_lines
-from lupin_gateway.doors import (
+from lupin_gateway.access import (
+    AccessControl,
     AllowList,
-    Doors,
     IssuedToken,
     open_problems,
     read_tokens,
 )
-from lupin_gateway.entry.invitations import Invitations, ServedDoors, state_folder
-from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, Hands, HouseRules, TwoClocks
+from lupin_gateway.audit import AuditLog, last_lines
+from lupin_gateway.entry.invitations import GatewayAddress, Invitations, state_folder
+from lupin_gateway.guard import OWN_ACCESS, STOPS_TOPIC, ClockPair, GatewayRules, RuleOutputs
 from lupin_gateway.motion import BASE_TOPIC, MotionGate
 from lupin_gateway.node.kept import StateFile
-from lupin_gateway.node.ros import NodeSide
+from lupin_gateway.node.ros import RosAdapter
 from lupin_gateway.people import MOST_COMMANDS, NOTIFICATIONS_TOPIC, PEOPLE_TOPIC, People
-from lupin_gateway.sides import CallFailed, RosSide
+from lupin_gateway.ports import CallFailed, RosPort
 from lupin_gateway.stop import KeptStops, OnLinkLost, StopArbiter
 from lupin_greenhouse import HMI_TOPIC, PAGES_TOPIC
 from lupin_ros.adapter import Qos, RosNode
@@ -47,7 +47,7 @@ from lupin_ros.service import MissionsFolder, names
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 #: The request that `on_link_lost: pause` sends, and how long its answer may take, in seconds.
 PAUSE, PAUSE_S = "pause", 5.0
-#: Seconds for which a stop that an earlier gateway has left is told at least. Others take a dead gateway for
+#: Seconds for which a stop left by an earlier gateway is published at least. Others take a dead gateway for
 #: alive for up to 3 s (the discovery lease).
 TAKEN_OVER_S = 4.0
 
@@ -99,7 +99,7 @@ def check(values: Mapping[str, Any]) -> None:
     """Check the parameters together.
 
     Raises:
-        UsageError: everything that is wrong with them.
+        UsageError: all errors at once.
     """
     problems = Problems(UsageError)
     if values["open"]:
@@ -116,7 +116,7 @@ def check(values: Mapping[str, Any]) -> None:
 
 
 def tls(values: Mapping[str, Any]) -> Mapping[str, str]:
-    """Return what the server's TLS is made of; nothing where there is none.
+    """Return the certificate and key by uvicorn's names; nothing where TLS is off.
 
     Raises:
         UsageError: the files are no certificate with its key.
@@ -133,43 +133,43 @@ def tls(values: Mapping[str, Any]) -> Mapping[str, str]:
 
 
 def host(values: Mapping[str, Any]) -> str:
-    """Return the address to listen on: an open gateway is heard at all of them, unless one is named."""
+    """Return the address to listen on: all addresses for an open gateway, unless one is named."""
     named: str = values["host"]
     return "0.0.0.0" if values["open"] and named in LOOPBACK else named
 
 
-def house_rules(ros: RosNode, side: NodeSide, values: Mapping[str, Any]) -> HouseRules:
-    """Return the rules, with the stops that an earlier gateway of this domain has left."""
+def gateway_rules(ros: RosNode, port: RosAdapter, values: Mapping[str, Any]) -> GatewayRules:
+    """Return the rules, with the stops that an earlier gateway of this domain has left engaged."""
     catalog, folder = load_catalog(), state_folder()
     tokens = Path(values["tokens"]) if values["tokens"] else None
-    doors = Doors(_TokensFile(ros, tokens) if tokens else None, values["origins"])
+    access = AccessControl(_TokensFile(ros, tokens) if tokens else None, values["origins"])
     stops = StopArbiter(OnLinkLost(values["on_link_lost"]), values["viewers_stop"])
     stops_file = StateFile(ros, folder / "stops.json", "stops")
     stops.restore(_kept_stops(ros, stops_file), time.monotonic())
     shown = ros.publisher(String, STOPS_TOPIC, Qos.LATCHED)
     base = ros.publisher(String, BASE_TOPIC, Qos.LATCHED)
-    hands = Hands(
-        tell_stop=_telling_stop(ros, values["shared_false"], stops.stopped),
-        tell_state=lambda state: shown.publish(String(data=state)),
-        pause=_pausing(side, catalog),
+    outputs = RuleOutputs(
+        publish_stop=_stop_publisher(ros, values["shared_false"], stops.stopped),
+        publish_stops=lambda state: shown.publish(String(data=state)),
+        pause=_pausing(port, catalog),
         keep=lambda kept: stops_file.keep(asdict(kept)),
-        tell_base=lambda state: base.publish(String(data=state)),
-        halt=side.halt,
+        publish_base=lambda state: base.publish(String(data=state)),
+        halt=port.halt,
     )
     audit_file = Path(values["audit_file"]) if values["audit_file"] else folder / "audit.jsonl"
     log = AuditLog(audit_file, ros.log.error)
     allowed = AllowList([*declared_access(catalog), *_own(ros, catalog, values)])
     ros.on_stop(log.close)
-    rules = HouseRules(doors, allowed, stops, log, TwoClocks(time.monotonic, time.time), hands)
+    rules = GatewayRules(access, allowed, stops, log, ClockPair(time.monotonic, time.time), outputs)
     rules.people = _people(ros, folder, audit_file)
     wire = catalog.profile.wire
     rules.motion = MotionGate((names.COMMAND_SERVICE, *([wire.requests.format("*")] if wire else ())))
-    side.moving = allowed.moving
+    port.moving = allowed.moving
     rules.warn = ros.log.warning
     if tokens:
         rules.invitations = Invitations(folder)
         certificate = _absolute(values["tls_certificate"])
-        ServedDoors(host(values), values["port"], _absolute(values["tokens"]), certificate).keep(folder)
+        GatewayAddress(host(values), values["port"], _absolute(values["tokens"]), certificate).keep(folder)
     return rules
 
 
@@ -177,19 +177,20 @@ def _absolute(file: str) -> str:
     return str(Path(file).absolute()) if file else ""
 
 
-def _telling_stop(ros: RosNode, shared_false: bool, is_taken_over: bool) -> Callable[[bool], None]:
-    """Return what publishes the stop of all pages: on a topic of our own, and on the one that HMIs share.
+def _stop_publisher(ros: RosNode, shared_false: bool, is_taken_over: bool) -> Callable[[bool], None]:
+    """Return the function that publishes the stop, on the gateway's topic and on the one that HMIs share.
 
-    A stop that `is_taken_over` from an earlier gateway is told for some seconds at least: a release counts
-    for those who have heard the stop of this gateway, and take the earlier one for alive no more.
+    A stop that `is_taken_over` from an earlier gateway is published for at least `TAKEN_OVER_S`: until then
+    listeners may take the earlier gateway for alive, and would not count a release.
 
-    Who keeps the last word of the shared one, as the bridge of today's robot does, needs a false when our
-    stop is released; one that is repeated would release the stops of other HMIs there.
+    On the shared topic false is published once, after a stop: a reader that keeps the last value, such as the
+    bridge of today's robot, needs it, while repeated ones would release the stops of other HMIs
+    (`shared_false` repeats it all the same).
     """
     own, shared = ros.publisher(Bool, PAGES_TOPIC, Qos.LATCHED), ros.publisher(Bool, HMI_TOPIC, Qos.EVENT)
     was_stopped, stays_until = False, time.monotonic() + TAKEN_OVER_S * is_taken_over
 
-    def tell(stopped: bool) -> None:
+    def publish(stopped: bool) -> None:
         nonlocal was_stopped
         stopped = stopped or time.monotonic() < stays_until
         own.publish(Bool(data=stopped))
@@ -197,11 +198,11 @@ def _telling_stop(ros: RosNode, shared_false: bool, is_taken_over: bool) -> Call
             shared.publish(Bool(data=stopped))
         was_stopped = stopped
 
-    return tell
+    return publish
 
 
 def _own(ros: RosNode, catalog: Catalog, values: Mapping[str, Any]) -> Iterator[Access]:
-    """Yield what no catalog declares: the gateway's own names, the engine's, bindings, and settings."""
+    """Yield the access that no catalog declares: of the gateway, the engine, bindings, settings."""
     yield names.ACCESS
     yield OWN_ACCESS
     kinds = ("viewer", "operator", "engineer", "motion")
@@ -218,7 +219,7 @@ def _own(ros: RosNode, catalog: Catalog, values: Mapping[str, Any]) -> Iterator[
 
 
 class _TokensFile:
-    """Reads the file of tokens each time; what is wrong with it is logged once."""
+    """Reads the file of tokens at each call; an error is logged once."""
 
     def __init__(self, ros: RosNode, file: Path) -> None:
         self._ros = ros
@@ -237,16 +238,16 @@ class _TokensFile:
         return tokens
 
 
-def _pausing(side: RosSide, catalog: Catalog) -> Callable[[Callable[[Any], None]], None]:
+def _pausing(port: RosPort, catalog: Catalog) -> Callable[[Callable[[Any], None]], None]:
     wire = catalog.profile.wire
     if wire is None or PAUSE not in catalog.profile.requests:
         return lambda done: done(CallFailed("no request of this profile pauses a mission"))
     service = wire.requests.format(PAUSE)
-    return lambda done: side.call(service, {}, PAUSE_S, done)
+    return lambda done: port.call(service, {}, PAUSE_S, done)
 
 
 def _kept_stops(ros: RosNode, file: StateFile) -> KeptStops:
-    """Return the stops that were kept; what cannot be read is one."""
+    """Return the saved stops; a file that cannot be read counts as one engaged stop, 'unknown'."""
     try:
         kept = file.read()
         if kept is None:
@@ -261,7 +262,7 @@ def _kept_stops(ros: RosNode, file: StateFile) -> KeptStops:
 
 
 def _people(ros: RosNode, folder: Path, audit_file: Path) -> People:
-    """Return the people, with what an earlier gateway of this domain has left for them."""
+    """Return the people, with saved notifications and commands of this domain's last gateway."""
     file = StateFile(ros, folder / "notifications.json", "notifications")
     publishers = {
         topic: ros.publisher(String, topic, Qos.LATCHED) for topic in (PEOPLE_TOPIC, NOTIFICATIONS_TOPIC)

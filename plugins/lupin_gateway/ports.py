@@ -1,4 +1,4 @@
-"""What the side of pages (an asyncio loop) calls of the side of ROS (a thread of its own)."""
+"""The ports of the web side (event loop) to a robot; `node.ros` and `virtual` adapt to them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lupin_gateway.hub import Feed
 
 @dataclass(frozen=True)
 class CallFailed:
-    """A call, goal or publication that came to nothing; the text names what it was about."""
+    """A failed call, goal or publication; the text names it."""
 
     text: str
 
@@ -25,26 +25,30 @@ class GoalEnd:
     result: Mapping[str, Any]
 
 
-class RosSide(Protocol):
-    """ROS, as the pages' side sees it.
+class RosPort(Protocol):
+    """The robot, as the web side sees it.
 
-    Nothing here waits, and nothing raises for what a page has sent: what comes of it is told to the functions
-    that are given, on the loop. Names are absolute, types complete (`std_msgs/msg/String`) or ''.
+    Nothing here blocks or raises for wrong data of a page: results and errors go to the given callbacks, on
+    the event loop. Names are absolute, types complete (`std_msgs/msg/String`) or ''.
     """
 
     def about(self) -> Mapping[str, Any]:
-        """What pages look at: the `mode` (robot, simulation, recording), and more of the latter two."""
+        """Return the `mode` (robot, simulation, recording), and details of the latter two, for pages."""
 
     def listen(
-        self, topic: str, type_: str, told: Callable[[Sample, bool], None], problem: Callable[[str], None]
+        self,
+        topic: str,
+        type_: str,
+        on_sample: Callable[[Sample, bool], None],
+        problem: Callable[[str], None],
     ) -> Feed:
         """Begin a subscription; see `hub.Listen`."""
 
     def advertise(self, topic: str, type_: str, latch: bool, problem: Callable[[str], None]) -> None:
-        """Prepare to publish; each is to be followed by one `unadvertise`."""
+        """Prepare to publish; must be followed by one `unadvertise`."""
 
     def unadvertise(self, topic: str) -> None:
-        """Publish no more, when all who advertised have said so."""
+        """Stop publishing, once every page that advertised the topic has called this."""
 
     def publish(self, topic: str, data: Any, problem: Callable[[str], None]) -> None:
         """Publish a message, given by its fields."""
@@ -52,7 +56,7 @@ class RosSide(Protocol):
     def call(self, service: str, data: Any, limit: float, done: Callable[[Any], None]) -> None:
         """Call a service: `done` gets the response by its fields, or `CallFailed`, within `limit` seconds.
 
-        The type is that of the server, whatever a page believes.
+        The type is always the server's.
         """
 
     def send_goal(
@@ -62,21 +66,21 @@ class RosSide(Protocol):
         feedback: Callable[[Mapping[str, Any]], None],
         done: Callable[[GoalEnd | CallFailed], None],
     ) -> Callable[[], None]:
-        """Send a goal, and return what cancels it; `done` comes once, also after a cancel."""
+        """Send a goal; return the function that cancels it. `done` is called once, also after a cancel."""
 
     def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
         """Answer a call of `/rosapi/QUESTION` as `call` does; False where there is no such question."""
 
 
-class KeptPast(Protocol):
-    """What topics said before a page was opened."""
+class HistoryPort(Protocol):
+    """Recorded messages of topics, from before a page was opened."""
 
     @property
     def topics(self) -> Collection[str]:
-        """The topics whose past there is."""
+        """The topics with a history."""
 
     def start(self) -> None:
-        """Begin to keep; on the loop."""
+        """Begin to record; on the event loop."""
 
     def lines(self, begin: float, topics: Collection[str]) -> Iterator[bytes]:
-        """Return what topics said from a time on (ms since 1970), a line of JSON each, the oldest first."""
+        """Return messages from a time on (ms since 1970), a line of JSON each, the oldest first."""
