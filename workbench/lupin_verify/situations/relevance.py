@@ -28,9 +28,14 @@ from lupin_engine.chart import (
 from lupin_engine.machine import (
     CANCELLED_CODE,
     EVERYTHING,
+    VARIABLES,
     Attempt,
+    Compare,
     Event,
+    FieldKind,
     Invocation,
+    Memory,
+    MemoryField,
     Phase,
     Reported,
     Timer,
@@ -146,11 +151,8 @@ class Relevance:
     def key(self, slot: tuple[str, str], value: Any) -> Hashable:
         """Return what is compared of a slot."""
         field, name = slot
-        special = _KEYS.get(field)
-        if special is not None:
-            found: Hashable = special(self, name, value)
-            return found
-        return frozen(value)
+        of_field = _KEYS.get(field)
+        return frozen(value) if of_field is None else of_field(self, name, value)
 
     def _variable(self, name: str, value: Any) -> Hashable:
         return frozen(value) if name in self.variables else ()
@@ -163,7 +165,7 @@ class Relevance:
     def _attempt(self, name: str, value: Attempt) -> Hashable:
         if is_orphan(name):
             return value.uses, value.phase.value
-        answer = None if value.answer is None else self._told(value.answer)
+        answer = None if value.answer is None else self._told("", value.answer)
         # Whether the server has accepted already makes no difference to the machine.
         phase = Phase.REQUESTED if value.phase is Phase.ACCEPTED and answer is None else value.phase
         return value.invocation, value.operation, value.uses, phase.value, value.timeout, answer
@@ -180,13 +182,11 @@ class Relevance:
         items = tuple(map(frozen, value.items))
         return items, closed, value.index, sweep, value.sweeps, value.leaves_open, value.begun
 
-    def _timers(self, _: str, value: list[Timer]) -> Hashable:
-        return tuple((kind, *about, due) for due, _, kind, about in value)
+    def _timer(self, __: str, value: Timer) -> Hashable:
+        due, _, kind, about = value
+        return (kind, *about, due)
 
-    def _deferred(self, _: str, value: list[Event]) -> Hashable:
-        return tuple(map(self._told, value))
-
-    def _told(self, event: Event) -> Hashable:
+    def _told(self, _: str, event: Event) -> Hashable:
         name, data = event.name, {**event.data, "detail": ""}
         if name == "attempt.cancelled":  # who waits for the end takes it for a failure with this code
             name, data["code"] = "attempt.failed", CANCELLED_CODE
@@ -195,25 +195,36 @@ class Relevance:
         return name, frozen(data)
 
 
-def _unordered(_: Relevance, __: str, value: Any) -> Hashable:
-    return frozenset(value)
-
-
-_KEYS: Mapping[str, Any] = {
-    "context": Relevance._variable,
-    "inputs": Relevance._input,
-    "attempts": lambda self, name, value: Relevance._attempt(self, name, value) if name else value,
-    "invocations": lambda self, name, value: Relevance._invocation(self, name, value) if name else value,
-    "itineraries": lambda self, name, value: Relevance._walk(self, name, value) if name else value,
-    "timers": Relevance._timers,
-    "frozen": Relevance._timers,
-    "deferred": Relevance._deferred,
-    "started_at": lambda *_: True,
-    "wall": lambda *_: True,
-    "asked": lambda _, __, value: tuple(value),
-    "broken": _unordered,
-    "handled": _unordered,
+_Key = Callable[[Relevance, str, Any], Hashable]
+_BY_COMPARE: Mapping[Compare, _Key] = {
+    Compare.UNORDERED: lambda _, __, value: frozenset(value),
+    Compare.NAMES: lambda _, __, value: tuple(value),
+    Compare.PRESENCE: lambda _, __, ___: True,
 }
+#: Of types that have more than decides anything.
+_BY_TYPE: Mapping[Any, _Key] = {
+    Reported: Relevance._input,
+    Attempt: Relevance._attempt,
+    Invocation: Relevance._invocation,
+    Traversal: Relevance._walk,
+    Timer: Relevance._timer,
+    Event: Relevance._told,
+}
+
+
+def _key_of(one: MemoryField) -> _Key:
+    """Return how values of a field, or of its entries, are compared."""
+    of = Relevance._variable if one.owner is VARIABLES else _BY_TYPE.get(one.holds)
+    if of is None:
+        return _BY_COMPARE.get(one.compared, lambda _, __, value: frozen(value))
+    if one.empty is list:
+        return lambda self, name, value: tuple([of(self, name, each) for each in value])
+    if one.kind is FieldKind.ORDERED:  # without a name it is the order of the entries
+        return lambda self, name, value: of(self, name, value) if name else value
+    return of
+
+
+_KEYS: Mapping[str, _Key] = {one.name: _key_of(one) for one in Memory.schema()}
 
 
 def frozen(value: Any) -> Hashable:
