@@ -65,6 +65,8 @@ from .nodes import Keyed as Keyed
 from .nodes import Meaning as Meaning
 from .nodes import Named as Named
 from .nodes import Node as Node
+from .records import COMPUTED as COMPUTED
+from .records import DECIDING as DECIDING
 from .records import Role as Role
 from .records import parts_of as parts_of
 from .records import walk as walk

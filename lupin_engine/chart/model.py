@@ -38,10 +38,10 @@ class ActionCall:
     KEY: ClassVar[str] = "name"
 
     name: str
-    arguments: Mapping[str, Value] = field(metadata=said(Role.VALUE))
+    arguments: Mapping[str, Value] = field(metadata=said(Role.CARRIED))
     place: Place
     moves: bool = False
-    data: Mapping[str, Value] = field(default_factory=dict, metadata=said(Role.VALUE, "with"))
+    data: Mapping[str, Value] = field(default_factory=dict, metadata=said(Role.CARRIED, "with"))
     guard: Expression | None = field(default=None, metadata=said(Role.CONDITION, "guard"))
     then: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "then"))
     otherwise: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "else"))
@@ -80,7 +80,7 @@ class Transition:
     releases: frozenset[str] = field(default=frozenset(), metadata=said(Role.HOLDS, "releases"))
     code: str | None = field(default=None, metadata=said(Role.CODE, "code"))
     internal: bool = field(default=False, metadata=said(Role.PLAIN, "internal"))
-    detail: Value | None = field(default=None, metadata=said(Role.VALUE, "detail"))
+    detail: Value | None = field(default=None, metadata=said(Role.CARRIED, "detail"))
 
 
 @record(frozen=True)
@@ -128,7 +128,7 @@ class Invoke:
 
     name: str = field(metadata=said(Role.PLAIN, "do"))
     operation: Operation
-    arguments: Mapping[str, Value] = field(metadata=said(Role.VALUE, "with"))
+    arguments: Mapping[str, Value] = field(metadata=said(Role.CARRIED, "with"))
     place: Place
     timeout: Value | None = field(default=None, metadata=said(Role.VALUE, "timeout.after"))
     timeout_code: str | None = field(default=None, metadata=said(Role.CODE, "timeout.code"))
@@ -183,7 +183,7 @@ class Prompt:
     An answer is the event `answer.CHOICE`, for the states around as well.
     """
 
-    question: Value = field(metadata=said(Role.VALUE, "question"))
+    question: Value = field(metadata=said(Role.CARRIED, "question"))
     choices: Mapping[str, Code] = field(metadata=said(Role.PLAIN, "choices"))
     default: str = field(metadata=said(Role.PLAIN, "default"))
     after: Value = field(metadata=said(Role.VALUE, "after"))
@@ -330,7 +330,7 @@ class Variable:
 
     name: str
     type: Type = field(metadata=said(Role.PLAIN, "type"))
-    default: Value = field(metadata=said(Role.VALUE, "default"))
+    default: Value = field(metadata=said(Role.CARRIED, "default"))
     place: Place
     of_mission: bool = False
 

@@ -31,8 +31,10 @@ class Role(enum.Enum):
 
     #: A yes or no, a number, a word or a text for people.
     PLAIN = enum.auto()
-    #: A value that is computed, or several by name.
+    #: A value that is computed, or several by name, on which it depends what happens.
     VALUE = enum.auto()
+    #: One that is handed on only: to servers, variables, actions and people.
+    CARRIED = enum.auto()
     #: A condition that is computed.
     CONDITION = enum.auto()
     #: Actions in their order.
@@ -47,6 +49,11 @@ class Role(enum.Enum):
     HOLDS = enum.auto()
     #: Another record, or several: in their order, or by name.
     INSIDE = enum.auto()
+
+
+#: What depends on what is read, and what is computed at all.
+DECIDING = frozenset({Role.VALUE, Role.CONDITION})
+COMPUTED = DECIDING | {Role.CARRIED}
 
 
 class Part(NamedTuple):
@@ -96,13 +103,20 @@ def walk(thing: Any, roles: frozenset[Role], words: tuple[str, ...] = ()) -> Ite
         if not value:
             continue
         inner = (*words, word) if word else words
-        if role in roles and role is Role.VALUE and isinstance(value, Mapping):
+        if role in roles and role in COMPUTED and isinstance(value, Mapping):
             yield from (Walked((*inner, name), role, each) for name, each in value.items())
         elif role in roles:
             yield Walked(inner, role, value)
         if role in _NESTED:
             for each, path in _inside(value, inner):
                 yield from walk(each, roles, path)
+
+
+def own(thing: Any, roles: frozenset[Role]) -> list[Any]:
+    """Return what a record itself says of some roles, without the records in it."""
+    kind: type = type(thing)
+    values = [getattr(thing, part.field) for part in _asked(kind, roles) if part.role in roles]
+    return [value for value in values if value is not None]
 
 
 def _inside(value: Any, words: tuple[str, ...]) -> Iterator[tuple[Any, tuple[str, ...]]]:
@@ -136,4 +150,16 @@ def same_meaning(first: Any, second: Any) -> bool:
     return all(same_meaning(getattr(first, name), getattr(second, name)) for name in names)
 
 
-__all__ = ["Part", "Role", "Walked", "parts_of", "record", "said", "same_meaning", "walk"]
+__all__ = [
+    "COMPUTED",
+    "DECIDING",
+    "Part",
+    "Role",
+    "Walked",
+    "own",
+    "parts_of",
+    "record",
+    "said",
+    "same_meaning",
+    "walk",
+]

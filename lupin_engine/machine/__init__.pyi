@@ -39,6 +39,15 @@ from .requests import Possibility as Possibility
 from .requests import described as described
 from .requests import lacking as lacking
 from .requests import read_request as read_request
+from .schema import INPUTS as INPUTS
+from .schema import LEVELS as LEVELS
+from .schema import VARIABLES as VARIABLES
+from .schema import Compare as Compare
+from .schema import FieldKind as FieldKind
+from .schema import GoesOn as GoesOn
+from .schema import Life as Life
+from .schema import MemoryField as MemoryField
+from .schema import Owner as Owner
 from .scope import EvaluationScope as EvaluationScope
 from .scope import World as World
 from .scope import reads_of as reads_of

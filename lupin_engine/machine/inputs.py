@@ -10,7 +10,8 @@ from typing import Any
 from lupin_engine.chart.model import Chart, Input, Level, Timer
 from lupin_engine.errors import reason
 from lupin_engine.machine.event import Event
-from lupin_engine.machine.memory import Reported
+from lupin_engine.machine.memory import Memory, Reported
+from lupin_engine.machine.schema import INPUTS, LEVELS, Life, levels_of
 from lupin_engine.machine.scope import EvaluationScope, input_part
 from lupin_engine.machine.step import Macrostep
 from lupin_engine.plugin.types import TIME_OF_DAY, Notation, beyond, fitted, problems
@@ -49,11 +50,8 @@ class Inputs:
         for spec in self._scope.chart.inputs.values():
             if spec.of_mission:
                 if spec.name in memory.heard:
-                    memory.before[spec.name] = memory.heard.pop(spec.name)
-                if spec.name in memory.inputs:
-                    del memory.inputs[spec.name]
-                for level in spec.levels:
-                    memory.levels.pop(f"input.{spec.name}.{level.name}", None)
+                    memory.before[spec.name] = memory.heard[spec.name]
+                memory.drop(_known_of(self._scope.chart, spec.name))
                 self._scope.timers.disarm("fresh", spec.name)
                 self._scope.touch(self._parts[spec.name])
                 self._begin(spec, step)
@@ -255,12 +253,6 @@ class WallClock:
         deferred = self._scope.memory.deferred
         deferred[:] = [e for e in deferred if e.name != WAITS or e.data["owner"] != state]
 
-    def begin_mission(self) -> None:
-        """Forget the dates on which states of a mission have dealt with their times."""
-        reached, states = self._scope.memory.reached, self._scope.chart.states
-        for state in [state for state in reached if states[state].mission]:
-            del reached[state]
-
 
 def _long(seconds: float) -> str:
     """Return a time in the unit in which it is easily read."""
@@ -321,6 +313,14 @@ def _is_outside(spec: Input, value: Any) -> bool:
     if spec.type.kind in ("integer", "number") and beyond(value, spec.type):
         return True
     return spec.maximum is not None and value > spec.maximum
+
+
+@lru_cache(maxsize=256)
+def _known_of(chart: Chart, name: str) -> list[tuple[str, list[str]]]:
+    """Return the entries of the memory that tell what is known of an input."""
+    own = {INPUTS: [name], LEVELS: levels_of(chart, name)}
+    fields = ((one.name, one.owner) for one in Memory.schema() if one.life is Life.OWNER)
+    return [(field, own[owner]) for field, owner in fields if owner in own]
 
 
 @lru_cache(maxsize=32)

@@ -525,33 +525,17 @@ class Machine:
 
     def _begin_mission(self, event: Event, values: dict[str, Any]) -> None:
         memory = self.memory
+        self._stop_budgets()
+        memory.begin_mission(self.chart)
         memory.mission = str(event.data["mission_type"])
         memory.mission_id = str(event.data.get("mission_id", ""))
         memory.started_at = self._step.now
-        memory.request.clear()
         memory.request.update(values)
-        self._stop_budgets()
-        for of_mission in (
-            memory.waiting_actions,
-            memory.itineraries,
-            memory.history,
-            memory.budgets,
-            memory.handled,
-            memory.given,
-        ):
-            of_mission.clear()
-        self._wall.begin_mission()
-        memory.current_itinerary = ""
-        for variable in self.chart.context.values():
-            if variable.of_mission and variable.name in memory.context:
-                del memory.context[variable.name]
-        memory.broken.clear()  # those left are about these variables
         self._begin_context(self._step)
         for walker in self._table.walks:
             if walker.mission == memory.mission:
                 self._foresee(walker)
         self.scope.touch(CONTEXT | REQUEST | ITINERARY)
-        memory.code = memory.detail = ""
         self._inputs.begin_mission(self._step)
 
     def _stop_budgets(self) -> None:
@@ -580,12 +564,8 @@ class Machine:
         except ValueError as problem:
             step.fail(state.name, str(problem))
             step.spoilt = state.name
-        for name in use.variables:
-            memory.context.pop(name, None)
-        for of_mission in (memory.budgets, memory.handled, memory.history, memory.reached):
-            for name in [name for name in of_mission if name.startswith(f"{state.name}.")]:
-                of_mission.pop(name)
-                self.scope.timers.disarm("budget", name)
+        for name in memory.begin_part(state):
+            self.scope.timers.disarm("budget", name)
         self._begin_context(step)
         self.scope.touch(CONTEXT | REQUEST)
         self._content.run(use.entry, state.name, trigger, step)

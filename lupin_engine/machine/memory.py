@@ -3,11 +3,39 @@
 from __future__ import annotations
 
 import enum
+import operator
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
+from lupin_engine.chart.model import Chart, State
 from lupin_engine.machine.event import Event
+from lupin_engine.machine.schema import (
+    BUDGETS,
+    COLLECTIONS,
+    HISTORIES,
+    HOLDS,
+    INPUTS,
+    INVARIANTS,
+    LEVELS,
+    MISSIONS,
+    QUESTIONS,
+    REQUEST_FIELDS,
+    STATES,
+    TIMED,
+    USES,
+    VARIABLES,
+    WALKS,
+    Compare,
+    FieldKind,
+    GoesOn,
+    Life,
+    MemoryField,
+    Owner,
+    fields_of,
+    kept,
+)
 
 
 @dataclass(slots=True)
@@ -181,12 +209,21 @@ class Invocation:
 Timer = tuple[float, int, str, tuple[str, str]]
 
 
+def _later(timer: Timer, seconds: float) -> Timer:
+    due, token, kind, about = timer
+    return due + seconds, token, kind, about
+
+
 class Reported(NamedTuple):
     """A live value, when it was true, and whether it was reported at all or is what the chart starts with."""
 
     value: Any
     stamp: float
     reported: bool = True
+
+    def later(self, seconds: float) -> Reported:
+        """Return the same by a clock that is so many seconds ahead."""
+        return self._replace(stamp=self.stamp + seconds)
 
 
 @dataclass(slots=True)
@@ -207,40 +244,125 @@ class Memory:
     What steps want to know of claims and holds has methods of its own, so that a proof knows what was asked.
     """
 
-    configuration: tuple[str, ...] = ()
-    history: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    context: dict[str, Any] = field(default_factory=dict)
-    request: dict[str, Any] = field(default_factory=dict)
-    given: dict[str, dict[str, Any]] = field(default_factory=dict)
-    mission: str = ""
-    mission_id: str = ""
-    started_at: float | None = None
-    itineraries: dict[str, Traversal] = field(default_factory=dict)
-    current_itinerary: str = ""
-    timers: list[Timer] = field(default_factory=list)
-    frozen: list[Timer] = field(default_factory=list)
-    budgets: dict[str, float] = field(default_factory=dict)
-    invocations: dict[str, Invocation] = field(default_factory=dict)
-    attempts: dict[str, Attempt] = field(default_factory=dict)
-    handled: dict[str, list[str]] = field(default_factory=dict)
-    asked: dict[str, str] = field(default_factory=dict)
-    held: list[str] = field(default_factory=list)
-    deferred: list[Event] = field(default_factory=list)
-    waiting_actions: list[tuple[str, str, Mapping[str, Any]]] = field(default_factory=list)
-    inputs: dict[str, Reported] = field(default_factory=dict)
-    levels: dict[str, bool] = field(default_factory=dict)
-    projected: dict[str, Any] = field(default_factory=dict)
-    heard: dict[str, list[Any]] = field(default_factory=dict)
-    before: dict[str, list[Any]] = field(default_factory=dict)
-    broken: list[str] = field(default_factory=list)
-    wall: float | None = None
-    reached: dict[str, dict[str, list[str]]] = field(default_factory=dict)
-    code: str = ""
-    detail: str = ""
-    codes: int = 0
-    sequence: int = 0
-    next_id: int = 0
-    dropped: int = 0
+    configuration: tuple[str, ...] = field(default=(), metadata=kept(Life.CHART, owner=STATES))
+    history: dict[str, tuple[str, ...]] = field(
+        default_factory=dict, metadata=kept(Life.USE, FieldKind.BY_KEY, HISTORIES)
+    )
+    context: dict[str, Any] = field(
+        default_factory=dict, metadata=kept(Life.OWNER, FieldKind.BY_KEY, VARIABLES)
+    )
+    request: dict[str, Any] = field(
+        default_factory=dict, metadata=kept(Life.MISSION, FieldKind.BY_KEY, REQUEST_FIELDS)
+    )
+    given: dict[str, dict[str, Any]] = field(
+        default_factory=dict, metadata=kept(Life.MISSION, FieldKind.BY_KEY, USES)
+    )
+    mission: str = field(default="", metadata=kept(Life.MISSION, owner=MISSIONS))
+    mission_id: str = field(default="", metadata=kept(Life.MISSION))
+    started_at: float | None = field(
+        default=None, metadata=kept(Life.MISSION, compared=Compare.PRESENCE, later=operator.add)
+    )
+    itineraries: dict[str, Traversal] = field(
+        default_factory=dict, metadata=kept(Life.MISSION, FieldKind.ORDERED, WALKS)
+    )
+    current_itinerary: str = field(default="", metadata=kept(Life.MISSION))
+    timers: list[Timer] = field(default_factory=list, metadata=kept(Life.CHART, later=_later))
+    frozen: list[Timer] = field(default_factory=list, metadata=kept(Life.CHART))
+    budgets: dict[str, float] = field(
+        default_factory=dict, metadata=kept(Life.USE, FieldKind.BY_KEY, BUDGETS)
+    )
+    invocations: dict[str, Invocation] = field(
+        default_factory=dict, metadata=kept(Life.CHART, FieldKind.ORDERED)
+    )
+    attempts: dict[str, Attempt] = field(default_factory=dict, metadata=kept(Life.CHART, FieldKind.ORDERED))
+    handled: dict[str, list[str]] = field(
+        default_factory=dict, metadata=kept(Life.USE, FieldKind.BY_KEY, COLLECTIONS, Compare.UNORDERED)
+    )
+    asked: dict[str, str] = field(
+        default_factory=dict, metadata=kept(Life.CHART, owner=QUESTIONS, compared=Compare.NAMES)
+    )
+    held: list[str] = field(default_factory=list, metadata=kept(Life.CHART, FieldKind.NAMES, HOLDS))
+    deferred: list[Event] = field(default_factory=list, metadata=kept(Life.CHART))
+    waiting_actions: list[tuple[str, str, Mapping[str, Any]]] = field(
+        default_factory=list, metadata=kept(Life.MISSION)
+    )
+    inputs: dict[str, Reported] = field(
+        default_factory=dict, metadata=kept(Life.OWNER, FieldKind.BY_KEY, INPUTS, later=Reported.later)
+    )
+    levels: dict[str, bool] = field(default_factory=dict, metadata=kept(Life.OWNER, FieldKind.BY_KEY, LEVELS))
+    projected: dict[str, Any] = field(
+        default_factory=dict, metadata=kept(Life.CHART, compared=Compare.NOTHING)
+    )
+    heard: dict[str, list[Any]] = field(
+        default_factory=dict, metadata=kept(Life.OWNER, FieldKind.BY_KEY, INPUTS, Compare.NOTHING)
+    )
+    before: dict[str, list[Any]] = field(
+        default_factory=dict, metadata=kept(Life.CHART, FieldKind.BY_KEY, INPUTS, Compare.NOTHING)
+    )
+    broken: list[str] = field(
+        default_factory=list, metadata=kept(Life.MISSION, owner=INVARIANTS, compared=Compare.UNORDERED)
+    )
+    wall: float | None = field(
+        default=None, metadata=kept(Life.CHART, compared=Compare.PRESENCE, later=operator.sub)
+    )
+    reached: dict[str, dict[str, list[str]]] = field(
+        default_factory=dict, metadata=kept(Life.OWNER, FieldKind.BY_KEY, TIMED, Compare.NOTHING)
+    )
+    code: str = field(default="", metadata=kept(Life.MISSION, compared=Compare.NOTHING))
+    detail: str = field(default="", metadata=kept(Life.MISSION, compared=Compare.NOTHING))
+    codes: int = field(default=0, metadata=kept(Life.CHART, compared=Compare.NOTHING))
+    sequence: int = field(default=0, metadata=kept(Life.CHART, compared=Compare.NOTHING))
+    next_id: int = field(default=0, metadata=kept(Life.CHART, compared=Compare.NOTHING))
+    dropped: int = field(default=0, metadata=kept(Life.CHART, compared=Compare.NOTHING))
+
+    @classmethod
+    def schema(cls) -> tuple[MemoryField, ...]:
+        """Return how its fields are kept."""
+        kind: type = cls
+        return fields_of(kind)
+
+    def begin_mission(self, chart: Chart) -> None:
+        """Forget what was of the mission before, but for what is known of its inputs (see `Inputs`)."""
+        kind: type = type(self)
+        cleared, others = _of_missions(kind)
+        for found in cleared(self):
+            found.clear()
+        for name, value in others:
+            setattr(self, name, value)
+        self.drop(_entries_of_missions(kind, chart))
+
+    def begin_part(self, part: State) -> list[str]:
+        """Forget what is of the states and variables of a mission that is used; return these states."""
+        kind: type = type(self)
+        states: list[str] = []
+        for field_name, owner in _of_parts(kind):
+            entries = getattr(self, field_name)
+            names = owner.in_part(entries, part)
+            for name in names:
+                entries.pop(name)
+            states += names if owner.of_states else []
+        return states
+
+    def drop(self, entries: Iterable[tuple[str, Iterable[str]]]) -> None:
+        """Take entries out, each by its field and its name, as far as they are there."""
+        for field_name, names in entries:
+            found = getattr(self, field_name)
+            for name in names:
+                if name in found:
+                    del found[name]
+
+    def go_on(self, before: Chart, chart: Chart) -> None:
+        """Forget what another chart does not have, as far as it is not what the machine rests on."""
+        for one in self.schema():
+            if one.owner is None or one.owner.goes_on is GoesOn.ALL:
+                continue
+            found, names = getattr(self, one.name), one.owner.known(before, chart)
+            if isinstance(found, dict):
+                setattr(self, one.name, {name: value for name, value in found.items() if name in names})
+            elif isinstance(found, list):
+                found[:] = [name for name in found if name in names]
+            elif found not in names:
+                setattr(self, one.name, one.empty())
 
     def fresh_id(self) -> int:
         """Return a number that no attempt, invocation or timer had before."""
@@ -313,3 +435,27 @@ class Memory:
         """How many targets all itineraries of this mission have, and had before they were begun anew."""
         begun = [walk for walk in self.itineraries.values() if walk.begun]
         return sum(walk.before + len(walk.items) for walk in begun) + len(self.ahead)
+
+
+@cache
+def _of_missions(kind: type) -> tuple[operator.attrgetter[Any], list[tuple[str, Any]]]:
+    """Return what of a memory begins with a mission: what is cleared, and what the other fields are then."""
+    lives = (Life.MISSION, Life.USE)
+    empty = [(one.name, one.empty()) for one in fields_of(kind) if one.life in lives]
+    cleared = [name for name, value in empty if isinstance(value, (dict, list))]
+    return operator.attrgetter(*cleared), [(name, value) for name, value in empty if name not in cleared]
+
+
+@lru_cache(maxsize=32)
+def _entries_of_missions(kind: type, chart: Chart) -> list[tuple[str, list[str]]]:
+    """Return the entries of other fields that begin with a mission."""
+    owned = ((one.name, one.owner) for one in fields_of(kind) if one.life is Life.OWNER and one.owner)
+    found = [(name, list(owner.of_mission(chart))) for name, owner in owned]
+    return [(name, names) for name, names in found if names]
+
+
+@cache
+def _of_parts(kind: type) -> list[tuple[str, Owner]]:
+    """Return the fields of which something may begin with a part."""
+    lives = (Life.USE, Life.OWNER)
+    return [(one.name, one.owner) for one in fields_of(kind) if one.life in lives and one.owner is not None]

@@ -7,15 +7,15 @@ on. Deadlines are times of the caller's clock: who restores with another clock m
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from functools import cache
 
 from pydantic import TypeAdapter, ValidationError
 
 from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.holds import all_holds
-from lupin_engine.machine.memory import Memory, Timer
+from lupin_engine.machine.memory import Memory
+from lupin_engine.machine.schema import BUDGETS, COLLECTIONS, OPERATIONS, STATES, TIMED, Owner
 
 #: Raised when the form of snapshots changes.
 VERSION = 4
@@ -52,18 +52,16 @@ def restore(chart: Chart, text: str) -> Memory:
 
 def shift(memory: Memory, seconds: float) -> None:
     """Move every deadline and stamp to a clock that is `seconds` ahead of the old one."""
-    memory.timers[:] = [_later(timer, seconds) for timer in memory.timers]
-    for name, found in memory.inputs.items():
-        memory.inputs[name] = found._replace(stamp=found.stamp + seconds)
-    if memory.started_at is not None:
-        memory.started_at += seconds
-    if memory.wall is not None:
-        memory.wall -= seconds
-
-
-def _later(timer: Timer, seconds: float) -> Timer:
-    due, token, kind, about = timer
-    return due + seconds, token, kind, about
+    for one in memory.schema():
+        found, later = getattr(memory, one.name), one.later
+        if later is None or found is None:
+            continue
+        if isinstance(found, dict):
+            found.update({name: later(value, seconds) for name, value in found.items()})
+        elif isinstance(found, list):
+            found[:] = [later(value, seconds) for value in found]
+        else:
+            setattr(memory, one.name, later(found, seconds))
 
 
 def _read(chart: Chart, text: str) -> Memory:
@@ -86,45 +84,36 @@ def _read(chart: Chart, text: str) -> Memory:
 
 def _strangers(chart: Chart, memory: Memory) -> Iterator[str]:
     """Yield what a memory speaks of that the chart does not have."""
-    for what, (used, known) in _mentions(chart, memory).items():
-        for name in sorted(set(used) - set(known)):
-            yield f"there is no {what} {name!r}"
+    strangers: dict[str, set[str]] = {}
+    for owner, names in (*_mentions(memory), *_mentions_inside(memory)):
+        strangers.setdefault(owner.word, set()).update(set(names) - set(owner.names(chart)))
+    yield from (f"there is no {word} {name!r}" for word, some in strangers.items() for name in sorted(some))
     if not _is_legal(chart, memory.configuration):
         yield f"these states are never active together: {', '.join(filter(None, memory.configuration))}"
 
 
-def _mentions(chart: Chart, memory: Memory) -> Mapping[str, tuple[Iterable[str], Iterable[str]]]:
-    """Return by kind the names that a memory speaks of, and those that the chart has."""
-    timers = [(kind, owner) for _, _, kind, (owner, _) in (*memory.timers, *memory.frozen)]
-    invocations = memory.invocations.values()
-    past = {name for names in memory.history.values() for name in names}
-    ageing = {spec.name for spec in chart.inputs.values() if spec.freshness is not None}
-    return {
-        "state": ({*memory.configuration, *memory.history, *past}, chart.states),
-        "mission in state": (memory.given, _with(chart, "use")),
-        "mission": ({memory.mission} - {""}, chart.missions),
-        "variable": (memory.context, chart.context),
-        "hold": (memory.held, all_holds(chart)),
-        "input": ({*memory.inputs, *memory.heard, *memory.before}, chart.inputs),
-        "invariant": (memory.broken, chart.invariants),
-        "itinerary in state": (memory.itineraries, _with(chart, "itinerary")),
-        "operation in state": ({i.state for i in invocations if i.key is None}, _with(chart, "invoke")),
-        "question in state": (memory.asked, _with(chart, "ask")),
-        "for_each in state": ({i.state for i in invocations if i.key is not None}, _with(chart, "for_each")),
-        "timer in state": (
-            {*memory.reached, *(owner for kind, owner in timers if kind in ("after", "at"))},
-            _with(chart, "timers"),
-        ),
-        "budget in state": (
-            {*memory.budgets, *(owner for kind, owner in timers if kind == "budget")},
-            _with(chart, "budget"),
-        ),
-        "freshness of input": ((owner for kind, owner in timers if kind == "fresh"), ageing),
-    }
+def _mentions(memory: Memory) -> Iterator[tuple[Owner, Iterable[str]]]:
+    """Yield the names that a memory speaks of, with whose names they are."""
+    for one in memory.schema():
+        if one.owner is not None and one.owner.word:
+            found = getattr(memory, one.name)
+            yield one.owner, filter(None, [found]) if isinstance(found, str) else found
 
 
-def _with(chart: Chart, part: str) -> Iterable[str]:
-    return (name for name, state in chart.states.items() if getattr(state, part))
+def _mentions_inside(memory: Memory) -> Iterator[tuple[Owner, Iterable[str]]]:
+    """Yield those that stand deeper in it."""
+    yield from ((STATES, names) for names in memory.history.values())
+    for one in memory.invocations.values():
+        yield OPERATIONS if one.key is None else COLLECTIONS, [one.state]
+    for _, _, kind, (owner, _) in (*memory.timers, *memory.frozen):
+        if kind in _OF_TIMERS:
+            yield _OF_TIMERS[kind], [owner]
+
+
+_AGEING = Owner(
+    "freshness of input", lambda c: (i.name for i in c.inputs.values() if i.freshness is not None)
+)
+_OF_TIMERS = {"after": TIMED, "at": TIMED, "budget": BUDGETS, "fresh": _AGEING}
 
 
 def _is_legal(chart: Chart, configuration: Iterable[str]) -> bool:

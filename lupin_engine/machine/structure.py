@@ -28,6 +28,7 @@ from transitions.extensions.nesting import (
 )
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
+from lupin_engine.chart.records import DECIDING, own
 from lupin_engine.chart.semantics import EXECUTION_ERROR, FAULT, Aim, Semantics, matches
 from lupin_engine.machine.actions import CompiledAction
 from lupin_engine.machine.holds import all_holds, released_by
@@ -235,8 +236,8 @@ class LevelRules:
     def __init__(self, chart: Chart, offered: tuple[tuple[Transition, ...], ...]) -> None:
         self.offered = offered
         rules = [rule for some in offered for rule in some]
-        guards = [rule.guard for rule in rules if rule.guard is not None]
-        self.reads = Reads(chart, guards, [rule.event for rule in rules if rule.event])
+        conditions = [condition for rule in rules for condition in own(rule, DECIDING)]
+        self.reads = Reads(chart, conditions, [rule.event for rule in rules if rule.event])
         self.reads.parts |= HELD  # a hold lets through what says so
 
 
@@ -404,8 +405,7 @@ class Configuration:
 
 def _reads_of_work(chart: Chart, working: Iterable[State]) -> Reads:
     collections = [state.for_each for state in working if state.for_each is not None]
-    values = [value for rule in collections for value in (rule.items, rule.key, rule.limit, rule.when)]
-    reads = Reads(chart, [value for value in values if value is not None])
+    reads = Reads(chart, [value for rule in collections for value in own(rule, DECIDING)])
     reads.parts |= OPERATIONS | CONFIGURATION | HELD | REQUEST
     return reads
 

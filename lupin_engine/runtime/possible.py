@@ -13,6 +13,7 @@ from typing import TypedDict
 
 from lupin_engine.chart.expressions.evaluation import Value
 from lupin_engine.chart.model import Chart
+from lupin_engine.chart.records import DECIDING, own, walk
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.scope import CONFIGURATION, HELD, Reads, Watch
@@ -68,11 +69,10 @@ def _conditions(chart: Chart) -> Iterator[Value]:
     structure = dispatch_table(chart).structure
     for name in {request.event.name for request in requests_of(chart)}:
         for state in chart.states:
-            yield from (rule.guard for rule in structure.rules_of(state, name) if rule.guard is not None)
-    for hold in chart.holds.values():
-        yield from (guard for guard in (hold.engage_guard, hold.release_guard) if guard is not None)
-    for mission in chart.missions.values():
-        yield from (field.default for field in mission.request.values() if field.default is not None)
+            for rule in structure.rules_of(state, name):
+                yield from own(rule, DECIDING)
+    for thing in (*chart.holds.values(), *chart.missions.values()):
+        yield from (said.value for said in walk(thing, DECIDING))
 
 
 class Foresight:

@@ -305,9 +305,8 @@ class _ScxmlWriter:
     def _invoke(self, state: State, invoke: Invoke) -> Iterator[str]:
         attributes = {"type": _TYPE, "id": f"{_id(state.name)}-operation"}
         for words, _, value in walk(invoke, _SAID):
-            if words[0] != "with":  # arguments are elements of their own
-                seconds, _ = self._seconds(value) if _is_duration(value) else (None, None)
-                attributes[f"lupin:{words[-1].removesuffix('.after')}"] = seconds or _text(value)
+            seconds, _ = self._seconds(value) if _is_duration(value) else (None, None)
+            attributes[f"lupin:{words[-1].removesuffix('.after')}"] = seconds or _text(value)
         yield from _element("invoke", attributes, _params(invoke.arguments), always=True)
 
     def _actions(self, actions: Iterable[ActionCall]) -> Iterator[str]:

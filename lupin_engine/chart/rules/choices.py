@@ -24,6 +24,7 @@ from lupin_engine.chart.rules.index import (
     always_taken,
     condition,
     groups_of,
+    guard_of,
     line_of,
     local,
     told,
@@ -42,7 +43,7 @@ _NEVER = "this can never be taken"
 
 def _decided_beforehand(index: Index) -> Iterator[Diagnostic]:
     for call in index.calls:
-        guard = call.action.guard
+        guard = guard_of(call.action)
         known = constant(guard.source) if guard is not None and understood(guard) else None
         if guard is not None and known is not None:
             problem = f"the guard of this 'if' is {'always' if known else 'never'} true"
@@ -83,7 +84,8 @@ def _hidden_by_deadline(index: Index, state: State) -> Iterator[Diagnostic]:
 
 
 def _never_true(transition: Transition) -> bool:
-    return transition.guard is not None and constant(transition.guard.source) is False
+    guard = guard_of(transition)
+    return guard is not None and constant(guard.source) is False
 
 
 def _hidden_by_earlier(index: Index, group: Sequence[Transition]) -> Iterator[Diagnostic]:
@@ -124,11 +126,11 @@ def _why_hidden(index: Index, earlier: Sequence[Transition], later: Transition) 
     """Say which one before a transition is always taken instead; nothing when none is."""
     for other in earlier:
         line = line_of(other.place, later.place)
-        if other.guard is None:
+        if guard_of(other) is None:
             return f"the one in {line} comes first and has no guard"
         if always_taken(other):
             return f"the guard of the one in {line} before it is always true"
-        if later.guard is not None and _covered(index, other, later):
+        if guard_of(later) is not None and _covered(index, other, later):
             return f"whenever its guard is true, that in {line} before it is too"
     return ""
 
@@ -146,19 +148,20 @@ def _why_none_is_left(index: Index, earlier: Sequence[Transition], later: Transi
 
 
 def _covered(index: Index, earlier: Transition, later: Transition) -> bool:
-    assert earlier.guard is not None
-    assert later.guard is not None
-    if earlier.guard.source == later.guard.source:
+    first, second = guard_of(earlier), guard_of(later)
+    assert first is not None
+    assert second is not None
+    if first.source == second.source:
         return True
-    if not index.is_sure(earlier.guard) or not understood(later.guard):
+    if not index.is_sure(first) or not understood(second):
         return False
-    return implies(condition_of(later.guard.source), condition_of(earlier.guard.source))
+    return implies(condition_of(second.source), condition_of(first.source))
 
 
 def _sure_conditions(index: Index, transitions: Iterable[Transition]) -> list[Condition]:
     """Return the conditions of those guards that are not also false for another reason."""
-    guards = [t.guard for t in transitions if t.guard is not None]
-    return [condition_of(guard.source) for guard in guards if index.is_sure(guard)]
+    guards = map(guard_of, transitions)
+    return [condition_of(guard.source) for guard in guards if guard is not None and index.is_sure(guard)]
 
 
 def _hidden_by_inner(index: Index, state: State) -> Iterator[Diagnostic]:
@@ -203,7 +206,8 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
     """
     for group in index.groups:
         # Sometimes true and sometimes not, as far as it was understood.
-        guarded = [t for t in group if t.guard and constant(t.guard.source) is None and understood(t.guard)]
+        guards = ((t, guard_of(t)) for t in group)
+        guarded = [t for t, guard in guards if guard and constant(guard.source) is None and understood(guard)]
         for at, later in enumerate(guarded):
             clash = next((t for t in guarded[:at] if _both_can_win(index, t, later)), None)
             if clash is not None:
@@ -217,13 +221,14 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
 
 
 def _both_can_win(index: Index, earlier: Transition, later: Transition) -> bool:
-    assert earlier.guard is not None
-    assert later.guard is not None
+    first, second = guard_of(earlier), guard_of(later)
+    assert first is not None
+    assert second is not None
     if earlier.event == later.event:
         return False
     if earlier.refuse is not None or _effect(earlier) == _effect(later) or _covered(index, earlier, later):
         return False
-    return not exclusive(condition_of(earlier.guard.source), condition_of(later.guard.source))
+    return not exclusive(condition_of(first.source), condition_of(second.source))
 
 
 def _effect(transition: Transition) -> tuple[Any, ...]:
@@ -275,6 +280,7 @@ def _region(index: Index, transition: Transition, parallel: str) -> str:
 
 def _clashes(index: Index, parallel: str, group: Sequence[Transition]) -> Iterator[Diagnostic]:
     told_of: set[str] = set()
+    group = [transition for transition in group if understood(guard_of(transition))]
     for leaver in group:
         domain = index.semantics.domain(leaver, leaver.target or "")
         if leaver.id in told_of or index.inside(domain, parallel):
@@ -303,7 +309,7 @@ def unhandled_outcome(index: Index) -> Iterator[Diagnostic]:
         # Where nothing is invoked nothing fails, and answering that is told as such.
         for event in ("done",) if state.invoke is None else ("done", "error"):
             group = [t for t in state.transitions if t.event == event]
-            if group and not any(map(always_taken, group)) and understood(*(t.guard for t in group)):
+            if group and not any(map(always_taken, group)) and understood(*map(guard_of, group)):
                 yield from _without_rest(index, state, event, group)
     yield from _unheard_finals(index)
     yield from _unheard_answers(index)
@@ -328,7 +334,7 @@ def _without_rest(
 ) -> Iterator[Diagnostic]:
     """Look at ends that are answered under guards only: is there one that none of them answers?"""
     what = state.invoke.name if state.invoke is not None else state.local_name
-    guards = [condition_of(t.guard.source) for t in group if t.guard is not None]
+    guards = [condition(t) for t in group if t.guard is not None]
     sure = _sure_conditions(index, group)
     hint = f"let the last of '{told(event)}' have no guard"
     codes = _codes(state.invoke) if event == "error" and state.invoke is not None else []

@@ -16,14 +16,13 @@ from lupin_engine.chart.compose.carried import end_of
 from lupin_engine.chart.expressions.evaluation import Constant, Expression
 from lupin_engine.chart.expressions.names import tree_of
 from lupin_engine.chart.model import Kind, State, Transition
-from lupin_engine.chart.records import Role, walk
+from lupin_engine.chart.records import COMPUTED, walk
 from lupin_engine.chart.rules.index import Index, always_taken, local, told, understood
 from lupin_engine.chart.semantics import EXECUTION_ERROR
 from lupin_engine.errors import Diagnostic
 from lupin_engine.plugin.profile import ANSWER, START
 
 _FAILURE = frozenset({"code", "detail"})
-_READ = frozenset({Role.VALUE, Role.CONDITION})
 
 #: The transitions whose event may be the one that led somewhere, by their ids.
 Causes = dict[str, Transition]
@@ -72,7 +71,7 @@ def _expressions(state: State) -> Iterator[tuple[Expression, Transition | None]]
 
 
 def _reading(part: object) -> Iterator[Expression]:
-    for said in walk(part, _READ):
+    for said in walk(part, COMPUTED):
         value = said.value
         if not isinstance(value, Constant) and "event." in value.source and _fields_read(value.source):
             yield value

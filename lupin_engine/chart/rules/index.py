@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 from lupin_engine.chart.compose.compose import Composed
 from lupin_engine.chart.expressions.evaluation import Expression, never
 from lupin_engine.chart.expressions.guards import TRUE, Condition, Every, condition_of, constant, fact
 from lupin_engine.chart.expressions.names import may_ask, unknowns_read
-from lupin_engine.chart.model import Invoke, Kind, State, Transition
+from lupin_engine.chart.model import ActionCall, Invoke, Kind, State, Transition
+from lupin_engine.chart.records import Role, own, parts_of
 from lupin_engine.chart.rules.written import (
     Read,
     Saying,
@@ -26,6 +27,7 @@ from lupin_engine.chart.rules.written import (
 )
 from lupin_engine.chart.semantics import FAULT, TIMERS, Semantics, matches
 from lupin_engine.errors import Diagnostic, Place
+from lupin_engine.plugin.types import BOOL
 
 #: Beginnings of events that only the state they belong to hears.
 OF_ONE_STATE = ("done", "error", "budget", *TIMERS)
@@ -78,7 +80,8 @@ class Index:
             self.outer.append(state)
         answers = False
         for transition in state.transitions:
-            if transition.guard is not None and understood(transition.guard):
+            guard = guard_of(transition)
+            if guard is not None and understood(guard):
                 self.guarded.append(transition)
             event = transition.event
             if event == "" or event.startswith("input."):
@@ -229,6 +232,28 @@ class Index:
         return Texts([*((read.mission, read.expression.source) for read in self.reads), *handed])
 
 
+def guard_of(thing: Transition | ActionCall) -> Expression | None:
+    """Return the condition of a transition or an `if`.
+
+    Where it says more conditions than its guard, nobody here knows what they come to: that is not understood.
+    """
+    kind: type = type(thing)
+    if not _has_more(kind):
+        return thing.guard
+    said = own(thing, _CONDITIONS)
+    if said == [thing.guard] or not said:
+        return thing.guard
+    return Expression(f"? {', '.join(one.source for one in said)}", said[0].place, BOOL, never)
+
+
+_CONDITIONS = frozenset({Role.CONDITION})
+
+
+@cache
+def _has_more(kind: type) -> bool:
+    return sum(part.role is Role.CONDITION for part in parts_of(kind)) > 1
+
+
 def understood(*guards: Expression | None) -> bool:
     """Tell whether guards are there without mistakes, or not there at all."""
     return all(guard is None or guard.evaluate is not never for guard in guards)
@@ -236,15 +261,15 @@ def understood(*guards: Expression | None) -> bool:
 
 def always_taken(transition: Transition) -> bool:
     """Tell whether a transition is taken whenever its event occurs, as far as its guard goes."""
-    return transition.guard is None or constant(transition.guard.source) is True
+    guard = guard_of(transition)
+    return guard is None or constant(guard.source) is True
 
 
 def condition(transition: Transition) -> Condition:
     """Return when a transition is taken: its guard, and for a level that it is true."""
-    guard = TRUE if transition.guard is None else condition_of(transition.guard.source)
-    if transition.event.startswith("input."):
-        return Every((fact(transition.event, True), guard))
-    return guard
+    guard = guard_of(transition)
+    when = TRUE if guard is None else condition_of(guard.source)
+    return Every((fact(transition.event, True), when)) if transition.event.startswith("input.") else when
 
 
 def groups_of(transitions: Sequence[Transition]) -> Iterator[list[Transition]]:

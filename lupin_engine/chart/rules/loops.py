@@ -25,7 +25,7 @@ from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import WRITING, ActionCall, Kind, State, Transition, every_call
 from lupin_engine.chart.rules.graph import components, cycles
-from lupin_engine.chart.rules.index import Index, always_taken, condition, local, understood
+from lupin_engine.chart.rules.index import Index, always_taken, condition, guard_of, local, understood
 from lupin_engine.errors import Diagnostic
 
 #: Where this is asked, targets of the sweep are left.
@@ -124,7 +124,8 @@ class _Loops:
         passes = transition.during | transition.releases
         if transition.event and any(h.engage == transition.event and h.name not in passes for h in holds):
             return False
-        return transition.guard is None or constant(transition.guard.source) is not False
+        guard = guard_of(transition)
+        return guard is None or constant(guard.source) is not False
 
     def _follow(self, transition: Transition) -> list[str]:
         """Return what may be taken right after a transition."""
@@ -178,10 +179,10 @@ class _Loops:
             changed |= self._changed(transition)
             asked = self._before[name, following]
             conditions += [condition(self.by_id[following]), *(negate(condition(t)) for t in asked)]
-            guards = [t.guard for t in (self.by_id[following], *asked) if t.guard is not None]
+            guards = [guard_of(t) for t in (self.by_id[following], *asked)]
             if not understood(*guards):
                 return False
-            read.update(*(names_read(guard.source) for guard in guards))
+            read.update(*(names_read(guard.source) for guard in guards if guard is not None))
         if walks and not self._walks_end(circle):
             changed.discard("itinerary")
         return changed.isdisjoint(read) and possible(TRUE, *conditions)

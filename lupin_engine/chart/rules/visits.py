@@ -17,7 +17,15 @@ from lupin_engine.chart.expressions.evaluation import Constant, Expression, Valu
 from lupin_engine.chart.expressions.guards import Condition, Every, condition_of, fact, negate, possible
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import ActionCall, Kind, State, Transition, every_call
-from lupin_engine.chart.rules.index import OF_ONE_STATE, Index, always_taken, condition, local, understood
+from lupin_engine.chart.rules.index import (
+    OF_ONE_STATE,
+    Index,
+    always_taken,
+    condition,
+    guard_of,
+    local,
+    understood,
+)
 from lupin_engine.chart.semantics import matches
 from lupin_engine.errors import Diagnostic
 
@@ -134,7 +142,7 @@ class _VisitAnalysis:
         told: set[int] = set()
         for leaf, visit in self._at.items():
             for step in self._steps[leaf]:
-                if not understood(step.transition.guard):
+                if not understood(guard_of(step.transition)):
                     continue
                 for call, before in self._along(step.calls, _those(visit, step.when))[0]:
                     if before == _REFUSED.get(call.action.name) and id(call.action) not in told:
@@ -197,7 +205,8 @@ class _VisitAnalysis:
             asked = condition(step.transition)
             if step.transition.event or not possible(*so_far, asked):
                 continue
-            if step.transition.guard is not None and _OTHER_NAMES.search(step.transition.guard.source):
+            guard = guard_of(step.transition)
+            if guard is not None and _OTHER_NAMES.search(guard.source):
                 return None
             found.append(step)
             so_far.append(negate(asked))
@@ -222,9 +231,9 @@ class _VisitAnalysis:
 
     def _states_asked(self, leaf: State, transition: Transition) -> tuple[Condition, ...]:
         """Return what `in_state` is in an innermost state, as far as the guards beside a transition ask."""
-        guards = [each.guard.source for each in self._inside[transition.source].transitions if each.guard]
+        guards = filter(None, map(guard_of, self._inside[transition.source].transitions))
         found = []
-        for name in dict.fromkeys(asked for source in guards for asked in _IN_STATE.findall(source)):
+        for name in dict.fromkeys(asked for guard in guards for asked in _IN_STATE.findall(guard.source)):
             named = [full for full in self._index.chart.states if f".{full}".endswith(f".{name}")]
             around = self._index.lineage[leaf.name]
             if any(full in around for full in named):
@@ -271,7 +280,7 @@ class _VisitAnalysis:
         asked = [other for other in before if other.event == transition.event and _asks(other)]
         when += [negate(condition(other)) for other in asked]
         calls = list(_walking(f"{transition.id}.do", transition.actions))
-        vague = not understood(transition.guard)
+        vague = not understood(guard_of(transition))
         if transition.target is None:
             return _VisitStep(transition, tuple(when), tuple(calls), (), vague)
         target = self._index.chart.states[transition.target]
@@ -318,7 +327,7 @@ class _VisitAnalysis:
         """
         found: list[tuple[_VisitCall, Visit]] = []
         for call in calls if visit else ():
-            guard = call.action.guard
+            guard = guard_of(call.action)
             if guard is None:
                 found.append((call, visit))
                 visit = self._called(call, visit)
@@ -433,7 +442,8 @@ def _those(visit: Visit, when: tuple[Condition, ...]) -> Visit:
 
 def _asks(transition: Transition) -> bool:
     """Tell whether a guard asks for the visit or a state; one that does not says nothing about it."""
-    return transition.guard is not None and any(word in transition.guard.source for word in _ASKED)
+    guard = guard_of(transition)
+    return guard is not None and any(word in guard.source for word in _ASKED)
 
 
 def _walking(path: str, calls: Iterable[ActionCall]) -> Iterator[_VisitCall]:

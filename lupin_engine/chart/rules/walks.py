@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import Kind, State, Transition, every_call
-from lupin_engine.chart.rules.index import Index, local
+from lupin_engine.chart.rules.index import Index, guard_of, local
 from lupin_engine.errors import Diagnostic
 
 
@@ -69,7 +69,8 @@ def _ends(index: Index, walker: State, transition: Transition) -> bool:
         return False
     if index.chart.states[target].mission != walker.mission:
         return False  # the lifecycle tells
-    asks = transition.guard is not None and "itinerary." in transition.guard.source
+    guard = guard_of(transition)
+    asks = guard is not None and "itinerary." in guard.source
     return not asks and not _calls(transition, "itinerary.close_rest")
 
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from lupin_engine.chart.expressions.evaluation import Constant, Expression
 from lupin_engine.chart.model import ActionCall, Chart, State, TemporalProperty
-from lupin_engine.chart.records import Role, walk
+from lupin_engine.chart.records import COMPUTED, Role, walk
 
 
 class Read(NamedTuple):
@@ -54,7 +54,7 @@ class Saying(NamedTuple):
     value: Any
 
 
-_ROLES = frozenset({Role.ACTIONS, Role.VALUE, Role.CONDITION, Role.CODE})
+_ROLES = COMPUTED | {Role.ACTIONS, Role.CODE}
 
 
 def sayings_of(chart: Chart) -> list[Saying]:
@@ -97,7 +97,7 @@ def reads_of(sayings: Iterable[Saying]) -> list[Read]:
     return [
         Read(said.value, said.role is Role.CONDITION, said.mission, said.words)
         for said in sayings
-        if said.role in (Role.VALUE, Role.CONDITION) and not isinstance(said.value, Constant)
+        if said.role in COMPUTED and not isinstance(said.value, Constant)
     ]
 
 

@@ -17,7 +17,7 @@ from lupin_engine.chart import documents as d
 from lupin_engine.chart import model as m
 from lupin_engine.chart.expressions.evaluation import Constant, Expression
 from lupin_engine.chart.nodes import Meaning, Node, keys_of
-from lupin_engine.chart.records import Role, parts_of, same_meaning, walk
+from lupin_engine.chart.records import COMPUTED, Role, parts_of, same_meaning, walk
 from lupin_engine.chart.rules.written import codes_of, reads_of, sayings_of
 from lupin_engine.diagram.outline import outline
 from lupin_engine.errors import Place, Severity
@@ -74,14 +74,16 @@ ELSEWHERE = {
     (d.InputNode, "unit"): "for the reader",
     **{(node, key): "is in the type" for node in (d.VariableNode, d.RequestFieldNode) for key in IN_TYPES},
 }
+#: Values, on which something depends or that are handed on.
+VALUES = frozenset({Role.VALUE, Role.CARRIED})
 #: Which role a meaning asks for.
 ROLES = {
-    Meaning.CONDITION: Role.CONDITION,
-    Meaning.VALUE: Role.VALUE,
-    Meaning.CODE: Role.CODE,
-    Meaning.HOLD: Role.HOLDS,
-    Meaning.STATE: Role.STATE,
-    Meaning.CHILD: Role.STATE,
+    Meaning.CONDITION: {Role.CONDITION},
+    Meaning.VALUE: VALUES,
+    Meaning.CODE: {Role.CODE},
+    Meaning.HOLD: {Role.HOLDS},
+    Meaning.STATE: {Role.STATE},
+    Meaning.CHILD: {Role.STATE},
 }
 WORDS = [(node, key) for node in BECOMES for key in keys_of(node) if (node, key) not in ELSEWHERE]
 PARTS = [(record, part) for record in BECOMES.values() for part in parts_of(record)]
@@ -177,12 +179,12 @@ def test_a_part_of_the_chart_is_written(record: type, part: Any) -> None:
 @pytest.mark.parametrize(("node", "key"), WORDS, ids=named)
 def test_what_the_editor_takes_a_word_for_the_checker_does_too(node: type[Node], key: str) -> None:
     """The meaning at the key and the role of the field say the same."""
-    role = ROLES.get(meaning_of(node, key) or Meaning.TEXT)
+    wanted = ROLES.get(meaning_of(node, key) or Meaning.TEXT)
     roles = {part.role for part in parts_of(BECOMES[node]) if part.word.partition(".")[0] == key}
-    assert role is None or role in roles
-    nested = Role.VALUE in roles and (shapes_of(node)[key].model or shapes_of(node)[key].names)
-    computed = roles & {Role.VALUE, Role.CONDITION}
-    assert not computed or nested or role in computed
+    assert wanted is None or wanted & roles
+    nested = roles & VALUES and (shapes_of(node)[key].model or shapes_of(node)[key].names)
+    computed = roles & COMPUTED
+    assert not computed or nested or wanted & computed
 
 
 @pytest.mark.parametrize(("node", "key"), [(n, k) for n in BECOMES for k in keys_of(n)], ids=named)
@@ -193,7 +195,7 @@ def test_a_word_is_documented(node: type[Node], key: str) -> None:
 
 @pytest.mark.parametrize(
     ("record", "part"),
-    [(r, p) for r, p in PARTS if p.role in (Role.VALUE, Role.CONDITION) and p.field != "arguments"],
+    [(r, p) for r, p in PARTS if p.role in COMPUTED and p.field != "arguments"],
     ids=named,
 )
 def test_an_expression_is_among_the_checkers_reads(record: type, part: Any, chart: m.Chart) -> None:
@@ -226,7 +228,7 @@ def test_what_a_transition_says_is_in_its_scxml(part: Any, chart: m.Chart) -> No
     values = {
         Role.STATE: outer.name,
         Role.CONDITION: Expression("note", PLACE, TEXT, lambda _: ""),
-        Role.VALUE: Constant("noted", PLACE, TEXT),
+        **dict.fromkeys(VALUES, Constant("noted", PLACE, TEXT)),
         Role.CODE: "noted",
         Role.HOLDS: frozenset({"noted"}),
         Role.ACTIONS: (m.ActionCall("noted", {}, PLACE),),
@@ -309,9 +311,7 @@ def test_a_part_of_a_step_is_recorded(part: str) -> None:
         assert getattr(read_step(step_record(STEP)), part) == getattr(STEP, part)
 
 
-@pytest.mark.parametrize(
-    "part", [p for p in parts_of(m.Transition) if p.role in (Role.VALUE, Role.CONDITION)], ids=named
-)
+@pytest.mark.parametrize("part", [p for p in parts_of(m.Transition) if p.role in COMPUTED], ids=named)
 def test_what_a_transition_computes_is_computed_when_it_is_taken(part: Any) -> None:
     """The machine does it, and what comes of it for people to read is in the step."""
     looked: list[Any] = []

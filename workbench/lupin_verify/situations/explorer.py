@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, cast
@@ -175,8 +176,9 @@ class SituationExplorer:
                     return Effect()
                 memory.take_over(successor(Machine(self.world, memory.plain()), self.world).memory)
                 machine = _TrackedMachine(self.world, memory)
-                inputs, levels = (self.table.keys[field] for field in COMPARED)
-                with memory.unread("inputs", inputs), memory.unread("levels", levels):
+                with ExitStack() as unread:
+                    for field in COMPARED:
+                        unread.enter_context(memory.unread(field, self.table.keys[field]))
                     step = machine.go_on(0.0)
             else:
                 step = self.moves.carry_out(machine, memory, move)

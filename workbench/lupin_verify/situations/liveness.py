@@ -21,11 +21,8 @@ from typing import NamedTuple
 
 from lupin_engine.chart import Chart
 from lupin_verify.situations.found import Effect
-from lupin_verify.situations.situation import SlotTable
+from lupin_verify.situations.situation import FADING, SlotTable
 
-#: Fields of which entries that are not live are empty. Others are not: with a live value that is not known,
-#: say, a machine goes other ways than with any that is.
-FADING = ("history", "handled", "budgets", "given", "itineraries")
 #: Whether there is a hold, and the values of the configuration and of the keys; the first two are the head.
 #: What is live does not depend on the hold, what is open depends on the head alone.
 Place = tuple[int, ...]

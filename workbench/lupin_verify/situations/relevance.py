@@ -10,27 +10,33 @@ import ast
 import math
 import re
 from collections.abc import Callable, Hashable, Iterator, Mapping
-from dataclasses import fields, is_dataclass
 from typing import Any
 
 from lupin_engine.chart import (
+    COMPUTED,
+    DECIDING,
     ActionCall,
     Chart,
     Compiled,
     Expression,
     ForEach,
     Invoke,
-    State,
-    Transition,
+    Role,
     Value,
     every_call,
+    walk,
 )
 from lupin_engine.machine import (
     CANCELLED_CODE,
     EVERYTHING,
+    VARIABLES,
     Attempt,
+    Compare,
     Event,
+    FieldKind,
     Invocation,
+    Memory,
+    MemoryField,
     Phase,
     Reported,
     Timer,
@@ -44,7 +50,7 @@ KEEPING = ("set", "add", "remove")
 _ROOTS = ("context", "input", "known", "param")
 
 
-def reads(value: Value | None) -> frozenset[tuple[str, str]]:
+def reads(value: Value) -> frozenset[tuple[str, str]]:
     """Return what an expression reads: the roots of the environment, and what of each."""
     if not isinstance(value, Expression) or not isinstance(value.evaluate, Compiled):
         return frozenset()
@@ -146,11 +152,8 @@ class Relevance:
     def key(self, slot: tuple[str, str], value: Any) -> Hashable:
         """Return what is compared of a slot."""
         field, name = slot
-        special = _KEYS.get(field)
-        if special is not None:
-            found: Hashable = special(self, name, value)
-            return found
-        return frozen(value)
+        of_field = _KEYS.get(field)
+        return frozen(value) if of_field is None else of_field(self, name, value)
 
     def _variable(self, name: str, value: Any) -> Hashable:
         return frozen(value) if name in self.variables else ()
@@ -163,7 +166,7 @@ class Relevance:
     def _attempt(self, name: str, value: Attempt) -> Hashable:
         if is_orphan(name):
             return value.uses, value.phase.value
-        answer = None if value.answer is None else self._told(value.answer)
+        answer = None if value.answer is None else self._told("", value.answer)
         # Whether the server has accepted already makes no difference to the machine.
         phase = Phase.REQUESTED if value.phase is Phase.ACCEPTED and answer is None else value.phase
         return value.invocation, value.operation, value.uses, phase.value, value.timeout, answer
@@ -180,13 +183,11 @@ class Relevance:
         items = tuple(map(frozen, value.items))
         return items, closed, value.index, sweep, value.sweeps, value.leaves_open, value.begun
 
-    def _timers(self, _: str, value: list[Timer]) -> Hashable:
-        return tuple((kind, *about, due) for due, _, kind, about in value)
+    def _timer(self, __: str, value: Timer) -> Hashable:
+        due, _, kind, about = value
+        return (kind, *about, due)
 
-    def _deferred(self, _: str, value: list[Event]) -> Hashable:
-        return tuple(map(self._told, value))
-
-    def _told(self, event: Event) -> Hashable:
+    def _told(self, _: str, event: Event) -> Hashable:
         name, data = event.name, {**event.data, "detail": ""}
         if name == "attempt.cancelled":  # who waits for the end takes it for a failure with this code
             name, data["code"] = "attempt.failed", CANCELLED_CODE
@@ -195,25 +196,36 @@ class Relevance:
         return name, frozen(data)
 
 
-def _unordered(_: Relevance, __: str, value: Any) -> Hashable:
-    return frozenset(value)
-
-
-_KEYS: Mapping[str, Any] = {
-    "context": Relevance._variable,
-    "inputs": Relevance._input,
-    "attempts": lambda self, name, value: Relevance._attempt(self, name, value) if name else value,
-    "invocations": lambda self, name, value: Relevance._invocation(self, name, value) if name else value,
-    "itineraries": lambda self, name, value: Relevance._walk(self, name, value) if name else value,
-    "timers": Relevance._timers,
-    "frozen": Relevance._timers,
-    "deferred": Relevance._deferred,
-    "started_at": lambda *_: True,
-    "wall": lambda *_: True,
-    "asked": lambda _, __, value: tuple(value),
-    "broken": _unordered,
-    "handled": _unordered,
+_Key = Callable[[Relevance, str, Any], Hashable]
+_BY_COMPARE: Mapping[Compare, _Key] = {
+    Compare.UNORDERED: lambda _, __, value: frozenset(value),
+    Compare.NAMES: lambda _, __, value: tuple(value),
+    Compare.PRESENCE: lambda _, __, ___: True,
 }
+#: Of types that have more than decides anything.
+_BY_TYPE: Mapping[Any, _Key] = {
+    Reported: Relevance._input,
+    Attempt: Relevance._attempt,
+    Invocation: Relevance._invocation,
+    Traversal: Relevance._walk,
+    Timer: Relevance._timer,
+    Event: Relevance._told,
+}
+
+
+def _key_of(one: MemoryField) -> _Key:
+    """Return how values of a field, or of its entries, are compared."""
+    of = Relevance._variable if one.owner is VARIABLES else _BY_TYPE.get(one.holds)
+    if of is None:
+        return _BY_COMPARE.get(one.compared, lambda _, __, value: frozen(value))
+    if one.empty is list:
+        return lambda self, name, value: tuple([of(self, name, each) for each in value])
+    if one.kind is FieldKind.ORDERED:  # without a name it is the order of the entries
+        return lambda self, name, value: of(self, name, value) if name else value
+    return of
+
+
+_KEYS: Mapping[str, _Key] = {one.name: _key_of(one) for one in Memory.schema()}
 
 
 def frozen(value: Any) -> Hashable:
@@ -236,27 +248,13 @@ def _sweeps_told_apart(source: str) -> float:
 def elements_told_apart(chart: Chart, name: str) -> float:
     """Return from how many elements of an input on every expression is the same; `math.inf` if not seen."""
     what = f"input.{name}"
-    parts = (chart.states, chart.holds, chart.invariants, chart.properties, chart.missions, chart.context)
-    every = [expression for part in parts for expression in _expressions(part)]
+    every = [value for value in said_in(chart, COMPUTED) if isinstance(value, Expression)]
     if not all(isinstance(expression.evaluate, Compiled) for expression in every):
         return math.inf
     return max(
         (_told_apart(one.source, what, lambda node: ast.unparse(node) == f"len({what})") for one in every),
         default=0,
     )
-
-
-def _expressions(of: Any) -> Iterator[Expression]:
-    """Yield all expressions in a part of a chart, also those whose values only travel."""
-    if isinstance(of, Expression):
-        yield of
-    elif is_dataclass(of):
-        for one in fields(of):
-            yield from _expressions(getattr(of, one.name))
-    elif isinstance(of, Mapping):
-        yield from (found for each in of.values() for found in _expressions(each))
-    elif isinstance(of, (list, tuple, set, frozenset)):
-        yield from (found for each in of for found in _expressions(each))
 
 
 def _told_apart(source: str, what: str, is_count: Callable[[ast.expr], bool]) -> float:
@@ -336,10 +334,7 @@ def _is_count(node: ast.expr) -> bool:
 
 def _reads_event(invoke: Invoke) -> bool:
     """Say whether an operation reads the event that led to its state."""
-    retry = invoke.retry
-    values = [*invoke.arguments.values(), invoke.timeout]
-    values += [retry.attempts, retry.backoff, retry.factor, retry.jitter] if retry else []
-    return any(root == "event" for value in values for root, _ in reads(value))
+    return any(root == "event" for said in walk(invoke, COMPUTED) for root, _ in reads(said.value))
 
 
 def _keeps_nothing(each: ForEach) -> bool:
@@ -366,59 +361,21 @@ def invokes(chart: Chart) -> Iterator[tuple[str, Invoke]]:
             yield name, state.for_each.invoke
 
 
-def _rules(state: State) -> tuple[Transition, ...]:
-    return (*state.transitions, *state.resume_at)
+def said_in(chart: Chart, roles: frozenset[Role]) -> Iterator[Any]:
+    """Yield everything of some roles that a chart says."""
+    for family in ("holds", "invariants", "properties", "inputs", "missions", "context", "states"):
+        for thing in getattr(chart, family).values():
+            yield from (said.value for said in walk(thing, roles))
 
 
 def actions_of(chart: Chart) -> Iterator[ActionCall]:
     """Yield every action of a chart, also those in others."""
-    for state in chart.states.values():
-        each = state.for_each
-        blocks = [rule.actions for rule in _rules(state)] + [state.on_entry, state.on_exit]
-        blocks += [each.on_done, each.on_error] if each else []
-        for block in blocks:
-            yield from every_call(block)
+    return (call for actions in said_in(chart, frozenset({Role.ACTIONS})) for call in actions)
 
 
-def deciding(chart: Chart) -> Iterator[Value | None]:
+def deciding(chart: Chart) -> Iterator[Value]:
     """Yield what decides something: conditions, times, lists, and what goes on as an event or a request."""
-    for hold in chart.holds.values():
-        yield from (hold.engage_guard, hold.release_guard)
-    yield from (invariant.that for invariant in chart.invariants.values())
-    for rule in chart.properties.values():
-        yield from (rule.always, rule.never, rule.eventually, rule.within, rule.after, rule.until)
-    yield from (bound for spec in chart.inputs.values() for level in spec.levels for bound in _bounds(level))
-    for mission in chart.missions.values():
-        yield from (field.default for field in mission.request.values())
-    for call in actions_of(chart):
-        yield call.guard
-    for state in chart.states.values():
-        yield from (rule.guard for rule in _rules(state))
-        yield from (timer.due for timer in state.timers)
-        yield state.budget.due if state.budget else None
-        yield from state.result.values()
-        yield from _of_work(state)
-        if state.use is not None:
-            yield from (field.default for field in state.use.request.values())
-        if state.ask is not None:
-            yield state.ask.after
-
-
-def _of_work(state: State) -> Iterator[Value | None]:
-    each, walk = state.for_each, state.itinerary
-    if each is not None:
-        yield from (each.items, each.key, each.limit, each.when)
-    if walk is not None:
-        yield from (walk.items, walk.order, walk.sweeps)
-    for invoke in filter(None, (state.invoke, each.invoke if each else None)):
-        yield invoke.timeout
-        if invoke.retry is not None:
-            retry = invoke.retry
-            yield from (retry.attempts, retry.backoff, retry.factor, retry.jitter)
-
-
-def _bounds(level: Any) -> tuple[Value | None, ...]:
-    return level.below, level.above, level.hysteresis
+    return said_in(chart, DECIDING)
 
 
 def _all(chart: Chart) -> Iterator[Expression]:

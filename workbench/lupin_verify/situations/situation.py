@@ -20,15 +20,22 @@ from typing import Any
 
 from lupin_engine.errors import shortened
 from lupin_engine.machine import (
+    INPUTS,
+    LEVELS,
     Attempt,
+    Compare,
     CutShort,
+    FieldKind,
+    GoesOn,
     Invocation,
+    Life,
     Memory,
+    MemoryField,
+    Owner,
     Phase,
     ResourceClaim,
     Timer,
     Traversal,
-    all_holds,
     claim_of,
 )
 from lupin_verify.situations.relevance import Relevance, is_orphan, kind_of, orphan_kind
@@ -40,39 +47,52 @@ SlotName = tuple[str, str]
 
 #: What is made new in a step gets numbers from here on, until it has its lasting name.
 FIRST_NEW = 1_000_000
+
+
+def _owner(one: MemoryField) -> Owner:
+    assert one.owner is not None, f"nothing owns the entries of {one.name}"
+    return one.owner
+
+
+def _named(is_one: Callable[[MemoryField], bool]) -> tuple[str, ...]:
+    """Return those of the compared fields of the memory of which something is true."""
+    every = (one for one in Memory.schema() if one.compared is not Compare.NOTHING)
+    return tuple(one.name for one in every if is_one(one))
+
+
 #: Mappings of which every entry is a slot; of the ordered ones the order of the entries is one, too.
-ORDERED = ("attempts", "invocations", "itineraries")
-UNORDERED: tuple[str, ...] = ("context", "request", "given", "inputs", "levels", "history", "handled")
-UNORDERED += ("budgets",)
-WHOLE: tuple[str, ...] = ("configuration", "mission", "mission_id", "started_at", "current_itinerary")
-WHOLE += ("timers", "frozen", "asked", "deferred", "waiting_actions", "broken", "wall")
+ORDERED = _named(lambda one: one.kind is FieldKind.ORDERED)
+UNORDERED = _named(lambda one: one.kind is FieldKind.BY_KEY)
+#: Sets of names, each a slot; whether there is any is one, too.
+NAMES = _named(lambda one: one.kind is FieldKind.NAMES)
+WHOLE = _named(lambda one: one.kind is FieldKind.WHOLE)
 #: Those of them that are lists.
-LISTS = ("timers", "frozen", "deferred", "waiting_actions", "broken")
-#: What a reload of the same missions leaves as it is, whatever it is, and what it empties.
-THROUGH = ("context", "request", "itineraries")
-DROPPED = ("history", "budgets", "given", "handled")
-COMPARED = ("inputs", "levels")
-#: Fields whose entries may be dead: others tell which moves there are, or what is known of a situation.
-MORTAL = ("context", "request", "given", "itineraries", "history", "handled", "budgets", "inputs")
+LISTS = _named(lambda one: one.kind is FieldKind.WHOLE and one.empty is list)
+#: Fields of which entries may be dead: those that are kept under names of the chart. Others tell which moves
+#: there are.
+MORTAL = _named(lambda one: one.kind in (FieldKind.BY_KEY, FieldKind.ORDERED) and one.owner is not None)
+#: What a reload of the same missions empties, what it compares anew, and what it leaves as it is.
+DROPPED = _named(lambda one: one.name in MORTAL and _owner(one).goes_on is GoesOn.NONE)
+COMPARED = _named(lambda one: one.name in MORTAL and one.owner in (INPUTS, LEVELS))
+THROUGH = tuple(name for name in MORTAL if name not in (*DROPPED, *COMPARED))
+#: Those of which entries that are not live are empty. Others are not: with a live value that is not known,
+#: say, a machine goes other ways than with any that is.
+FADING = _named(
+    lambda one: one.name in MORTAL and one.life in (Life.MISSION, Life.USE) and _owner(one).of_states
+)
 #: What is no part of a memory: which deadlines certainly come before others, what is known to be false, and
 #: what the properties of authors remember.
 RANKS, CALM, WATCHED = ("ranks", ""), ("calm", ""), ("watched", "")
 #: The claims of attempts, which follow from these: few steps need more of them.
 CLAIMS = ("claims", "")
-#: What nothing but displays reads begins anew in every step; so does what was told before the mission, of
-#: which a registry may leave out whatever it likes: what counts of a report can be any list all the same.
-_IDLE: Mapping[str, Callable[[], Any]] = {
-    "code": str,
-    "detail": str,
-    "codes": int,
-    "sequence": int,
-    "dropped": int,
+#: What a field is where there is nothing; what is not compared begins with it in every step. So does what
+#: was told before the mission, of which a registry may leave out whatever it likes: what counts of a report
+#: can be any list all the same.
+_EMPTY: Mapping[str, Callable[[], Any]] = {
+    **{one.name: one.empty for one in Memory.schema()},
     "next_id": lambda: FIRST_NEW,
-    "reached": dict,
-    "projected": dict,
-    "heard": dict,
-    "before": dict,
 }
+_IDLE = tuple(one.name for one in Memory.schema() if one.compared is Compare.NOTHING)
 
 
 class Overflow(Exception):
@@ -112,22 +132,11 @@ class SlotTable:
         self.reported: frozenset[int] = frozenset()
         self._numbers: list[dict[Hashable, int]] = []
         self._values: list[list[Any]] = []
-        chart = relevance.chart
-        for slot_name in (*((name, "") for name in (*WHOLE, *ORDERED, "held")), RANKS, CALM, WATCHED, CLAIMS):
+        whole = ((name, "") for name in (*WHOLE, *ORDERED, *NAMES))
+        for slot_name in (*whole, RANKS, CALM, WATCHED, CLAIMS):
             self.slot(slot_name)
-        states = chart.states.values()
-        keys: dict[str, Iterable[str]] = {
-            "context": chart.context,
-            "request": {name for mission in chart.missions.values() for name in mission.request},
-            "given": [s.name for s in states if s.use],
-            "inputs": chart.inputs,
-            "levels": [f"input.{i.name}.{level.name}" for i in chart.inputs.values() for level in i.levels],
-            "history": [s.name for s in states if s.kind.value == "history"],
-            "handled": [s.name for s in states if s.for_each],
-            "budgets": [s.name for s in states if s.budget],
-            "held": all_holds(chart),
-        }
-        self.keys = {field: tuple(sorted(names)) for field, names in keys.items()}
+        keyed = (one for one in Memory.schema() if one.name in (*UNORDERED, *NAMES))
+        self.keys = {one.name: tuple(sorted(_owner(one).names(relevance.chart))) for one in keyed}
         for field, names in self.keys.items():
             for key in names:
                 self.slot((field, key))
@@ -324,7 +333,7 @@ class TrackedMemory(Memory):
         """
         unread = TrackedMemory(self.table, self.situation)
         found = {name: getattr(self, name) for name in (*WHOLE, *_IDLE)}
-        found |= {name: list(getattr(self, name)) for name in (*LISTS, "held")}
+        found |= {name: list(getattr(self, name)) for name in (*LISTS, *NAMES)}
         try:
             for name in (*ORDERED, *UNORDERED):
                 of = unread if name in (*THROUGH, *COMPARED) else self
@@ -354,7 +363,7 @@ class TrackedMemory(Memory):
 
     def take_over(self, other: Memory, whole: bool = False) -> None:
         """Become what another memory is: one that goes on from this one, or on the `whole` another one."""
-        for name in (*WHOLE, "held"):
+        for name in (*WHOLE, *NAMES):
             setattr(self, name, getattr(other, name))
         for name in (*ORDERED, *UNORDERED):
             if whole or name not in (*THROUGH, *COMPARED):
@@ -395,8 +404,9 @@ class TrackedMemory(Memory):
                 value = list(value)
             # Of a whole field nothing and an empty one are the same.
             yield from self.change(index[name, ""], value if value or value == 0.0 else None)
-        if self.is_set("held"):
-            yield from self._changed_holds(object.__getattribute__(self, "held"))
+        for name in NAMES:
+            if self.is_set(name):
+                yield from self._name_changes(name, object.__getattribute__(self, name))
         for name in (*ORDERED, *UNORDERED):
             if self.is_set(name):
                 yield from self._entry_changes(name, object.__getattribute__(self, name))
@@ -413,14 +423,13 @@ class TrackedMemory(Memory):
         if entries.order is not None:
             yield from self.change(self.table.index[name, ""], tuple(entries.order) or None)
 
-    def _changed_holds(self, held: TrackedHolds | list[str]) -> Iterator[tuple[int, int]]:
-        known = (
-            held.known if isinstance(held, TrackedHolds) else {n: n in held for n in self.table.keys["held"]}
-        )
-        for name, is_engaged in known.items():
-            yield from self.change(self.table.index["held", name], is_engaged or None)
+    def _name_changes(self, field: str, names: TrackedNames | list[str]) -> Iterator[tuple[int, int]]:
+        index, every = self.table.index, self.table.keys[field]
+        known = names.known if isinstance(names, TrackedNames) else {n: n in names for n in every}
+        for name, is_there in known.items():
+            yield from self.change(index[field, name], is_there or None)
         if known:
-            yield from self.change(self.table.index["held", ""], bool(held) or None)
+            yield from self.change(index[field, ""], bool(names) or None)
 
     def change(self, slot: int, value: Any) -> Iterator[tuple[int, int]]:
         """Yield a slot with what it is now, unless it is known to be as it was."""
@@ -433,56 +442,49 @@ class TrackedMemory(Memory):
             yield slot, number
 
 
-_EMPTY: Mapping[str, Callable[[], Any]] = {
-    "configuration": tuple,
-    "mission": str,
-    "mission_id": str,
-    "current_itinerary": str,
-    "asked": dict,
-}
+class TrackedNames:
+    """The names in a field, each a slot, with one more that says whether there is any."""
 
-
-class TrackedHolds:
-    """The holds that are engaged, each a slot, with one more that says whether any is."""
-
-    def __init__(self, memory: TrackedMemory) -> None:
+    def __init__(self, memory: TrackedMemory, field: str) -> None:
         self._memory = memory
-        #: Those that were engaged or released.
+        self._field = field
+        #: Those that were put in or taken out.
         self.known: dict[str, bool] = {}
-        #: All that are engaged, once that was asked.
+        #: All that are there, once that was asked.
         self._all: list[str] | None = None
+
+    def _has(self, name: str) -> bool:
+        return self._memory.has(self._memory.table.index[self._field, name])
 
     def __contains__(self, name: str) -> bool:
         known = self.known.get(name)
-        return self._memory.has(self._memory.table.index["held", name]) if known is None else known
+        return self._has(name) if known is None else known
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._engaged())
+        return iter(self._there())
 
     def __bool__(self) -> bool:
-        if self.known or self._all is not None:
-            return bool(self._engaged())
-        return self._memory.has(self._memory.table.index["held", ""])
+        return bool(self._there()) if self.known or self._all is not None else self._has("")
 
     def __getitem__(self, index: int) -> str:
-        return self._engaged()[index]
+        return self._there()[index]
 
-    def _engaged(self) -> list[str]:
+    def _there(self) -> list[str]:
         if self._all is None:
-            some = self.known or self._memory.has(self._memory.table.index["held", ""])
-            self._all = [name for name in self._memory.table.keys["held"] if name in self] if some else []
+            some = self.known or self._has("")
+            self._all = [n for n in self._memory.table.keys[self._field] if n in self] if some else []
         return self._all
 
     def append(self, name: str) -> None:
-        """Engage one."""
+        """Put one in."""
         self._set(name, True)
 
     def remove(self, name: str) -> None:
-        """Release one."""
+        """Take one out."""
         self._set(name, False)
 
-    def _set(self, name: str, is_engaged: bool) -> None:
-        self.known[name], self._all = is_engaged, None
+    def _set(self, name: str, is_there: bool) -> None:
+        self.known[name], self._all = is_there, None
 
 
 class TrackedList(list[Any]):
@@ -694,7 +696,7 @@ class TrackedDict(dict[str, Any]):
 
 def _whole(memory: TrackedMemory, name: str) -> Any:
     found = memory.fetch(memory.table.index[name, ""])
-    return _EMPTY.get(name, lambda: None)() if found is None else found
+    return _EMPTY[name]() if found is None else found
 
 
 #: What stands for a field that is asked for.
@@ -702,8 +704,8 @@ _FIELDS: Mapping[str, Callable[[TrackedMemory, str], Any]] = {
     **dict.fromkeys(WHOLE, _whole),
     **dict.fromkeys(LISTS, lambda memory, name: TrackedList(memory, memory.table.index[name, ""])),
     **dict.fromkeys((*ORDERED, *UNORDERED), TrackedDict),
-    **{name: lambda _, name: _IDLE[name]() for name in _IDLE},
-    "held": lambda memory, _: TrackedHolds(memory),
+    **dict.fromkeys(_IDLE, lambda _, name: _EMPTY[name]()),
+    **dict.fromkeys(NAMES, TrackedNames),
 }
 
 
