@@ -15,7 +15,8 @@ Each work-around lives in this package, for this reason:
 * a limit on that (`process`): Fast DDS deadlocks in about 1 of 700 ends when several nodes leave at once;
 * a profile of our own (`dds`): finding a peer takes up to 2.4 s and noticing its death 20 s without, and
   everybody on the network is answered;
-* no second wake-up after each callback (`executor`): rclpy's costs a third of an idle node's processor time;
+* no second wake-up after each callback, and a wait set that is kept (`executor`, `wait_set`): rclpy's take
+  two thirds of an idle node's processor time;
 * references to what is gone are dropped (`executor`): rclpy keeps one for each timer that there has been;
 * results of goals are kept for two minutes (`actions`): rclpy keeps and tells those of fifteen;
 * posting wakes the executor: nothing else makes it look for work of other threads;
@@ -453,6 +454,7 @@ class RosNode:
         self._channels.update(dict.fromkeys(channels))
 
     def _check_peers(self) -> None:
+        self._executor.events_too = True
         rivals = frozenset(rival_servers(self))
         found = frozenset(peer_mismatches(self)) | (rivals & self._seen_rivals)
         for finding in sorted(found - self._told_findings):
