@@ -343,10 +343,14 @@ def _problems(plugin: Plugin) -> Iterator[str]:
     for family, declared, check in declarations:
         for name, declaration in declared.items():
             yield from check(f"{family} {name!r}", declaration)
-    for key in ("stands_in", "guards", "companions"):
+    for key in ("stands_in", "guards", "companions", "composable"):
         for name in getattr(plugin, key):
             if name not in plugin.nodes:
                 yield f"{key} names {name!r}, which is none of its nodes; {nearest(name, plugin.nodes)}"
+    for name in plugin.composable:
+        if plugin.hmi or name in plugin.guards:
+            why = "serves pages" if plugin.hmi else "guards something"
+            yield f"composable names {name!r}, which {why}: it has a process of its own"
     for name in RESERVED.intersection(plugin.parameters):
         yield f"parameter {name!r}: the orchestrator has one of that name"
     for name, kind in plugin.types.items():

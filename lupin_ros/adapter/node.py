@@ -128,9 +128,55 @@ def enclave_of(node: str) -> str:
 def _enclave_arguments(node: str, given: Sequence[str]) -> list[str]:
     """Return the ROS arguments that say so, where SROS2 is switched on and nobody says otherwise."""
     said = {"-e", "--enclave"}.intersection(given) or os.environ.get("ROS_SECURITY_ENCLAVE_OVERRIDE")
-    if said or os.environ.get("ROS_SECURITY_ENABLE", "").lower() != "true":
-        return []
-    return ["--ros-args", "--enclave", enclave_of(node)]
+    return [] if said or not is_secured() else ["--ros-args", "--enclave", enclave_of(node)]
+
+
+def is_secured() -> bool:
+    """Say whether SROS2 is switched on."""
+    return os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true"
+
+
+def begin(context: Context, arguments: Sequence[str]) -> None:
+    """Begin a context with ROS arguments.
+
+    What rcl would write into a file of its own, which never ends, is said on the console as well.
+    """
+    rclpy.init(
+        args=["--ros-args", "--disable-external-lib-logs", "--", *arguments],
+        context=context,
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
+
+
+@contextlib.contextmanager
+def one_context(arguments: Sequence[str]) -> Iterator[None]:
+    """Let all nodes that this process makes share a context, and so a participant of DDS.
+
+    Under SROS2 each has its own, for its own permissions.
+
+    Raises:
+        UsageError: ROS cannot read the arguments.
+    """
+    if is_secured():
+        yield
+        return
+    use_profile()
+    RosNode._shared = context = Context()
+    try:
+        begin(context, arguments)
+    except (RuntimeError, ValueError) as error:
+        raise _bad_arguments(arguments, error) from error
+    try:
+        yield
+    finally:
+        with ends_the_process_after(TEARDOWN_LIMIT_S):
+            RosNode._shared = None
+            context.try_shutdown()
+
+
+def _bad_arguments(arguments: Sequence[str], error: Exception) -> UsageError:
+    reason = str(error).split(", at /")[0]  # the rest is places in rcl's sources
+    return UsageError(f"ROS does not start with the arguments {list(arguments)}: {reason}")
 
 
 class RosTimer:
@@ -160,6 +206,8 @@ class RosNode:
         LupinError: a parameter has a value that it may not have.
     """
 
+    #: The context of all nodes of this process, where they share one.
+    _shared: ClassVar[Context | None] = None
     #: Called in place of every spin by who only wants to know what nodes declare; the node ends then.
     rehearsed: ClassVar[Callable[[RosNode], None] | None] = None
 
@@ -170,7 +218,7 @@ class RosNode:
         parameters: Declared | Callable[[Mapping[str, Any]], Declared] = MappingProxyType({}),
     ) -> None:
         use_profile()
-        self._context = Context()
+        self._context = RosNode._shared or Context()
         self.node = self._make_node(name, arguments)
         self.name: str = self.node.get_name()
         #: Where `log` goes.
@@ -211,20 +259,14 @@ class RosNode:
             raise
 
     def _make_node(self, name: str, arguments: Sequence[str]) -> Node:
-        enclave = _enclave_arguments(name, arguments)
         try:
-            rclpy.init(
-                # What rcl writes into a file of its own, which never ends, is said on the console as well.
-                args=["--ros-args", "--disable-external-lib-logs", "--", *arguments, *enclave],
-                context=self._context,
-                signal_handler_options=SignalHandlerOptions.NO,
-            )
+            if self._context is not RosNode._shared:
+                begin(self._context, [*arguments, *_enclave_arguments(name, arguments)])
             node = Node(name, context=self._context)
         except (RuntimeError, ValueError, NameValidationException) as error:
             # rcl has half a dozen exceptions for bad arguments and names, all derived from these.
-            self._context.try_shutdown()
-            reason = str(error).split(", at /")[0]  # the rest is places in rcl's sources
-            raise UsageError(f"ROS does not start with the arguments {list(arguments)}: {reason}") from error
+            self._end_context()
+            raise _bad_arguments(arguments, error) from error
         living = LivingEntities()
         for reference in node.default_callback_group.entities:
             living.add(reference)
@@ -608,4 +650,8 @@ class RosNode:
         self.log_book.close()
         self._executor.shutdown()
         self.node.destroy_node()
-        self._context.try_shutdown()
+        self._end_context()
+
+    def _end_context(self) -> None:
+        if self._context is not RosNode._shared:
+            self._context.try_shutdown()

@@ -39,6 +39,7 @@ class GivenOptions:
     speed: float = 1.0
     no_sim: bool = False
     no_respawn: bool = False
+    compose: bool | None = None
     hmi: bool = False
     opened: bool = False
     domain: int | None = None
@@ -110,6 +111,7 @@ class CheckedOptions:
             settle=bool(self._wanted.sim),
             patience=patience,
             respawn=not self._wanted.no_respawn,
+            compose=self._wanted.compose,
         )
 
     def _look_at_the_surroundings(self) -> None:
