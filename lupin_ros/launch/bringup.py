@@ -35,8 +35,8 @@ from lupin_ros.launch.respawn import Respawns
 from lupin_ros.launch.supervisor import IMPATIENT, Death, Patience, Supervisor
 from lupin_ros.service.messages import wire_of
 
-#: Period of the loop, in seconds.
-TICK_S = 0.05
+#: Period of the loop, in seconds; and while nothing is waited for.
+TICK_S, WATCH_TICK_S = 0.05, 0.25
 #: How long nodes may take to appear and serve, in seconds: small computers, and busy ones, take their time,
 #: and one that has died is told at once.
 APPEAR_LIMIT_S = 90.0
@@ -379,7 +379,7 @@ class Bringup:
         """
         while True:
             told(self._progress)
-            self._tick()
+            self._tick(WATCH_TICK_S)
             self._interrupts.check()
 
     def _wait_until(self, condition: Callable[[], bool], limit: float, checked: bool = False) -> bool:
@@ -393,8 +393,8 @@ class Bringup:
                 self._interrupts.check()
         return True
 
-    def _tick(self) -> None:
-        self._operator.spin(TICK_S)
+    def _tick(self, seconds: float = TICK_S) -> None:
+        self._operator.spin(seconds)
         self._take()
         self._look_at_processes()
         if self.monitor is not None:
