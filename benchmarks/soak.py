@@ -156,7 +156,7 @@ def soak(folder: Path, hours: float, speed: float, every: float) -> None:
     with claimed_domain() as domain:
         os.environ |= {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         os.environ |= {"XDG_STATE_HOME": str(folder / "state"), "XDG_CONFIG_HOME": str(folder / "config")}
-        given = ["--set", "monitoring_sweeps=1", "--set", "estop_timeout_s=10 s"]
+        given = ["--separate", "--set", "monitoring_sweeps=1", "--set", "estop_timeout_s=10 s"]
         command = [LUPIN, "up", "--speed", f"{speed:g}", "--log-dir", str(folder / "logs"), *given]
         with (folder / "up.txt").open("wb") as output:
             up = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)

@@ -263,16 +263,17 @@ class Plugin:
     simulates something to the actions and services of the real thing: it is not started where those are.
     `guards` maps a node that looks after something, real or simulated, to its actions and services.
     `companions` names nodes that only listen, and run beside every mission, whether it uses the plugin or
-    not. `simulated_defaults` are values, in base units, that parameters of missions take by default where
+    not. `composable` names nodes that may share a process: each is a `RosNode`, and none keeps the robot
+    safe. `simulated_defaults` are values, in base units, that parameters of missions take by default where
     the plugin's simulations are started. What its nodes have for whoever names it, as a binding does, are
     separate rights: `serves` are services and actions that may be called, `publishes` topics that may be
     subscribed to and that nobody else may publish, `accepts` topics that may be published. `access` is what
-    people's pages may use of all that its
-    nodes and drivers name. `readers` are by the name of the type that they read. What is `internal` is for a
-    chart of the plugin's own, and no author of missions is offered it. The nodes of one that is `hmi` serve
-    people's pages, and are started where `--hmi` asks for them; `pages` is the `module:function` that serves
-    the same pages on a simulation or a recording, a `plugin.pages.ServePages`. Companions and simulations
-    run beside missions of `profile` only; without one, beside all.
+    people's pages may use of all that its nodes and drivers name. `readers` are by the name of the type that
+    they read. What is `internal` is for a chart of the plugin's own, and no author of missions is offered it.
+    The nodes of one that is `hmi` serve people's pages, and are started where `--hmi` asks for them; `pages`
+    is the `module:function` that serves the same pages on a simulation or a recording, a
+    `plugin.pages.ServePages`. Companions and simulations run beside missions of `profile` only; without one,
+    beside all.
     """
 
     name: str
@@ -290,6 +291,7 @@ class Plugin:
     stands_in: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     guards: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     companions: tuple[str, ...] = ()
+    composable: tuple[str, ...] = ()
     simulated_defaults: Mapping[str, Any] = field(default_factory=dict)
     internal: bool = False
     hmi: bool = False

@@ -327,10 +327,14 @@ def _verify(plugin: Plugin) -> None:
 
 
 def _node_problems(plugin: Plugin) -> Iterator[str]:
-    for key in ("stands_in", "guards", "companions"):
+    for key in ("stands_in", "guards", "companions", "composable"):
         for name in getattr(plugin, key):
             if name not in plugin.nodes:
                 yield f"{key} names {name!r}, which is none of its nodes; {nearest(name, plugin.nodes)}"
+    for name in plugin.composable:
+        if plugin.hmi or name in plugin.guards:
+            why = "serves pages" if plugin.hmi else "guards something"
+            yield f"composable names {name!r}, which {why}: it has a process of its own"
 
 
 def _problems(plugin: Plugin) -> Iterator[str]:

@@ -33,9 +33,9 @@ from .offer import missions_record as missions_record
 from .possible import Foresight as Foresight
 from .possible import PossibleRecord as PossibleRecord
 from .possible import requests_of as requests_of
-from .record import OpenQuestion as OpenQuestion
+from .questions import OpenQuestion as OpenQuestion
+from .questions import open_questions as open_questions
 from .record import command_record as command_record
-from .record import open_questions as open_questions
 from .record import read_step as read_step
 from .record import step_record as step_record
 from .record import view_record as view_record

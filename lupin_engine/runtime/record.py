@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from types import MappingProxyType
 from typing import Annotated, Any, get_type_hints
 
@@ -73,38 +73,6 @@ def view_record(view: View, chart: Chart) -> dict[str, Any]:
     holds = all_holds(chart)
     codes = {name: holds[name].code for name in view.held}
     return {**record, "holds": {name: classify(code, chart.codes).label for name, code in codes.items()}}
-
-
-@dataclass(frozen=True)
-class OpenQuestion:
-    """A question in a view: what can be answered, as (name, label), and the seconds until the default counts.
-
-    While a hold is engaged they stand still.
-    """
-
-    state: str
-    question: str
-    choices: tuple[tuple[str, str], ...]
-    default: str
-    left: float
-    stopped: bool
-
-
-def open_questions(view: Mapping[str, Any], now: float) -> list[OpenQuestion]:
-    """Return the questions of a view that was recorded, at the time `now` of the clock of its deadlines."""
-    return [
-        OpenQuestion(
-            state=str(asked["state"]),
-            question=str(asked["question"]),
-            choices=tuple((str(choice["name"]), str(choice["label"])) for choice in asked["choices"]),
-            default=str(asked["default"]),
-            left=float(asked["left"] or 0.0)
-            if asked["deadline"] is None
-            else max(0.0, asked["deadline"] - now),
-            stopped=asked["deadline"] is None,
-        )
-        for asked in view.get("asking", ())
-    ]
 
 
 # -- and back ---------------------------------------------------------------------------------------------

@@ -33,6 +33,10 @@ _HOUSEKEEPING_SERVICES = (
 )
 
 
+#: So many bytes of an endpoint's id are its participant's.
+_PREFIX = 12
+
+
 @dataclass(frozen=True)
 class Interface:
     """A topic, service or action, and who is at its ends, as full node names in alphabetical order.
@@ -63,6 +67,15 @@ class _DdsTopic:
 
     writers: tuple[Any, ...]
     readers: tuple[Any, ...]
+
+
+def other_participants(node: Any) -> int:
+    """Return how many participants of DDS are known beside that of `node` (of rclpy).
+
+    Each may have many nodes, whose publishers of log and parameters have ids that begin with its own.
+    """
+    known = (e for topic in _HOUSEKEEPING_TOPICS[:2] for e in node.get_publishers_info_by_topic(topic))
+    return len({bytes(endpoint.endpoint_gid[:_PREFIX]) for endpoint in known}) - 1
 
 
 def interfaces(node: Any, without: Iterable[str] = (), *, parts: bool = False) -> list[Interface]:

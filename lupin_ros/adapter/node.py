@@ -15,7 +15,8 @@ Each work-around lives in this package, for this reason:
 * a limit on that (`process`): Fast DDS deadlocks in about 1 of 700 ends when several nodes leave at once;
 * a profile of our own (`dds`): finding a peer takes up to 2.4 s and noticing its death 20 s without, and
   everybody on the network is answered;
-* no second wake-up after each callback (`executor`): rclpy's costs a third of an idle node's processor time;
+* no second wake-up after each callback, and a wait set that is kept (`executor`, `wait_set`): rclpy's take
+  two thirds of an idle node's processor time;
 * references to what is gone are dropped (`executor`): rclpy keeps one for each timer that there has been;
 * results of goals are kept for two minutes (`actions`): rclpy keeps and tells those of fifteen;
 * posting wakes the executor: nothing else makes it look for work of other threads;
@@ -127,9 +128,55 @@ def enclave_of(node: str) -> str:
 def _enclave_arguments(node: str, given: Sequence[str]) -> list[str]:
     """Return the ROS arguments that say so, where SROS2 is switched on and nobody says otherwise."""
     said = {"-e", "--enclave"}.intersection(given) or os.environ.get("ROS_SECURITY_ENCLAVE_OVERRIDE")
-    if said or os.environ.get("ROS_SECURITY_ENABLE", "").lower() != "true":
-        return []
-    return ["--ros-args", "--enclave", enclave_of(node)]
+    return [] if said or not is_secured() else ["--ros-args", "--enclave", enclave_of(node)]
+
+
+def is_secured() -> bool:
+    """Say whether SROS2 is switched on."""
+    return os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true"
+
+
+def begin(context: Context, arguments: Sequence[str]) -> None:
+    """Begin a context with ROS arguments.
+
+    What rcl would write into a file of its own, which never ends, is said on the console as well.
+    """
+    rclpy.init(
+        args=["--ros-args", "--disable-external-lib-logs", "--", *arguments],
+        context=context,
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
+
+
+@contextlib.contextmanager
+def one_context(arguments: Sequence[str]) -> Iterator[None]:
+    """Let all nodes that this process makes share a context, and so a participant of DDS.
+
+    Under SROS2 each has its own, for its own permissions.
+
+    Raises:
+        UsageError: ROS cannot read the arguments.
+    """
+    if is_secured():
+        yield
+        return
+    use_profile()
+    RosNode._shared = context = Context()
+    try:
+        begin(context, arguments)
+    except (RuntimeError, ValueError) as error:
+        raise _bad_arguments(arguments, error) from error
+    try:
+        yield
+    finally:
+        with ends_the_process_after(TEARDOWN_LIMIT_S):
+            RosNode._shared = None
+            context.try_shutdown()
+
+
+def _bad_arguments(arguments: Sequence[str], error: Exception) -> UsageError:
+    reason = str(error).split(", at /")[0]  # the rest is places in rcl's sources
+    return UsageError(f"ROS does not start with the arguments {list(arguments)}: {reason}")
 
 
 class RosTimer:
@@ -159,6 +206,8 @@ class RosNode:
         LupinError: a parameter has a value that it may not have.
     """
 
+    #: The context of all nodes of this process, where they share one.
+    _shared: ClassVar[Context | None] = None
     #: Called in place of every spin by who only wants to know what nodes declare; the node ends then.
     rehearsed: ClassVar[Callable[[RosNode], None] | None] = None
 
@@ -169,7 +218,7 @@ class RosNode:
         parameters: Declared | Callable[[Mapping[str, Any]], Declared] = MappingProxyType({}),
     ) -> None:
         use_profile()
-        self._context = Context()
+        self._context = RosNode._shared or Context()
         self.node = self._make_node(name, arguments)
         self.name: str = self.node.get_name()
         #: Where `log` goes.
@@ -210,20 +259,14 @@ class RosNode:
             raise
 
     def _make_node(self, name: str, arguments: Sequence[str]) -> Node:
-        enclave = _enclave_arguments(name, arguments)
         try:
-            rclpy.init(
-                # What rcl writes into a file of its own, which never ends, is said on the console as well.
-                args=["--ros-args", "--disable-external-lib-logs", "--", *arguments, *enclave],
-                context=self._context,
-                signal_handler_options=SignalHandlerOptions.NO,
-            )
+            if self._context is not RosNode._shared:
+                begin(self._context, [*arguments, *_enclave_arguments(name, arguments)])
             node = Node(name, context=self._context)
         except (RuntimeError, ValueError, NameValidationException) as error:
             # rcl has half a dozen exceptions for bad arguments and names, all derived from these.
-            self._context.try_shutdown()
-            reason = str(error).split(", at /")[0]  # the rest is places in rcl's sources
-            raise UsageError(f"ROS does not start with the arguments {list(arguments)}: {reason}") from error
+            self._end_context()
+            raise _bad_arguments(arguments, error) from error
         living = LivingEntities()
         for reference in node.default_callback_group.entities:
             living.add(reference)
@@ -453,6 +496,7 @@ class RosNode:
         self._channels.update(dict.fromkeys(channels))
 
     def _check_peers(self) -> None:
+        self._executor.events_too = True
         rivals = frozenset(rival_servers(self))
         found = frozenset(peer_mismatches(self)) | (rivals & self._seen_rivals)
         for finding in sorted(found - self._told_findings):
@@ -606,4 +650,8 @@ class RosNode:
         self.log_book.close()
         self._executor.shutdown()
         self.node.destroy_node()
-        self._context.try_shutdown()
+        self._end_context()
+
+    def _end_context(self) -> None:
+        if self._context is not RosNode._shared:
+            self._context.try_shutdown()

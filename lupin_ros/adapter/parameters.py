@@ -10,7 +10,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -20,10 +20,12 @@ from rcl_interfaces.msg import (
 )
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
-from structlog.typing import FilteringBoundLogger
 
 from lupin_engine.errors import LupinError, PluginError, nearest
 from lupin_engine.plugin import MAX_INTEGER, Parameter, Type, carried_as, named, narrowed, sorted_out
+
+if TYPE_CHECKING:
+    from structlog.typing import FilteringBoundLogger
 
 _ROS_TYPES = {
     "bool": RosParameter.Type.BOOL,

@@ -15,8 +15,10 @@ import os
 import resource
 import signal
 import socket
+import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from queue import Empty, SimpleQueue
 
 from lupin_engine.errors import LupinError
 
@@ -31,6 +33,8 @@ LOOK_S = 0.25
 #: Who waits for Python's lock wakes every 5 ms to ask for it: in a process that stands still nobody does.
 _WAKES = 10
 
+_LEAVING = threading.Lock()
+
 #: The file descriptor, because `sys.stderr` may be anything by then.
 _STDERR = 2
 
@@ -41,16 +45,83 @@ class StoodStill(LupinError):
     exit_code = 75  # EX_TEMPFAIL: the same again may succeed
 
 
+class _Ending:
+    """The end of nodes that share a process: each is told to stop, now or as soon as it spins."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._stops: list[Callable[[], None]] = []
+        self._is_told = False
+
+    @contextlib.contextmanager
+    def calls(self, stop: Callable[[], None]) -> Iterator[None]:
+        with self._lock:
+            self._stops.append(stop)
+            late = self._is_told
+        if late:
+            stop()
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._stops.remove(stop)
+
+    def tell(self) -> None:
+        with self._lock:
+            self._is_told = True
+            stops = list(self._stops)
+        for stop in stops:
+            stop()
+
+
+_ENDING = _Ending()
+
+
+def run_together(nodes: Mapping[str, Callable[[], int]]) -> int:
+    """Run nodes on threads of their own; when one has ended, or a signal came, all are told to stop.
+
+    Returns the first exit code that is not 0. What one raised first is raised here. Nodes that have not
+    stopped `GRACE_S` after another end with the process, code 1: to be started again together.
+    """
+    ended: SimpleQueue[int | BaseException] = SimpleQueue()
+
+    def run(node: Callable[[], int]) -> None:
+        try:
+            ended.put(node())
+        except BaseException as problem:  # whatever it was, the others must not go on without it
+            ended.put(problem)
+
+    with signals_call(_ENDING.tell):
+        for name, node in nodes.items():
+            threading.Thread(target=run, args=(node,), name=name, daemon=True).start()
+        results = [ended.get()]
+        _ENDING.tell()
+        with contextlib.suppress(Empty):
+            while len(results) < len(nodes):
+                results.append(ended.get(timeout=GRACE_S))
+    problem = next((result for result in results if isinstance(result, BaseException)), None)
+    if len(results) < len(nodes):
+        print(
+            f"{len(nodes) - len(results)} of {', '.join(nodes)} did not stop; first: {problem!r}",
+            file=sys.stderr,
+        )
+        os._exit(1)
+    if problem is not None:
+        raise problem
+    return next((code for code in results if isinstance(code, int) and code), 0)
+
+
 @contextlib.contextmanager
 def signals_call(stop: Callable[[], None]) -> Iterator[None]:
     """Let SIGINT and SIGTERM call `stop`, at once and on another thread.
 
     A Python signal handler runs only when the main thread executes Python, and that thread waits inside
     the middleware. So the bytes that Python writes for each signal are read by a small thread. Outside the
-    main thread signals are somebody else's.
+    main thread signals are somebody else's: of `run_together`, if anybody's.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield
+        with _ENDING.calls(stop):
+            yield
         return
     reader, writer = socket.socketpair()
     writer.setblocking(False)
@@ -117,13 +188,15 @@ def ends_the_process_after(seconds: float) -> Iterator[None]:
     """End the process with code 1 and a traceback when the body hangs for so long.
 
     The deadlock in Fast DDS holds Python's lock, so no Python code could do it: not a thread, not a signal
-    handler. `faulthandler` watches from a thread of its own that needs no Python.
+    handler. `faulthandler` watches from a thread of its own that needs no Python. It watches one body at a
+    time: nodes that share a process leave one after the other.
     """
-    faulthandler.dump_traceback_later(seconds, exit=True, file=_STDERR)
-    try:
-        yield
-    finally:
-        faulthandler.cancel_dump_traceback_later()
+    with _LEAVING:
+        faulthandler.dump_traceback_later(seconds, exit=True, file=_STDERR)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
 
 
 def is_rclpys_end(problem: BaseException) -> bool:

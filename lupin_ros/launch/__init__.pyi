@@ -23,8 +23,10 @@ from .monitor import RunEvent as RunEvent
 from .monitor import RunMonitor as RunMonitor
 from .monitor import RunningOperation as RunningOperation
 from .nodes import ORCHESTRATOR as ORCHESTRATOR
+from .nodes import LaunchableNode as LaunchableNode
 from .nodes import find_node as find_node
 from .nodes import nodes_of as nodes_of
+from .nodes import run_composed as run_composed
 from .operator import Answer as Answer
 from .operator import Attendant as Attendant
 from .requirements import prepare_ros as prepare_ros

@@ -7,7 +7,7 @@ observer. Every wait has a deadline.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -17,11 +17,13 @@ from lupin_engine.errors import LupinError, Severity
 from lupin_engine.plugin import RESTARTED, Catalog, Profile, Progress
 from lupin_ros.launch.dds_discovery import settled
 from lupin_ros.launch.description import (
+    COMPOSED,
     LaunchDescription,
     NodeLaunch,
     ParameterValues,
     PresentEndpoints,
     command,
+    composed,
     describe_launch,
 )
 from lupin_ros.launch.environment import open_to
@@ -33,8 +35,8 @@ from lupin_ros.launch.respawn import Respawns
 from lupin_ros.launch.supervisor import IMPATIENT, Death, Patience, Supervisor
 from lupin_ros.service.messages import wire_of
 
-#: Period of the loop, in seconds.
-TICK_S = 0.05
+#: Period of the loop, in seconds; and while nothing is waited for.
+TICK_S, WATCH_TICK_S = 0.05, 0.25
 #: How long nodes may take to appear and serve, in seconds: small computers, and busy ones, take their time,
 #: and one that has died is told at once.
 APPEAR_LIMIT_S = 90.0
@@ -88,7 +90,8 @@ class BringupSettings:
     `parameters` are by node name, `known` the names of those that the missions have. `insisted` names nodes
     that must be started here, with the option that wants it: using one that runs already would ignore the
     option. `patience` is how long a mission may wait for an operator, in seconds; None is for ever.
-    `respawn` says whether a node that dies is started again.
+    `respawn` says whether a node that dies is started again. `compose`
+    says whether nodes that may share a process do; None: where the robot is simulated.
     """
 
     profile: Profile
@@ -101,6 +104,7 @@ class BringupSettings:
     settle: bool = False
     patience: float | None = None
     respawn: bool = True
+    compose: bool | None = None
 
 
 class Bringup:
@@ -148,9 +152,9 @@ class Bringup:
             self._observer.note(f"using what is there: {', '.join(self.description.joined)}")
         folder = self._settings.folder
         if self.description.starts:
-            self._observer.note(f"starting {', '.join(self.description.starts)}; logs in {folder}")
-        for launch in self.description.launches:
-            self._start(launch)
+            self._observer.note(f"starting {', '.join(self._processes())}; logs in {folder}")
+        for name, launches in self.description.processes.items():
+            self._start(name, launches)
         self._wait_for(self._missing_nodes, APPEAR_LIMIT_S)
         self._wait_for(self._missing_servers, SERVERS_LIMIT_S)
         self.supervisor.note_segments()
@@ -172,12 +176,18 @@ class Bringup:
         for topic in silent():
             self._observer.note(f"nobody publishes {topic}: no {heard[topic]} until then", Severity.WARN)
 
-    def _start(self, launch: NodeLaunch) -> None:
+    def _processes(self) -> Iterator[str]:
+        """Yield the names of the processes; of one in which nodes are composed, with theirs."""
+        for name, launches in self.description.processes.items():
+            nodes = " + ".join(launch.node.name for launch in launches)
+            yield f"{name} ({nodes})" if name == COMPOSED else name
+
+    def _start(self, name: str, launches: Sequence[NodeLaunch]) -> None:
         folder = self._settings.folder
         try:
-            self.supervisor.start(launch.node.name, command(launch, folder))
+            self.supervisor.start(name, command(launches, folder))
         except OSError as problem:  # the disk is full, or no further process can be started
-            name, reason = launch.node.name, problem.strerror
+            reason = problem.strerror
             raise RunFailed(f"{name} cannot be started with its files in {folder}: {reason}") from None
 
     def _describe(
@@ -186,7 +196,12 @@ class Bringup:
         """Return what is to be started; it must include every node that an option configures."""
         settings = self._settings
         wanted = describe_launch(
-            plugins, catalog, present, settings.parameters, simulate=settings.simulate, known=settings.known
+            plugins,
+            catalog,
+            present,
+            settings.parameters,
+            simulate=settings.simulate,
+            known=settings.known,
         )
         taken = [
             f"{option} is for {name}, which runs already; stop it or choose another --domain"
@@ -195,7 +210,7 @@ class Bringup:
         ]
         if taken:
             raise RunFailed("\n".join(taken))
-        return wanted
+        return composed(wanted, catalog, settings.compose)
 
     @property
     def owns_orchestrator(self) -> bool:
@@ -208,7 +223,7 @@ class Bringup:
                 self._operator.nodes(), self._operator.services(), self._operator.actions()
             )
 
-        return settled(self._spin, look, lambda seen: len(seen.nodes))
+        return settled(self._spin, look, lambda _: self._operator.strangers())
 
     def _spin(self) -> None:
         self._operator.spin(TICK_S)
@@ -364,7 +379,7 @@ class Bringup:
         """
         while True:
             told(self._progress)
-            self._tick()
+            self._tick(WATCH_TICK_S)
             self._interrupts.check()
 
     def _wait_until(self, condition: Callable[[], bool], limit: float, checked: bool = False) -> bool:
@@ -378,8 +393,8 @@ class Bringup:
                 self._interrupts.check()
         return True
 
-    def _tick(self) -> None:
-        self._operator.spin(TICK_S)
+    def _tick(self, seconds: float = TICK_S) -> None:
+        self._operator.spin(seconds)
         self._take()
         self._look_at_processes()
         if self.monitor is not None:

@@ -37,7 +37,7 @@ def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callabl
     Args:
         spin: lets the node that looks work for a moment.
         look: returns what is seen now.
-        strangers: how many nodes are seen, besides the one that looks.
+        strangers: how many participants are seen, besides that of the node that looks.
     """
     begin = changed = time.monotonic()
     seen, looks = look(), 0

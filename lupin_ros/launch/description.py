@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from lupin_engine.plugin import Catalog, Plugin
-from lupin_ros.launch.nodes import ORCHESTRATOR, LaunchableNode, nodes_of
+from lupin_ros.launch.nodes import ORCHESTRATOR, LaunchableNode, is_composable, nodes_of
 
 #: Values of ROS parameters by name.
 ParameterValues = Mapping[str, Any]
+#: The process of the nodes that share one.
+COMPOSED = "composed"
 
 
 @dataclass(frozen=True)
@@ -44,15 +46,28 @@ class NodeLaunch:
 
 @dataclass(frozen=True)
 class LaunchDescription:
-    """What to start, and what is there already: nodes, or servers that a simulation would replace."""
+    """What to start, and what is there already: nodes, or servers that a simulation would replace.
+
+    `composed` names the nodes that share a process.
+    """
 
     launches: tuple[NodeLaunch, ...]
     joined: tuple[str, ...] = ()
+    composed: frozenset[str] = frozenset()
 
     @property
     def starts(self) -> tuple[str, ...]:
         """Names of the nodes to start."""
         return tuple(launch.node.name for launch in self.launches)
+
+    @property
+    def processes(self) -> Mapping[str, Sequence[NodeLaunch]]:
+        """The processes to start by name, in their order, each with its nodes."""
+        found: dict[str, list[NodeLaunch]] = {}
+        for launch in self.launches:
+            name = launch.node.name
+            found.setdefault(COMPOSED if name in self.composed else name, []).append(launch)
+        return found
 
 
 def simulators(catalog: Catalog) -> Mapping[str, LaunchableNode]:
@@ -92,8 +107,18 @@ def describe_launch(
         ORCHESTRATOR: {**_assumed(starting, catalog, known), **parameters.get(ORCHESTRATOR, {})},
     }
     return LaunchDescription(
-        tuple(NodeLaunch(node, given.get(node.name, {})) for node in starting), tuple(joined)
+        tuple(NodeLaunch(node, given.get(node.name, {})) for node in starting),
+        tuple(joined),
     )
+
+
+def composed(description: LaunchDescription, catalog: Catalog, wanted: bool | None) -> LaunchDescription:
+    """Let the nodes that may share a process do so, where that is wanted; None: where one is simulated."""
+    nodes = [launch.node for launch in description.launches]
+    if wanted is None:
+        wanted = any(node.name in simulators(catalog) for node in nodes)
+    names = frozenset(node.name for node in nodes if wanted and is_composable(node, catalog))
+    return replace(description, composed=names if len(names) > 1 else frozenset())
 
 
 def _assumed(starting: Iterable[LaunchableNode], catalog: Catalog, known: Container[str]) -> ParameterValues:
@@ -133,14 +158,16 @@ def _owner(node: LaunchableNode, catalog: Catalog) -> Plugin:
     return catalog.plugins.get(node.plugin) or Plugin("engine", "What the engine itself starts.")
 
 
-def command(launch: NodeLaunch, folder: Path) -> list[str]:
-    """Return the command line that starts a node; its parameters are written to a file in `folder`."""
-    line = [sys.executable, "-m", "lupin_cli.main", "node", launch.node.name]
-    if not launch.parameters:
-        return line
-    file = folder / f"{launch.node.name}.yaml"
-    file.write_text(parameter_file(launch.node.name, launch.parameters), encoding="utf-8")
-    return [*line, "--ros-args", "--params-file", str(file)]
+def command(launches: Sequence[NodeLaunch], folder: Path) -> list[str]:
+    """Return the command line of the process of these nodes; parameters are written to files in `folder`."""
+    line = [sys.executable, "-m", "lupin_cli.main", "node", *(launch.node.name for launch in launches)]
+    files: list[str] = []
+    for launch in launches:
+        if launch.parameters:
+            file = folder / f"{launch.node.name}.yaml"
+            file.write_text(parameter_file(launch.node.name, launch.parameters), encoding="utf-8")
+            files += ["--params-file", str(file)]
+    return [*line, *(["--ros-args", *files] if files else [])]
 
 
 def parameter_file(node: str, values: ParameterValues) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import closing
 
-from lupin_ros.adapter.network import UNKNOWN, Interface, interfaces
+from lupin_ros.adapter.network import Interface, interfaces, other_participants
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.launch.dds_discovery import settled
 
@@ -26,6 +26,9 @@ class _Onlooker:
         node = self._ros.node
         return tuple(interfaces(node, without=[node.get_fully_qualified_name()]))
 
+    def strangers(self) -> int:
+        return other_participants(self._ros.node)
+
     def close(self) -> None:
         self._ros.leave()
 
@@ -33,9 +36,4 @@ class _Onlooker:
 def network() -> tuple[Interface, ...]:
     """Return what is on the network once everybody on this machine has been seen; takes a second or two."""
     with closing(_Onlooker()) as onlooker:
-        return settled(onlooker.spin, onlooker.look, _nodes)
-
-
-def _nodes(seen: tuple[Interface, ...]) -> int:
-    names = {name for interface in seen for name in (*interface.producers, *interface.consumers)}
-    return len(names - {UNKNOWN})
+        return settled(onlooker.spin, onlooker.look, lambda _: onlooker.strangers())

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import metadata
+from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import Literal
 
@@ -232,13 +233,13 @@ def running_nodes(domain: int, processes: Path = Path("/proc")) -> Iterator[tupl
     """Yield process id and name of every `lupin node` of this machine that is in a ROS domain."""
     for entry in sorted(processes.glob("[0-9]*"), key=lambda e: int(e.name)):
         try:
-            name = _node_in(_words(entry / "cmdline"))
-            variables = dict(word.partition("=")[::2] for word in _words(entry / "environ")) if name else {}
-            is_there = bool(name) and ros_domain(variables) == domain
+            names = _nodes_in(_words(entry / "cmdline"))
+            variables = dict(word.partition("=")[::2] for word in _words(entry / "environ")) if names else {}
+            is_there = bool(names) and ros_domain(variables) == domain
         except (OSError, UsageError):
             continue  # it has ended, belongs to another user, or has a domain that does not exist
         if is_there:
-            yield int(entry.name), name
+            yield from ((int(entry.name), name) for name in names)
 
 
 def _words(file: Path) -> list[str]:
@@ -246,11 +247,11 @@ def _words(file: Path) -> list[str]:
     return file.read_bytes().decode(errors="replace").split("\0")
 
 
-def _node_in(words: Sequence[str]) -> str:
-    for before, word, name in zip(words, words[1:], words[2:], strict=False):
+def _nodes_in(words: Sequence[str]) -> list[str]:
+    for place, (before, word) in enumerate(pairwise(words)):
         if word == "node" and (before == "lupin_cli.main" or Path(before).name == "lupin"):
-            return name
-    return ""
+            return list(takewhile(lambda name: name and not name.startswith("-"), words[place + 2 :]))
+    return []
 
 
 def look_at_plugins() -> Iterator[Finding]:

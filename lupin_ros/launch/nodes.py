@@ -7,12 +7,13 @@ import importlib
 import importlib.util
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from types import ModuleType
 from typing import Any
 
 from lupin_engine.errors import LupinError, PluginError, UsageError, nearest
 from lupin_engine.plugin import Catalog, Parameter
-from lupin_ros.adapter.process import is_rclpys_end
+from lupin_ros.adapter.process import is_rclpys_end, run_together
 from lupin_ros.service import names
 
 ORCHESTRATOR = names.NODE
@@ -109,6 +110,27 @@ def nodes_of(catalog: Catalog) -> Mapping[str, LaunchableNode]:
         for name, entry in plugin.nodes.items():
             found.setdefault(name, LaunchableNode(name, entry, plugin.name))
     return found
+
+
+def is_composable(node: LaunchableNode, catalog: Catalog) -> bool:
+    """Say whether a node may share a process with others."""
+    plugin = catalog.plugins.get(node.plugin)
+    return plugin is not None and node.name in plugin.composable
+
+
+def run_composed(nodes: Sequence[LaunchableNode], catalog: Catalog, arguments: Sequence[str]) -> int:
+    """Run nodes in this process until one has ended or all are told to stop, and return the exit code.
+
+    Raises:
+        UsageError: one of them has a process of its own.
+    """
+    alone = [node.name for node in nodes if not is_composable(node, catalog)]
+    if alone:
+        raise UsageError(f"{', '.join(alone)}: shares no process; start each with `lupin node NAME`")
+    from lupin_ros.adapter.node import one_context  # needs rclpy
+
+    with one_context(arguments):
+        return run_together({node.name: partial(node.run, list(arguments)) for node in nodes})
 
 
 def find_node(name: str, catalog: Catalog) -> LaunchableNode:

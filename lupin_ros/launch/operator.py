@@ -16,16 +16,16 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, UsageError
-from lupin_engine.machine import NOTHING
 from lupin_engine.plugin import START_VERB, Profile, StartRequest
 from lupin_engine.runtime import APART_S, STALE
-from lupin_ros.adapter.network import Kind, interfaces
+from lupin_ros.adapter.network import Kind, interfaces, other_participants
 from lupin_ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
 from lupin_ros.interfaces.definitions import interface_class
 from lupin_ros.service.messages import read, wire_of, write
@@ -91,7 +91,7 @@ class Commander:
         self,
         verb: str,
         mission: str = "",
-        request: Mapping[str, Any] = NOTHING,
+        request: Mapping[str, Any] = MappingProxyType({}),
         timeout: float = ANSWER_S,
     ) -> Answer:
         """Command something; what is not answered in `timeout` seconds is asked once more.
@@ -277,6 +277,10 @@ class Operator(Commander):
         """Return the names, without namespace, of all nodes but this one."""
         found = self._ros.node.get_node_names_and_namespaces()
         return frozenset(name for name, _ in found if name != self._ros.name)
+
+    def strangers(self) -> int:
+        """Return how many participants are known but this one."""
+        return other_participants(self._ros.node)
 
     def count(self, name: str) -> int:
         """Return how many nodes have that name, namespaces aside."""

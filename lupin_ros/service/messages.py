@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lupin_engine.errors import LupinError
-from lupin_engine.machine import View
 from lupin_engine.plugin import Code, Fields, Profile, Situation, Wire, classify
 from lupin_ros.interfaces.definitions import element_of
+
+if TYPE_CHECKING:
+    from lupin_engine.machine import View
 
 
 def wire_of(profile: Profile) -> Wire:

@@ -22,6 +22,7 @@ PLUGIN = Plugin(
     },
     client="lupin_arm.client:ArmClient",
     nodes={"lupin_arm": "lupin_arm.node:main", "lupin_arm_sim": "lupin_arm.node.sim:main"},
+    composable=("lupin_arm", "lupin_arm_sim"),
     serves=("/lupin/arm/preset",),
     publishes=("/lupin/arm/library/state", "/joint_states"),
     access=Access(

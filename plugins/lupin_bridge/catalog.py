@@ -163,4 +163,5 @@ PLUGIN = Plugin(
     serves=("/greenhouse_bridge/get_tag_reading",),
     access=Access(operator=("/greenhouse_bridge/get_tag_reading",)),
     nodes={"greenhouse_bridge": "lupin_bridge.node:main"},
+    composable=("greenhouse_bridge",),
 )

@@ -96,4 +96,5 @@ PLUGIN = Plugin(
         engineer=("/perception/confirm_tag",),
     ),
     nodes={"perception_aggregator": "lupin_perception.node:main"},
+    composable=("perception_aggregator",),
 )

@@ -8,6 +8,7 @@ PLUGIN = Plugin(
     name="robot_sim",
     doc="A simulated robot: navigation, localization, cameras, battery, emergency stop, faults on request.",
     nodes={"lupin_sim": "lupin_sim.node:main"},
+    composable=("lupin_sim",),
     stands_in={"lupin_sim": ("navigate_to_pose",)},
     # The simulated bridge answers at once: without a stay nobody would have looked at the flowers.
     simulated_defaults={"flower_scan_dwell_s": 0.5},

@@ -52,6 +52,7 @@ PLUGIN = Plugin(
     client="lupin_twin.client:TwinClient",
     nodes={"lupin_twin": "lupin_twin.node:main"},
     companions=("lupin_twin",),
+    composable=("lupin_twin",),
     publishes=("/twin/state",),
     access=Access(viewer=("/twin/state", "/twin/get_field")),
     profile="greenhouse",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +15,7 @@ from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import Catalog, Parameter
 from lupin_ros.launch import (
     ORCHESTRATOR,
+    LaunchableNode,
     NodeLaunch,
     ParameterValues,
     PresentEndpoints,
@@ -39,6 +40,7 @@ class GivenOptions:
     speed: float = 1.0
     no_sim: bool = False
     no_respawn: bool = False
+    compose: bool | None = None
     hmi: bool = False
     opened: bool = False
     domain: int | None = None
@@ -110,6 +112,7 @@ class CheckedOptions:
             settle=bool(self._wanted.sim),
             patience=patience,
             respawn=not self._wanted.no_respawn,
+            compose=self._wanted.compose,
         )
 
     def _look_at_the_surroundings(self) -> None:
@@ -123,18 +126,30 @@ class CheckedOptions:
 
     @cached_property
     def _declared(self) -> Mapping[str, Mapping[str, Parameter]]:
-        """The parameters of every node but the orchestrator, whose are those of the missions."""
+        """The parameters of every node but the orchestrator, whose are those of the missions.
+
+        Nodes that serve pages are left out unless somebody wants them: to import what they do takes long.
+        """
+        return self._parameters_of(self._wants)
+
+    def _wants(self, node: LaunchableNode) -> bool:
+        is_page = self._catalog.plugins[node.plugin].hmi
+        return not is_page or self._wanted.hmi or node.name in of_nodes(self._wanted.settings)
+
+    def _parameters_of(
+        self, which: Callable[[LaunchableNode], bool]
+    ) -> Mapping[str, Mapping[str, Parameter]]:
         prepare_ros()
         found = {}
         for name, node in nodes_of(self._catalog).items():
-            if name == ORCHESTRATOR:
+            if name == ORCHESTRATOR or not which(node):
                 continue
             try:
                 found[name] = node.parameters()
             except PluginError as problem:
                 if not self._catalog.plugins[node.plugin].hmi:
                     raise
-                if self._wanted.hmi or name in of_nodes(self._wanted.settings):
+                if self._wants(node):
                     raise UsageError(f"{problem}; pages need `pip install 'lupin-engine[hmi]'`") from problem
         return found
 
@@ -158,7 +173,7 @@ class CheckedOptions:
         if name in self._loaded.chart.parameters:
             return f"it belongs to the mission: write --set {name}=VALUE"
         try:
-            owners = [node for node, known in self._declared.items() if name in known]
+            owners = [node for node, known in self._parameters_of(lambda _: True).items() if name in known]
             owners += [ORCHESTRATOR] * (name in self._own)
         except LupinError:
             return ""  # without ROS only the parameters of missions are known
@@ -202,7 +217,7 @@ class CheckedOptions:
                 if hints:
                     self.problems.add(f"--set: parameters of the mission go without a node: write {hints}")
             else:
-                self.problems.add(f"--set: unknown node {name!r}; {nearest(name, self._declared)}")
+                self.problems.add(f"--set: unknown node {name!r}; {nearest(name, nodes_of(self._catalog))}")
         return found
 
     def _parameters(self, given: Mapping[str, ParameterValues]) -> dict[str, ParameterValues]:

@@ -113,6 +113,12 @@ no_sim = click.option("--no-sim", is_flag=True, help="Start no simulated robot: 
 no_respawn = click.option(
     "--no-respawn", is_flag=True, help="Leave a node that dies dead: something else starts it again."
 )
+compose = click.option(
+    "--compose/--separate",
+    default=None,
+    help="Nodes that may share one process do, or have one each; default: they do where the robot is "
+    "simulated. Orchestrator, watchdog and gateway always have their own.",
+)
 hmi = click.option("--hmi", is_flag=True, help="Serve people's pages too, on this machine only.")
 pages_port = click.option(
     "--port",
@@ -139,6 +145,6 @@ log_dir = click.option(
 
 def bring_up(command: _F) -> _F:
     """Add the options of verbs that bring up nodes, in this order."""
-    for option in reversed((settings, speed, sim, no_sim, no_respawn, hmi, opened, domain, log_dir)):
+    for option in reversed((settings, speed, sim, no_sim, no_respawn, compose, hmi, opened, domain, log_dir)):
         command = option(command)
     return command

@@ -29,7 +29,7 @@ def declared_by(launches: Iterable[NodeLaunch]) -> list[Interface]:
             seen: list[Interface] = []
             RosNode.rehearsed = lambda ros, seen=seen: seen.extend(interfaces(ros.node, parts=True))
             try:
-                launch.node.run(command(launch, Path(folder))[5:])
+                launch.node.run(command([launch], Path(folder))[5:])
             except LupinError as problem:
                 raise LupinError(f"{launch.node.name} cannot be started: {problem}") from None
             finally:

@@ -58,6 +58,14 @@ def test_the_installed_plugins_make_a_catalog() -> None:
             {"companions": ("watcher",), "nodes": {"a_watcher": "watch:main"}},
             "companions names 'watcher', which is none of its nodes; did you mean 'a_watcher'",
         ),
+        (
+            {"composable": ("dog",), "nodes": {"dog": "d:main"}, "guards": {"dog": ("go",)}},
+            "composable names 'dog', which guards something: it has a process of its own",
+        ),
+        (
+            {"composable": ("page",), "nodes": {"page": "p:main"}, "hmi": True},
+            "composable names 'page', which serves pages: it has a process of its own",
+        ),
         ({"stands_in": {"sim": ()}}, "stands_in names 'sim', which is none of its nodes; nothing is allowed"),
         ({"functions": {"F": Function("F.", TEXT, lambda _: str)}}, "lower case .*, underscores and dots"),
         (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -108,7 +108,8 @@ def test_every_node_that_dies_at_the_start_is_told_with_its_last_words(
     """Two with one reason are told as two: the exit code, the log, and its last lines."""
     launches = tuple(NodeLaunch(LaunchableNode(name, "")) for name in ("reader", "looker"))
 
-    def command(launch: NodeLaunch, folder: Path) -> list[str]:
+    def command(launches: Sequence[NodeLaunch], folder: Path) -> list[str]:
+        (launch,) = launches
         return [sys.executable, "-c", f"print('no {launch.node.name} here'); raise SystemExit(3)"]
 
     with begin(monkeypatch, tmp_path, launches, command) as bringup, pytest.raises(RunFailed) as caught:
@@ -128,8 +129,8 @@ def test_a_disk_that_is_full_is_told_and_ends_what_was_started(
     """The file with a node's parameters could not be written."""
     launches = tuple(NodeLaunch(LaunchableNode(name, "")) for name in ("reader", "looker"))
 
-    def command(launch: NodeLaunch, folder: Path) -> list[str]:
-        if launch.node.name == "looker":
+    def command(launches: Sequence[NodeLaunch], folder: Path) -> list[str]:
+        if launches[0].node.name == "looker":
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return [sys.executable, "-c", "import signal; signal.pause()"]
 
@@ -203,7 +204,7 @@ def test_an_orchestrator_that_dies_is_started_again(
     with begin(monkeypatch, tmp_path, launches, lambda *_: [sys.executable, "-c", code]) as bringup:
         bringup._is_up = True
         bringup._progress = Progress("InspectionMission", "m7", lifecycle)
-        bringup._start(launches[0])
+        bringup._start("mission_orchestrator", launches)
 
         def has_lived_twice() -> bool:
             bringup._look_at_processes()
@@ -225,7 +226,7 @@ def test_a_run_ends_with_an_orchestrator_that_is_not_started_again(
     code = [sys.executable, "-c", ""]
     with begin(monkeypatch, tmp_path, launches, lambda *_: code, respawn=False) as bringup:
         bringup._is_up = True
-        bringup._start(launches[0])
+        bringup._start("mission_orchestrator", launches)
         until(lambda: not bringup.supervisor.names, "it has ended", 20.0)
         with pytest.raises(RunFailed, match="mission_orchestrator ended with exit code 0"):
             bringup._look_at_processes()

@@ -14,9 +14,11 @@ from lupin_engine.errors import LupinError, PluginError
 from lupin_engine.plugin.contract import Operation, Plugin
 from lupin_engine.plugin.registry import Catalog, build_catalog, load_catalog
 from lupin_ros.launch.description import (
+    COMPOSED,
     NodeLaunch,
     PresentEndpoints,
     command,
+    composed,
     describe_launch,
     parameter_file,
 )
@@ -147,10 +149,13 @@ def test_a_simulation_has_defaults_of_its_own_for_missions(
 def test_parameters_reach_their_node(tmp_path: Path) -> None:
     """As a file, because arguments carry neither lists nor the difference between 5 and '5'."""
     launch = NodeLaunch(LaunchableNode("reader", "r:main", "read"), {"tags": ["1", "5"]})
-    line = command(launch, tmp_path)
+    line = command([launch], tmp_path)
     assert line[-6:] == ["lupin_cli.main", "node", "reader", "--ros-args", "--params-file", line[-1]]
     assert Path(line[-1]).read_text() == 'reader:\n  ros__parameters:\n    tags: ["1", "5"]\n'
-    assert command(NodeLaunch(launch.node), tmp_path)[-2:] == ["node", "reader"]
+    assert command([NodeLaunch(launch.node)], tmp_path)[-2:] == ["node", "reader"]
+    pump = NodeLaunch(LaunchableNode("pump", "p:main", "water"), {"high": 1})
+    files = [arg for name in ("reader", "pump") for arg in ("--params-file", str(tmp_path / f"{name}.yaml"))]
+    assert command([launch, pump], tmp_path)[4:] == ["reader", "pump", "--ros-args", *files]
 
 
 def test_values_keep_their_type_in_the_file() -> None:
@@ -186,6 +191,24 @@ def test_what_a_node_checks_is_told_and_its_defects_are_its_own(monkeypatch: pyt
         PluginError, match=r"^node 'pump' of plugin 'water': its check failed: KeyError: 'high'$"
     ):
         node.check({"low": 5})
+
+
+@pytest.mark.parametrize(
+    ("wanted", "simulate", "is_composed"),
+    [(None, True, True), (None, False, False), (True, False, True), (False, True, False)],
+)
+def test_nodes_share_a_process_where_the_robot_is_simulated_or_somebody_wants_it(
+    wanted: bool | None, simulate: bool, is_composed: bool
+) -> None:
+    """Of the shipped ones all do but those that keep the robot safe: each of these is alone, always."""
+    shipped = load_catalog()
+    starts = describe_launch(shipped.plugins, shipped, NOTHING, {}, simulate=simulate)
+    processes = composed(starts, shipped, wanted).processes
+    together = {launch.node.name for launch in processes.get(COMPOSED, ())}
+    alone = {"mission_orchestrator", "nav_watchdog", "lupin_gateway"}
+    assert together == (set(starts.starts) - alone if is_composed else set())
+    assert all(len(processes[name]) == 1 for name in alone)
+    assert list(processes)[-1] == "mission_orchestrator"
 
 
 def test_the_watchdog_of_navigation_is_started_beside_the_simulated_base() -> None:

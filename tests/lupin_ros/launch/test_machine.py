@@ -79,9 +79,10 @@ def test_running_nodes_are_known_by_their_command(tmp_path: Path) -> None:
         "15": "node\0server.js\0now\0",
         "17": "/v/bin/python\0/v/bin/lupin\0node\0elsewhere\0",
         "18": "/v/bin/python\0/v/bin/lupin\0node\0nowhere\0",
+        "19": "/v/bin/python\0-m\0lupin_cli.main\0node\0lupin_arm\0lupin_twin\0--ros-args\0-p\0a:=b\0",
     }
     domains = {"12": "LANG=C\0ROS_DOMAIN_ID=5\0", "13": "ROS_DOMAIN_ID=5\0", "17": "ROS_DOMAIN_ID=6\0"}
-    domains["18"] = "ROS_DOMAIN_ID=lab\0"
+    domains["18"], domains["19"] = "ROS_DOMAIN_ID=lab\0", "ROS_DOMAIN_ID=8\0"
     for pid, line in commands.items():
         (tmp_path / pid).mkdir()
         (tmp_path / pid / "cmdline").write_text(line)
@@ -89,6 +90,7 @@ def test_running_nodes_are_known_by_their_command(tmp_path: Path) -> None:
     (tmp_path / "16").mkdir()
     assert list(running_nodes(5, tmp_path)) == [(12, "lupin_sim"), (13, "greenhouse_bridge")]
     assert list(running_nodes(6, tmp_path)) == [(17, "elsewhere")]
+    assert list(running_nodes(8, tmp_path)) == [(19, "lupin_arm"), (19, "lupin_twin")]
     assert list(running_nodes(0, tmp_path)) == []
 
 

@@ -195,7 +195,7 @@ def test_who_is_killed_comes_back_and_the_mission_loses_nothing(
     Until they are back the robot does not move: without the bridge the next scan would fail, as it should.
     """
     nodes = ("lupin_twin", "perception_aggregator", "lupin_arm", "greenhouse_bridge")
-    run = lupin("run", "inspection", "--tags", "1,21,12", "--speed", "2", "--json")
+    run = lupin("run", "inspection", "--tags", "1,21,12", "--speed", "2", "--json", "--separate")
     run.until_line('"current_target": "21"')
     tinkerer = operator(run)
     tinkerer.set_parameter("lupin_sim", "fault", "stall")

@@ -141,7 +141,7 @@ def test_being_killed_leaves_no_process(lupin: Start) -> None:
 
 def test_a_bridge_that_stays_dead_fails_its_scan_and_nothing_else(lupin: Start) -> None:
     """The mission has a declared error for that; the run tells which process died and how."""
-    once = ("--set", "scan_timeout_s=3 s", "--no-respawn")
+    once = ("--set", "scan_timeout_s=3 s", "--no-respawn", "--separate")
     run = lupin("run", "inspection", "--tags", "1,21", "--speed", "2", *once)
     run.until_line("NAVIGATING  tag 21")
     os.kill(run.pid_of("greenhouse_bridge"), signal.SIGKILL)

@@ -38,7 +38,7 @@ def up(lupin: Callable[..., Lupin], tmp_path: Any) -> Lupin:
     """All nodes with a gateway, ready."""
     # A robot that is silent for 2 s counts as stopped; on a busy machine it is only not let work.
     patient = ("--set", "estop_timeout_s=20 s")
-    started = lupin("up", "--hmi", "--set", f"lupin_gateway.port={free_port()}", *patient)
+    started = lupin("up", "--hmi", "--set", f"lupin_gateway.port={free_port()}", *patient, "--separate")
     started.until_line("Ctrl-C stops everything")
     return started
 

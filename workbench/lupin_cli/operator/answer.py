@@ -28,7 +28,7 @@ def answer(choice: str | None, domain: int | None) -> int:
             if choice not in known:
                 raise UsageError(f"{choice!r} is no choice; {nearest(choice, known)}")
             return told(orchestrator.command(ANSWER_VERB, request={"choice": choice}))
-    from lupin_cli.terminal.view import default_text
+    from lupin_cli.terminal.words import default_text
 
     for question in asked:
         click.echo(question.question)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from itertools import takewhile
 from typing import Any
 
-from lupin_cli.terminal.view import clock, default_text
+from lupin_cli.terminal.words import clock, default_text
 from lupin_engine.plugin import ANSWER, ANSWER_VERB, START_VERB
 from lupin_engine.runtime import OpenQuestion, open_questions
 

@@ -17,10 +17,11 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from lupin_cli.terminal.words import clock as clock
+from lupin_cli.terminal.words import default_text
 from lupin_engine.chart import Chart, Kind
 from lupin_engine.errors import Severity
 from lupin_engine.plugin import Profile, Progress, Rating, TargetOutcome, TargetResult
-from lupin_engine.runtime import OpenQuestion
 from lupin_ros.launch import ALL_VISITED, NOT_DONE, SOME_MISSED, RunEvent, RunMonitor, RunningOperation
 
 STYLES: Mapping[Severity, str] = {
@@ -193,16 +194,6 @@ def _details(monitor: RunMonitor, now: float, symbols: Symbols) -> RenderableTyp
         style = "red" if monitor.progress.flags.get(low) else "green"
         grid.add_row(name, _measure(share, 1.0, style, f"{share:.0%}"))
     return grid
-
-
-def default_text(asked: OpenQuestion) -> str:
-    """Return what counts when nobody answers, and when."""
-    rest = (
-        f"with {clock(asked.left)} left; the clock stands still"
-        if asked.stopped
-        else f"in {clock(asked.left)}"
-    )
-    return f"else {asked.default} {rest}"
 
 
 def _resume(profile: Profile) -> str:
@@ -394,9 +385,3 @@ def plain_state(progress: Progress, profile: Profile, searching: bool = False) -
 def changed_key(progress: Progress) -> tuple[str, ...]:
     """Return what must differ for a state to be worth a line."""
     return progress.lifecycle, progress.phase, progress.target
-
-
-def clock(seconds: float) -> str:
-    """Return a duration as minutes and seconds."""
-    whole = max(0.0, seconds)
-    return f"{int(whole // 60):02d}:{whole % 60:04.1f}"

@@ -89,7 +89,7 @@ def _watch(recorder: TopicRecorder, interrupts: Interrupts) -> None:
     from rich.live import Live
 
     from lupin_cli.recording import amount
-    from lupin_cli.terminal.view import clock
+    from lupin_cli.terminal.words import clock
 
     console, began = Console(highlight=False), time.monotonic()
     with Live(console=console, auto_refresh=False, transient=True) as line:

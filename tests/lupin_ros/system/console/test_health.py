@@ -23,7 +23,7 @@ SINCE = re.compile(r"not heard since \d+:\d\d:\d\d")
 @pytest.fixture(scope="module")
 def robot(serve: Callable[..., Served]) -> Served:
     """Nodes that are not started again when they die."""
-    return serve("up", "--speed", "4", "--no-respawn")
+    return serve("up", "--speed", "4", "--no-respawn", "--separate")
 
 
 def number(text: str) -> float:

@@ -40,6 +40,12 @@ class Robot:
         spin_until([self.ros], lambda: self.heard[-1:] == [stopped], limit, f"stop {stopped}")
 
 
+@pytest.fixture(scope="module")
+def robot(serve: Callable[..., Served]) -> Served:
+    """Processes of their own: one is held up."""
+    return serve("up", "--speed", "4", "--separate")
+
+
 @pytest.fixture
 def listener(robot: Served, monkeypatch: pytest.MonkeyPatch) -> Iterator[Robot]:
     """A node in the domain of `robot`."""
