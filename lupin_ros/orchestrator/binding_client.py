@@ -1,6 +1,7 @@
-"""A client for services, actions and topics that are known by name only: all about them is told as data.
+"""The driver of a binding: calls services, actions and topics by type name, as `lupin_engine.bindings` says.
 
-This is the whole driver of a plugin that is written down in a file; `lupin_engine.bindings` makes the data.
+Types are imported at run time. An expression that fails ends the attempt with the binding's code; in a
+message it is logged once, and the message is ignored.
 """
 
 from __future__ import annotations
@@ -34,12 +35,11 @@ from lupin_ros.interfaces.definitions import (
     plain,
 )
 
-#: How long after it was made a client waits for a server that it does not see, in seconds of real time:
-#: discovery takes its time, also where a simulation stands still.
+#: How long after its start a client waits for an undiscovered server, in seconds of real time.
 DISCOVERY_S = 3.0
 _LOOK_PERIOD_S = 0.05
 
-#: What `status` is for how a goal ended. A server that was started anew knows nothing of the goal.
+#: The values of `status` for a goal's end. A restarted server does not know the goal: its status is another.
 _STATUS = {
     GoalStatus.STATUS_SUCCEEDED: "succeeded",
     GoalStatus.STATUS_ABORTED: "aborted",
@@ -47,12 +47,12 @@ _STATUS = {
 }
 _CALLED = {"srv": "service", "action": "action server"}
 _QOS = {"reliable": Qos.EVENT, "latched": Qos.LATCHED, "sensor": Qos.SENSOR}
-#: What expressions and values raise that do not come out as their author meant.
+#: The exceptions of an expression, and of a value that does not fit its field.
 _COMPUTING = (ValueError, ArithmeticError, LookupError, TypeError)
 
 
 class _BindingContext:
-    """What all parts of a client share."""
+    """The node, the outlet and the parameters that all parts of a client share."""
 
     def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
         self.ros = ros
@@ -60,25 +60,29 @@ class _BindingContext:
         self._parameters = parameters
 
     def around(self, endpoint: Endpoint) -> dict[str, Any]:
-        """Return what every expression about an endpoint may read."""
+        """Return the names that every expression about an endpoint may read."""
         constants = interface_constants(endpoint.type)
         return {"param": self._parameters, "constant": constants, "now": self.ros.now()}
 
     def filled(
         self, kind: Any, part: str, endpoint: Endpoint, sending: Sending, arguments: Mapping[str, Any]
     ) -> Any:
-        """Return a request, goal or message with what is sent; raises what computing it raises."""
+        """Return a request, goal or message with computed fields.
+
+        Raises:
+            ValueError, ArithmeticError, LookupError, TypeError: an expression fails, or its value misfits.
+        """
         data = sending.sent(arguments, self.around(endpoint))
         return fill(kind(), data, interface_types(endpoint.type)[part])
 
     def missing_server(self, endpoint: Endpoint, said: str) -> str:
-        """Return why a server is not there, with what its peers use instead where that can be seen."""
+        """Return why a server is missing, with a peer's other type or QoS where the graph shows one."""
         name = self.ros.node.resolve_service_name(endpoint.name)
         others = (found for found in peer_mismatches(self.ros) if f"{name}:" in found or f"{name}/" in found)
         return "; ".join([said, *sorted(others)[:1]])
 
     def is_deaf(self, call: OperationCall) -> bool:
-        """Say whether a server that should watch us, as the file says, does not listen to what we tell."""
+        """Return whether a server that is declared to watch this node does not subscribe to its lifeline."""
         if not (call.watched and self.ros.lifeline):
             return False
         name = self.ros.node.resolve_service_name(call.endpoint.name)
@@ -87,7 +91,7 @@ class _BindingContext:
 
 
 class BoundClient:
-    """The driver of a plugin that is a file; see `plugin.contract.Driver` for what every call promises."""
+    """The driver of a binding; `plugin.contract.Driver` has the contract of each method."""
 
     def __init__(self, ros: RosNode, bound: Binding, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
         self._ros = ros
@@ -95,17 +99,17 @@ class BoundClient:
         self._outlet = outlet
         self._patient_until = time.monotonic() + DISCOVERY_S
         self._waiting: dict[str, RosTimer] = {}
-        world = _BindingContext(ros, outlet, parameters)
-        self._world = world
-        self._called = {n: _called(world, c) for n, c in bound.calls.items() if c.endpoint.kind == "srv"}
+        context = _BindingContext(ros, outlet, parameters)
+        self._context = context
+        self._called = {n: _called(context, c) for n, c in bound.calls.items() if c.endpoint.kind == "srv"}
         self._services = ServiceDriver(bound.name, outlet, self._called)
         self._servers: dict[str, ActionServer] = {}
         self._goals = {n: self._goal(c) for n, c in bound.calls.items() if c.endpoint.kind == "action"}
         self._attempts = ActionAttempts(ros, outlet)
         self._publishers = {name: _publisher(ros, sent.endpoint) for name, sent in bound.sends.items()}
         self._listeners = [
-            *(_Listener(world, heard, partial(self._value, name)) for name, heard in bound.values.items()),
-            *(_Listener(world, heard, partial(self._event, name)) for name, heard in bound.events.items()),
+            *(_Listener(context, heard, partial(self._value, name)) for name, heard in bound.values.items()),
+            *(_Listener(context, heard, partial(self._event, name)) for name, heard in bound.events.items()),
         ]
 
     def _goal(self, call: OperationCall) -> ActionOperation:
@@ -116,20 +120,20 @@ class BoundClient:
             ours = any(each.moves for each in of_it)
             server = ActionServer(self._ros, interface_class(endpoint.type), endpoint.name, ours=ours)
             self._servers[endpoint.name] = server
-        outcome = partial(_ended, self._world, call)
-        told = partial(_told, self._world, call)
-        cut_short = partial(_cut_short, self._world, call)
-        return ActionOperation(server, outcome, told, call.rejected, call.unavailable, cut_short)
+        outcome = partial(_ended, self._context, call)
+        progress = partial(_progress, self._context, call)
+        cut_short = partial(_cut_short, self._context, call)
+        return ActionOperation(server, outcome, progress, call.rejected, call.unavailable, cut_short)
 
     def missing(self) -> list[str]:
-        """Name the services and action servers that cannot be reached, or do not watch us as they should."""
+        """Return the servers that are not reachable; where all are, those that do not watch this node."""
         unreached = [*self._services.missing(), *(m for s in self._servers.values() for m in s.missing())]
-        deaf = [call for call in self._bound.calls.values() if self._world.is_deaf(call)]
+        deaf = [call for call in self._bound.calls.values() if self._context.is_deaf(call)]
         names = dict.fromkeys(f"{_CALLED[call.endpoint.kind]} {call.endpoint.name}" for call in deaf)
         return unreached or [f"{name} to listen to {self._ros.lifeline}" for name in names]
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        """Call the operation's service or send its goal, or wait a little for a server not found yet."""
+        """Call the operation's service or send its goal; wait up to `DISCOVERY_S` for its server."""
         if operation not in self._bound.calls:
             raise ValueError(f"{self._bound.name} has no operation {operation!r}")
         if self._may_be_found(operation):
@@ -137,7 +141,7 @@ class BoundClient:
             self._waiting[attempt] = self._ros.steady_timer(_LOOK_PERIOD_S, look)
             return
         call = self._bound.calls[operation]
-        if self._world.is_deaf(call):
+        if self._context.is_deaf(call):
             deaf = (
                 f"{_CALLED[call.endpoint.kind]} {call.endpoint.name} does not listen to {self._ros.lifeline}"
             )
@@ -147,7 +151,7 @@ class BoundClient:
         try:
             if operation in self._goals:
                 kind = interface_class(call.endpoint.type).Goal
-                goal = self._world.filled(kind, "goal", call.endpoint, call.sending, arguments)
+                goal = self._context.filled(kind, "goal", call.endpoint, call.sending, arguments)
                 self._attempts.start(attempt, self._goals[operation], goal)
             else:
                 self._services.start(attempt, operation, arguments)
@@ -157,7 +161,7 @@ class BoundClient:
     def _may_be_found(self, operation: str) -> bool:
         goal = self._goals.get(operation)
         ready = goal.server.ready if goal is not None else self._called[operation].service.ready()
-        found = ready and not self._world.is_deaf(self._bound.calls[operation])
+        found = ready and not self._context.is_deaf(self._bound.calls[operation])
         return not found and time.monotonic() < self._patient_until
 
     def _look(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
@@ -166,7 +170,7 @@ class BoundClient:
             self.start(attempt, operation, arguments)
 
     def cancel(self, attempt: str) -> None:
-        """End a call here, for it cannot be recalled; have a goal ended by its server."""
+        """Cancel an attempt: a call's answer is dropped, a goal is cancelled at its server."""
         waiting = self._waiting.pop(attempt, None)
         if waiting is not None:
             waiting.cancel()
@@ -176,21 +180,21 @@ class BoundClient:
         self._attempts.cancel(attempt)
 
     def recover(self, attempt: str, operation: str, *, adopt: bool) -> None:
-        """Follow a goal of a process that is gone, or have it ended; calls ended with that process."""
+        """Adopt or cancel a goal of the last process; calls ended with that process."""
         if operation in self._goals:
             self._attempts.recover(attempt, self._goals[operation], adopt=adopt)
         else:
             self._outlet.cancelled(attempt)
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
-        """Publish the message of an action."""
+        """Publish the message of an action; where an expression fails, log it and publish nothing."""
         if action not in self._publishers:
             raise ValueError(f"{self._bound.name} has no action {action!r}")
         sent: MessageSent = self._bound.sends[action]
         endpoint = sent.endpoint
         try:
             kind = interface_class(endpoint.type)
-            message = self._world.filled(kind, "message", endpoint, sent.sending, arguments)
+            message = self._context.filled(kind, "message", endpoint, sent.sending, arguments)
         except _COMPUTING as problem:
             text = f"{endpoint.place}: {problem}"
             self._ros.log.warning("nothing was sent", action=f"{self._bound.name}.{action}", problem=text)
@@ -204,7 +208,7 @@ class BoundClient:
         self._outlet.event(f"{self._bound.name}.{name}", read)
 
     def close(self) -> None:
-        """Have goals cancelled, drop every answer that is still to come, and let go of everything."""
+        """Cancel goals, drop answers that are still to come, and destroy all clients and subscriptions."""
         for timer in self._waiting.values():
             timer.cancel()
         self._waiting.clear()
@@ -221,43 +225,43 @@ class BoundClient:
 
 
 class _Listener:
-    """Listens to a topic, and tells what its messages mean."""
+    """Subscribes to a topic and reports its messages as the binding reads them."""
 
     def __init__(
-        self, world: _BindingContext, heard: MessageHeard, tell: Callable[[Mapping[str, Any]], None]
+        self, context: _BindingContext, heard: MessageHeard, report: Callable[[Mapping[str, Any]], None]
     ) -> None:
-        self._world = world
+        self._context = context
         self._heard = heard
-        self._tell = tell
-        self._is_told = False
+        self._report = report
+        self._is_logged = False
         endpoint = heard.endpoint
         kind = interface_class(endpoint.type)
-        # All of it becomes plain data, number by number.
-        self._subscription = world.ros.subscribe(
+        # Each message becomes plain data, number by number.
+        self._subscription = context.ros.subscribe(
             kind, endpoint.name, _QOS[endpoint.qos], self._take, OBJECT_BYTES
         )
 
     def _take(self, message: Any) -> None:
         endpoint = self._heard.endpoint
         try:
-            read = self._heard.heard(plain(message), self._world.around(endpoint))
+            read = self._heard.heard(plain(message), self._context.around(endpoint))
         except _COMPUTING as problem:
             self._pass_over(endpoint, problem)
             return
-        self._is_told = False
+        self._is_logged = False
         if read is not None:
-            self._tell(read)
+            self._report(read)
 
     def _pass_over(self, endpoint: Endpoint, problem: Exception) -> None:
-        """Say it once: a topic that speaks ten times a second would fill the log."""
-        if not self._is_told:
-            self._is_told = True
+        """Log a problem once in a row: a topic of ten messages a second would fill the log."""
+        if not self._is_logged:
+            self._is_logged = True
             text = f"{endpoint.place}: {problem}"
-            self._world.ros.log.warning("message passed over", topic=endpoint.name, problem=text)
+            self._context.ros.log.warning("message passed over", topic=endpoint.name, problem=text)
 
     def close(self) -> None:
-        """Listen no more."""
-        self._world.ros.node.destroy_subscription(self._subscription)
+        """Unsubscribe."""
+        self._context.ros.node.destroy_subscription(self._subscription)
 
 
 def _publisher(ros: RosNode, endpoint: Endpoint) -> Publisher:
@@ -267,31 +271,31 @@ def _publisher(ros: RosNode, endpoint: Endpoint) -> Publisher:
 # -- services ----------------------------------------------------------------------------------------------
 
 
-def _called(world: _BindingContext, call: OperationCall) -> ServiceOperation:
+def _called(context: _BindingContext, call: OperationCall) -> ServiceOperation:
     endpoint = call.endpoint
     kind = interface_class(endpoint.type)
     return ServiceOperation(
-        world.ros.service(kind, endpoint.name),
-        partial(world.filled, kind.Request, "request", endpoint, call.sending),
-        partial(_answered, world, call),
+        context.ros.service(kind, endpoint.name),
+        partial(context.filled, kind.Request, "request", endpoint, call.sending),
+        partial(_answered, context, call),
         CALL_DEADLINE_S if endpoint.deadline is None else endpoint.deadline,
     )
 
 
 def _answered(
-    world: _BindingContext, call: OperationCall, _: Mapping[str, Any], answer: Any | CallFailure
+    context: _BindingContext, call: OperationCall, _: Mapping[str, Any], answer: Any | CallFailure
 ) -> Done | Failed:
     if not isinstance(answer, CallFailure):
-        return _outcome(world, call, {"response": plain(answer)})
+        return _outcome(context, call, {"response": plain(answer)})
     if answer.code == "unavailable":
-        return Failed(call.unavailable, world.missing_server(call.endpoint, answer.detail))
+        return Failed(call.unavailable, context.missing_server(call.endpoint, answer.detail))
     return Failed(call.code, answer.detail)
 
 
-def _outcome(world: _BindingContext, call: OperationCall, answer: Mapping[str, Any]) -> Done | Failed:
+def _outcome(context: _BindingContext, call: OperationCall, answer: Mapping[str, Any]) -> Done | Failed:
     try:
-        meaning = call.outcome(answer, world.around(call.endpoint))
-    except Exception as problem:  # whatever a file computes from an answer that nobody foresaw
+        meaning = call.outcome(answer, context.around(call.endpoint))
+    except Exception as problem:  # an expression may raise anything for an unexpected answer
         return Failed(call.code, f"{call.endpoint.place}: {problem}")
     return Failed(meaning.code, meaning.detail) if meaning.result is None else Done(meaning.result)
 
@@ -299,24 +303,24 @@ def _outcome(world: _BindingContext, call: OperationCall, answer: Mapping[str, A
 # -- actions -----------------------------------------------------------------------------------------------
 
 
-def _ended(world: _BindingContext, call: OperationCall, status: int, result: Any) -> Done | Failed:
+def _ended(context: _BindingContext, call: OperationCall, status: int, result: Any) -> Done | Failed:
     word = _STATUS.get(status)
     if word is None:
         return Failed(call.unavailable, f"action server {call.endpoint.name} no longer knows the goal")
-    return _outcome(world, call, {"status": word, "result": plain(result)})
+    return _outcome(context, call, {"status": word, "result": plain(result)})
 
 
-def _cut_short(world: _BindingContext, call: OperationCall, result: Any) -> Mapping[str, Any] | None:
-    """Return what a goal that was cancelled gave; nothing where the file says that it gives nothing."""
+def _cut_short(context: _BindingContext, call: OperationCall, result: Any) -> Mapping[str, Any] | None:
+    """Return the done data of a cancelled goal; None where the binding gives none, or it fails."""
     try:
-        return call.given({"status": "canceled", "result": plain(result)}, world.around(call.endpoint))
+        return call.given({"status": "canceled", "result": plain(result)}, context.around(call.endpoint))
     except Exception as problem:  # as with any other answer; the end of the attempt is what counts
-        world.ros.log.warning("no result of a cancelled goal", problem=f"{call.endpoint.place}: {problem}")
+        context.ros.log.warning("no result of a cancelled goal", problem=f"{call.endpoint.place}: {problem}")
         return None
 
 
-def _told(world: _BindingContext, call: OperationCall, feedback: Any) -> str:
+def _progress(context: _BindingContext, call: OperationCall, feedback: Any) -> str:
     try:
-        return call.progress(plain(feedback), world.around(call.endpoint))
+        return call.progress(plain(feedback), context.around(call.endpoint))
     except _COMPUTING as problem:
         return f"{call.endpoint.place}: {problem}"

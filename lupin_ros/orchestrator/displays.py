@@ -1,7 +1,7 @@
-"""What displays ask the orchestrator about the chart that runs: drawings of it, and why something can happen.
+"""Serves displays: drawings of the running chart with folded states, and explanations of its elements.
 
-Nothing changes by either. A drawing is made on a thread of its own, one after the other, because it takes
-longer than a stop may wait.
+Neither changes the machine. Drawings are made one at a time, on threads of their own: a stop cannot wait for
+one.
 """
 
 from __future__ import annotations
@@ -24,45 +24,45 @@ from lupin_ros.service import messages
 from lupin_ros.service.chart_record import check_chart
 from lupin_ros.service.names import DRAW_SERVICE, DRAW_TYPE, EXPLAIN_SERVICE, EXPLAIN_TYPE
 
-#: Drawings that may be asked for at once; who asks for another one is told so.
+#: The limit of drawings that wait or are made; one more is refused.
 MOST_WAITING = 8
-#: A drawing that was asked for longer ago, in seconds, is not made: nobody waits for it any more.
+#: A request for a drawing that is older, in seconds, is refused: nobody waits for it any more.
 STALE_AFTER_S = 10.0
 
 _USUAL_INTERVAL = sys.getswitchinterval()
 
 
 class Displays:
-    """The services for displays. `running` gives what runs now: the missions and their machine."""
+    """The services for displays; `current` returns the missions and the machine that run now."""
 
     def __init__(
-        self, ros: RosNode, clock: Clock, running: Callable[[], tuple[LoadedMissions, Machine]]
+        self, ros: RosNode, clock: Clock, current: Callable[[], tuple[LoadedMissions, Machine]]
     ) -> None:
         self._ros = ros
         self._clock = clock
-        self._running = running
-        self._pencil = threading.Lock()
+        self._current = current
+        self._one_at_a_time = threading.Lock()
         self._waiting = 0
         try:
             draw, explain = interface_class(DRAW_TYPE), interface_class(EXPLAIN_TYPE)
-        except LupinError as problem:  # a workspace that was built before there were these
+        except LupinError as problem:  # a workspace that was built before these types existed
             ros.log.error("displays cannot fold or explain the chart", problem=str(problem))
             return
         ros.serve_later(draw, DRAW_SERVICE, self._draw, stale_after=STALE_AFTER_S, refuse=_refuse)
         ros.serve(explain, EXPLAIN_SERVICE, self._explain)
 
     def _explain(self, request: Any, response: Any) -> Any:
-        loaded, machine = self._running()
+        loaded, machine = self._current()
         response.chart = loaded.hash
         try:
             check_chart(request.chart, loaded)
-            told = explanation(machine, request.element, self._clock.now())
+            explained = explanation(machine, request.element, self._clock.now())
         except LupinError as problem:
             return _refuse(response, str(problem))
-        return messages.write(response, {"success": True, "explanation": json.dumps(told, default=str)})
+        return messages.write(response, {"success": True, "explanation": json.dumps(explained, default=str)})
 
     def _draw(self, request: Any, response: Any, answer: Callable[[Any], None]) -> None:
-        loaded, _ = self._running()
+        loaded, _ = self._current()
         response.chart = loaded.hash
         try:
             check_chart(request.chart, loaded)
@@ -79,12 +79,12 @@ class Displays:
     def _make(
         self, loaded: LoadedMissions, folded: frozenset[str], drawn: Callable[[str, str], None]
     ) -> None:
-        """Draw; on a thread of its own, which the start of the node does not wait for."""
+        """Draw, and post the drawing or the problem; runs on a thread of its own."""
         from lupin_engine.diagram import folded_svg
 
         svg = problem = ""
         try:
-            with self._pencil, giving_way():
+            with self._one_at_a_time, short_switch_interval():
                 svg = folded_svg(loaded.chart, folded)
         except LupinError as wrong:
             problem = str(wrong)
@@ -98,8 +98,8 @@ class Displays:
 
 
 @contextmanager
-def giving_way() -> Iterator[None]:
-    """Let other threads wait for the interpreter a tenth as long as they usually do: 0.5 ms, not 5 ms."""
+def short_switch_interval() -> Iterator[None]:
+    """Shorten the interpreter's switch interval to a tenth: other threads wait 0.5 ms for it, not 5 ms."""
     sys.setswitchinterval(_USUAL_INTERVAL / 10)
     try:
         yield

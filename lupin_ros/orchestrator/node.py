@@ -1,9 +1,9 @@
 """The node `mission_orchestrator`: a machine, its plugins' clients, and the operator's services.
 
-Everything that ROS tells it becomes an event of one queue, stepped on the node's thread; nothing blocks.
-The node knows no mission and no plugin: which servers it talks to follows from the missions' operations,
-its parameters from the chart, its answers from the step that a request caused, and what it publishes and
-serves from the profile.
+Callbacks of ROS queue events, which the machine steps on the node's thread; nothing blocks. The node knows no
+mission and no plugin: its clients follow from the missions' operations, its parameters from the chart, its
+topics and services from the profile. A request is answered from its step, after that is flushed. An exception
+in one callback is logged and keeps no other from running.
 """
 
 from __future__ import annotations
@@ -73,12 +73,19 @@ from lupin_ros.adapter.process import signals_call
 from lupin_ros.interfaces.definitions import interface_class
 from lupin_ros.orchestrator.binding_client import BoundClient
 from lupin_ros.orchestrator.displays import Displays
-from lupin_ros.orchestrator.keeping import JOURNAL_PARAMETERS, Keeping
+from lupin_ros.orchestrator.journal_gate import JOURNAL_PARAMETERS, JournalGate
 from lupin_ros.orchestrator.outlet import NodeClock, RosOutlet
 from lupin_ros.orchestrator.readiness import Readiness
-from lupin_ros.orchestrator.resuming import CONTINUE, HEARD_S, POLICY, RESUME_PARAMETERS, LookBack, look_back
-from lupin_ros.orchestrator.single import listen_for_an_elder, other_orchestrator
-from lupin_ros.orchestrator.telling import LOG_PARAMETERS, Telling
+from lupin_ros.orchestrator.records import LOG_PARAMETERS, RecordPublisher
+from lupin_ros.orchestrator.recovery import (
+    CONTINUE,
+    HEARD_S,
+    POLICY,
+    RESUME_PARAMETERS,
+    Recovery,
+    find_recovery,
+)
+from lupin_ros.orchestrator.single import other_orchestrator, watch_for_older_instance
 from lupin_ros.service import commands, messages
 from lupin_ros.service.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_ros.service.folder import LOOK_PERIOD_S, FolderWatch, MissionsFolder
@@ -111,26 +118,26 @@ OWN_PARAMETERS: Mapping[str, Parameter] = {
 
 
 class Orchestrator:
-    """The node's parts, wired. Everything runs on the thread that spins `ros`."""
+    """Wires the parts of the node. Everything runs on the thread that spins `ros`."""
 
     def __init__(self, ros: RosNode, loaded: LoadedMissions, folder: MissionsFolder) -> None:
         self._ros = ros
         self._loaded = loaded
         self._chart = chart = loaded.chart
         self._folder = folder
-        self._watch = FolderWatch(folder, ros.post, lambda told: ros.log.error("missions", problem=told))
-        #: How many requests wait for a look at the folder, and whether one is under way for nobody.
-        self._waiting, self._looks = 0, False
+        self._watch = FolderWatch(folder, ros.post, lambda why: ros.log.error("missions", problem=why))
+        #: How many requests wait for a check of the folder; whether a periodic check is under way.
+        self._waiting, self._is_checking = 0, False
         self._clock = NodeClock(ros)
         given = ros.parameters()
         self._prefix = str(given["mission_id_prefix"])
         drivers: dict[str, Driver] = {}
-        self._telling = Telling(ros, self._clock, loaded)
-        self._keeping = Keeping(ros, self._telling.boot, self._work, lambda event: self._engine.post(event))
-        back, lost = look_back(ros, self._keeping.folder, loaded, given)
-        if back is not None and back.machine is not None:
-            machine = back.machine
-            ros.lineage = back.left.file.head.lineage or ros.lineage
+        self._records = RecordPublisher(ros, self._clock, loaded)
+        self._journal = JournalGate(ros, self._records.boot, self._work, lambda e: self._engine.post(e))
+        recovery, lost = find_recovery(ros, self._journal.folder, loaded, given)
+        if recovery is not None and recovery.machine is not None:
+            machine = recovery.machine
+            ros.lineage = recovery.left.file.head.lineage or ros.lineage
         else:
             machine = make_machine(chart, {name: given[name] for name in chart.parameters})
         #: When the policy may end the hold `restarted`, of the monotonic clock; once in a process.
@@ -141,7 +148,7 @@ class Orchestrator:
             drivers,
             self._stepped,
             self._clock.wall,
-            self._keeping.journal,
+            self._journal.journal,
         )
         self._engine.failed = self._failed
         self._outlet = RosOutlet(self._engine, self._clock, self._work)
@@ -149,7 +156,7 @@ class Orchestrator:
         self._state = _Publisher(ros, self._wire.state)
         ros.lifeline = ros.node.resolve_topic_name(self._wire.state.name)
         self._outcomes = _Publisher(ros, self._wire.outcomes)
-        self._told = StateMessages(self._wire, lambda: self._machine, self._clock.now, self._stamp)
+        self._state_messages = StateMessages(self._wire, lambda: self._machine, self._clock.now, self._stamp)
         self._deadline: tuple[float, RosTimer] | None = None
         drivers.update(_clients(ros, loaded, chart.clients, self._outlet, machine.world.parameters))
         drivers[BUILTIN] = Readiness(
@@ -157,101 +164,102 @@ class Orchestrator:
             self._outlet,
             ros.steady_timer,
             ros.now,
-            goes_on=back is not None and back.machine is not None,
+            is_resumed=recovery is not None and recovery.machine is not None,
         )
         self._drivers = drivers
         ros.on_stop(self._close)
-        #: What goes on from here as soon as ROS has stored the values that it was made for.
+        #: The machine for new parameter values, until ROS has stored them.
         self._prepared: Machine | None = None
-        ros.on_parameter(self._prepare, self._set)
+        ros.on_parameter(self._prepare_parameters, self._adopt_parameters)
         self._answers: set[str] = set()
         self._clients = ClientClocks()
-        self._commands = CommandMemory(ros.guarded(self._keeping.journal.answered))
-        if back is not None:
-            self._keeping.remember(back.left, self._commands)
+        self._commands = CommandMemory(ros.guarded(self._journal.journal.answered))
+        if recovery is not None:
+            self._journal.restore_commands(recovery.left, self._commands)
         self._origin: tuple[Event | None, Mapping[str, str]] = (None, {})
         self._serve()
         self._serve_commands()
         self._serve_answers()
         Displays(ros, self._clock, lambda: (self._loaded, self._machine))
-        # Real time: the state is told five times a second also while simulated time stands still.
-        ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
-        self._begin(back)
+        # In real time: the state is repeated also while simulated time stands still.
+        ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._repeat_state)
+        self._start_or_resume(recovery)
         if lost:
             self._engine.post(Event(TOLD, {"code": CLOSED_CODE, "detail": lost}))
         self._work()
-        self._offer()
-        self._telling.chart()
-        ros.steady_timer(LOOK_PERIOD_S, self._look)
-        #: The start of another orchestrator for which this one stands down; '' while there is none.
-        self.elder = ""
-        listen_for_an_elder(ros, self._telling.boot, self._stand_down)
+        self._publish_missions()
+        self._records.publish_chart()
+        ros.steady_timer(LOOK_PERIOD_S, self._check)
+        #: The id of an older instance for which this one stands down; '' while there is none.
+        self.older_boot = ""
+        watch_for_older_instance(ros, self._records.boot, self._stand_down)
 
     @property
     def _machine(self) -> Machine:
-        """The machine that runs."""
+        """The running machine."""
         return self._engine.machine
 
-    def _begin(self, back: LookBack | None) -> None:
-        """Go on with what another process left behind, or start; what it had not published is."""
+    def _start_or_resume(self, recovery: Recovery | None) -> None:
+        """Resume the last process's machine, or start a new one; publish outcomes that were not published."""
         now, wall = self._clock.now(), time.time()
-        if back is not None:
-            self._keeping.go_on(back, self._loaded, back.left.shift(now, wall), now)
-        goes_on = back is not None and back.machine is not None
-        if back is None or back.left.file.damaged or not (goes_on or back.closing):
-            self._keeping.begin(self._loaded, self._machine)
-        if back is not None:
-            self._keeping.publish_again(back, self._untold(back), self._outcomes.publish)
-        if back is None or back.machine is None:
-            self._start_anew(back.closing if back is not None else "", back)
+        if recovery is not None:
+            self._journal.continue_file(recovery, self._loaded, recovery.left.shift(now, wall), now)
+        is_resumed = recovery is not None and recovery.machine is not None
+        if recovery is None or recovery.left.file.damaged or not (is_resumed or recovery.closing):
+            self._journal.begin(self._loaded, self._machine)
+        if recovery is not None:
+            self._journal.republish(recovery, self._unpublished(recovery), self._outcomes.publish)
+        if recovery is None or recovery.machine is None:
+            self._start_new(recovery.closing if recovery is not None else "", recovery)
             return
-        machine = resumed(back.machine, back.left.shift(now, wall))
+        machine = resumed(recovery.machine, recovery.left.shift(now, wall))
         started = machine.memory.started_at
         if started is not None:
-            self._told.mission_started(self._stamp(self._ros.now() - (now - started)))
-        self._engine.resume(machine, resumed_event(back.left, machine, wall))
+            self._state_messages.mission_started(self._stamp(self._ros.now() - (now - started)))
+        self._engine.resume(machine, resumed_event(recovery.left, machine, wall))
 
-    def _start_anew(self, closing: str, back: LookBack | None) -> None:
-        """Start the machine; where a mission was closed instead of going on, tell why."""
-        if not closing or back is None:
+    def _start_new(self, closing: str, recovery: Recovery | None) -> None:
+        """Start the machine; where recovery closed a mission, record and report why."""
+        if not closing or recovery is None:
             self._engine.start()
             return
-        head, count = back.left.file.head, len(back.left_out)
-        self._keeping.closed(closing)
-        self._keeping.begin(self._loaded, self._machine)
+        head, count = recovery.left.file.head, len(recovery.left_out)
+        self._journal.record_closed(closing)
+        self._journal.begin(self._loaded, self._machine)
         self._engine.start()
-        told = f"{head.mission} {head.mission_id}: {closing}; left out: {count}"
-        self._engine.post(Event(TOLD, {"code": CLOSED_CODE, "detail": told}))
+        detail = f"{head.mission} {head.mission_id}: {closing}; left out: {count}"
+        self._engine.post(Event(TOLD, {"code": CLOSED_CODE, "detail": detail}))
 
-    def _untold(self, back: LookBack) -> list[tuple[Publish, Fields]]:
-        """Return outcomes that were not even written, as they would have been, and a closed mission's."""
-        old = back.recovered
+    def _unpublished(self, recovery: Recovery) -> list[tuple[Publish, Fields]]:
+        """Return outcomes of replayed steps that were not recorded, and those of a closed mission."""
+        old = recovery.recovered
         found = []
-        for record, told in old.untold if old is not None else ():
-            found.append((told, self._told_then(old.machine if old else self._machine, record).outcome(told)))
-        return found + [(told, self._told.outcome(told)) for told in back.left_out]
+        for record, outcome in old.untold if old is not None else ():
+            messages_then = self._messages_at(old.machine if old else self._machine, record)
+            found.append((outcome, messages_then.outcome(outcome)))
+        return found + [(outcome, self._state_messages.outcome(outcome)) for outcome in recovery.left_out]
 
-    def _told_then(self, machine: Machine, record: JournalRecord) -> StateMessages:
-        """Return what was told of another process's machine at a record."""
+    def _messages_at(self, machine: Machine, record: JournalRecord) -> StateMessages:
+        """Return the messages about a replayed machine, with the times of a record."""
         return StateMessages(
             self._wire, lambda: machine, lambda: record.time, lambda: self._stamp(record.wall)
         )
 
-    def _stand_down(self, elder: str) -> None:
-        self.elder = elder
+    def _stand_down(self, older_boot: str) -> None:
+        self.older_boot = older_boot
         self._ros.stop()
 
     def _close(self) -> None:
         for driver in self._drivers.values():
             driver.close()
         self._watch.close()
-        self._keeping.close()
+        self._journal.close()
 
     # -- requests ---------------------------------------------------------------------------------------
 
     def _serve(self) -> None:
         start = self._wire.start
-        self._answer_when_kept(
+        self._answer_when_flushed(
             interface_class(start.type),
             start.name,
             self._start,
@@ -263,7 +271,7 @@ class Orchestrator:
             event = f"operator.{name}"
             refuse = partial(_refuse, field="message")
             judge = partial(self._too_old, event)
-            self._answer_when_kept(
+            self._answer_when_flushed(
                 Trigger,
                 self._wire.requests.format(name),
                 _answering(self._ask, event),
@@ -272,7 +280,7 @@ class Orchestrator:
             )
 
     def _too_old(self, event: str, _: Any, sent: float) -> float | None:
-        """Return the age of a request that is too old; None where it is to be carried out."""
+        """Return the age of a request that is too old; None where it must be carried out."""
         age = self._age("", sent)
         return age if age > STALE_AFTER_S and not self._counts_however_late(event) else None
 
@@ -280,16 +288,16 @@ class Orchestrator:
         return self._clients.age(client, sent, time.time_ns() * 1e-9, time.monotonic())
 
     def _counts_however_late(self, event: str) -> bool:
-        """Say whether a request is carried out that may be old.
+        """Return whether a request is carried out at any age.
 
-        One that would end a hold is not: the robot stands already, and would begin to drive.
+        One that would release a hold is not: the robot stands, and would begin to drive.
         """
         if not commands.counts_however_late(event, self._chart):
             return False
         self._work()
         return not self._machine.foresee(Event(event), self._clock.now(), dry=True).releases
 
-    def _answer_when_kept(
+    def _answer_when_flushed(
         self,
         kind: Any,
         name: str,
@@ -298,16 +306,16 @@ class Orchestrator:
         stale_after: StaleAfter = None,
         refuse: Callable[[Any, str], Any] | None = None,
     ) -> None:
-        """Serve requests: who is answered may rely on it, whatever happens to this process.
+        """Serve requests; an answer leaves after its step is flushed, so it holds whatever happens then.
 
-        `begins` says whether a request begins a mission: what is started is what the files say now.
+        Where `begins` is true for a request, changed missions are loaded before it.
         """
 
         def later(request: Any, response: Any, answer: Callable[[Any], None]) -> None:
             def act() -> None:
                 found = callback(request, response)
                 try:
-                    self._keeping.when_kept(lambda: answer(found))
+                    self._journal.when_flushed(lambda: answer(found))
                 except Exception:
                     self._ros.log.exception("answered without the journal", service=name)
                     answer(found)
@@ -317,11 +325,11 @@ class Orchestrator:
         self._ros.serve_later(kind, name, later, stale_after=stale_after, refuse=refuse)
 
     def _in_turn(self, act: Callable[[], None], begins: bool) -> None:
-        """Carry out a request; what comes while one waits for a look at the folder comes after that."""
+        """Carry out requests in their order; one that begins a mission waits for a check of the folder."""
 
         def looked(loaded: LoadedMissions | None) -> None:
             self._waiting -= 1
-            self._take(loaded)
+            self._adopt_missions(loaded)
             act()
 
         if self._waiting or (begins and is_idle(self._machine)):
@@ -331,21 +339,21 @@ class Orchestrator:
             act()
 
     def _serve_answers(self) -> None:
-        """Serve the answers that the missions know; those of missions that went away are refused.
+        """Serve the missions' answers to questions; the machine refuses those of removed missions.
 
-        None is stale: a mission waits for it, and the machine takes it only while the question is open.
+        None is stale: the machine accepts an answer only while its question is open.
         """
         for event in self._chart.answers:
             if event not in self._answers:
                 self._answers.add(event)
-                self._answer_when_kept(
+                self._answer_when_flushed(
                     Trigger,
                     ANSWER_SERVICE.format(event.removeprefix(ANSWER)),
                     _answering(self._ask, event),
                 )
 
     def _serve_commands(self) -> None:
-        """Serve what takes every request there is, carries each out once, and notes who asked."""
+        """Serve the service for all requests; it carries out each command id once and records who asked."""
 
         def too_old(request: Any, sent: float) -> float | None:
             asked = _asked(request)
@@ -364,10 +372,10 @@ class Orchestrator:
 
         try:
             kind = interface_class(COMMAND_TYPE)
-        except LupinError as problem:  # a workspace that was built before there was one
+        except LupinError as problem:  # a workspace that was built before this type existed
             self._ros.log.error("no commands can be taken", problem=str(problem))
         else:
-            self._answer_when_kept(kind, COMMAND_SERVICE, command, _begins, too_old, refuse)
+            self._answer_when_flushed(kind, COMMAND_SERVICE, command, _begins, too_old, refuse)
 
     def _carry_out(self, asked: CommandRequest) -> CommandAnswer:
         event = commands.read_command(asked, self._chart, self._new_mission_id())
@@ -392,7 +400,7 @@ class Orchestrator:
         return f"{self._prefix}-{uuid.uuid4().hex[:8]}"
 
     def _why_unknown(self, step: Step) -> str:
-        """Return what keeps a mission from being known that was asked for: something in the files may."""
+        """Return the problem of the missions' files where a step refused an unknown mission; else ''."""
         is_unknown = step.refusal is not None and step.refusal.code == UNKNOWN_MISSION
         problem = self._folder.problem if is_unknown else ""
         return f"; what is new cannot be used: {problem}" if problem else ""
@@ -407,7 +415,7 @@ class Orchestrator:
             refusal = self._refusal(event)
         except Exception as problem:
             self._ros.log.exception("request could not be judged", request=event.name)
-            # What stops the robot waits for nobody's judgement.
+            # A request that stops the robot is carried out without a judgement.
             stops = commands.counts_however_late(event.name, self._chart)
             why = f"{event.name.rpartition('.')[2]} refused: {type(problem).__name__}: {problem}"
             refusal = None if stops else Refusal(EXECUTION_CODE, why)
@@ -424,50 +432,48 @@ class Orchestrator:
         return step
 
     def _refusal(self, event: Event) -> Refusal | None:
-        """Return why a request is refused without a step; else begin the journal of what it starts."""
+        """Return why a request is refused without a step; else begin the file of a mission that it starts."""
         foreseen = self._machine.foresee(event, self._clock.now())
-        refusal = self._keeping.refusal(event, foreseen, self._chart.profile)
+        refusal = self._journal.refusal(event, foreseen, self._chart.profile)
         if refusal is None:
-            self._keeping.before(event, foreseen, self._machine)
+            self._journal.before_request(event, foreseen, self._machine)
         return refusal
 
     # -- missions that come and go ----------------------------------------------------------------------
 
-    def _look(self) -> None:
-        """Look for missions that were added, changed or removed, unless one is running.
-
-        However quiet it is, the robot's clock is looked at as well.
-        """
+    def _check(self) -> None:
+        """Check the clock, the disk, the resume policy and, while idle, the missions' folder; periodic."""
         self._work()
-        self._keeping.look(self._machine)
+        self._journal.check_disk(self._machine)
         self._continue()
-        if is_idle(self._machine) and not self._looks:
-            self._looks = True
-            self._watch.look(self._loaded, self._looked)
+        if is_idle(self._machine) and not self._is_checking:
+            self._is_checking = True
+            self._watch.look(self._loaded, self._folder_checked)
 
-    def _looked(self, loaded: LoadedMissions | None) -> None:
-        self._looks = False
-        self._take(loaded)
+    def _folder_checked(self, loaded: LoadedMissions | None) -> None:
+        self._is_checking = False
+        self._adopt_missions(loaded)
 
-    def _take(self, loaded: LoadedMissions | None) -> None:
-        """Take over what a look at the folder has found, unless a mission has begun meanwhile."""
+    def _adopt_missions(self, loaded: LoadedMissions | None) -> None:
+        """Adopt changed missions, unless one has begun meanwhile; where that fails the old ones stay."""
         if not is_idle(self._machine):
             return
         if loaded is not None and loaded.chart is not self._chart:
             try:
-                self._go_on_with(loaded)
+                self._switch_chart(loaded)
                 self._ros.log.info("missions loaded anew", missions=list(loaded.chart.missions))
             except LupinError as problem:
                 self._folder.refuse(loaded, str(problem))
-            except Exception as problem:  # whatever the client of a plugin that is new here raises
+            except Exception as problem:  # the client of a new plugin may raise anything
                 self._ros.log.exception("missions could not be loaded anew")
                 self._folder.refuse(loaded, f"{type(problem).__name__}: {problem}")
-        self._offer()
+        self._publish_missions()
 
     def _continue(self) -> None:
-        """Release the hold `restarted` where the policy says so, and no other hold: those are people's.
+        """Release the hold `restarted` where the policy is `continue`, and no other hold.
 
-        All servers are there, nothing of the last process goes on, and what engages other holds was heard.
+        It waits until all servers are there, no attempt of the last process is being cancelled, and every
+        input that engages another hold has been reported to this process.
         """
         memory = self._machine.memory
         due = self._continues_at is not None and time.monotonic() >= self._continues_at
@@ -481,17 +487,20 @@ class Orchestrator:
             self._work()
 
     def _unheard_holds(self) -> bool:
-        """Say whether an input that engages a hold was reported before the restart, and not since."""
+        """Return whether an input that engages a hold was reported before the restart, and not since."""
         inputs = self._machine.memory.inputs
         levels = [hold.engage.split(".") for hold in self._chart.holds.values()]
         engaging = {name for word, name, *_ in levels if word == "input" and name in inputs}
         before = [self._chart.inputs[name].value for name in engaging if inputs[name].reported]
-        return not all(map(self._outlet.was_told, before))
+        return not all(map(self._outlet.was_reported, before))
 
-    def _go_on_with(self, loaded: LoadedMissions) -> None:
-        """Run another chart from here on: what could fail comes first, so that it changes nothing.
+    def _switch_chart(self, loaded: LoadedMissions) -> None:
+        """Switch to another chart; a failure changes nothing.
 
-        Clients of plugins that both charts use stay as they are, with all that they know of the world.
+        Clients of plugins that both charts use are kept with their state, unless their binding changed.
+
+        Raises:
+            LupinError: the profile is another, or a parameter or client does not fit.
         """
         chart = loaded.chart
         declared = {**OWN_PARAMETERS, **chart.parameters}
@@ -509,20 +518,22 @@ class Orchestrator:
         self._drivers.update(clients)
         self._ros.declare_anew(declared)
         self._loaded, self._chart = loaded, chart
-        self._telling.go_on_with(loaded)
+        self._records.switch_chart(loaded)
         self._serve_answers()
-        self._take_over(machine)
+        self._switch_machine(machine)
 
-    def _take_over(self, machine: Machine) -> None:
-        """Go on with another machine of the chart."""
-        self._keeping.begin(self._loaded, machine)
+    def _switch_machine(self, machine: Machine) -> None:
+        """Switch to another machine of the chart, and report it the live values that it lacks."""
+        self._journal.begin(self._loaded, machine)
         self._engine.go_on_with(machine)
         heard = {name for name, found in machine.memory.inputs.items() if found.reported}
-        self._outlet.tell_again(spec.value for spec in self._chart.inputs.values() if spec.name not in heard)
+        self._outlet.report_again(
+            spec.value for spec in self._chart.inputs.values() if spec.name not in heard
+        )
         self._work()
 
-    def _prepare(self, values: Mapping[str, Any]) -> str | None:
-        """Make a machine for new values of the missions' parameters, or say why not; nothing else changes."""
+    def _prepare_parameters(self, values: Mapping[str, Any]) -> str | None:
+        """Make a machine for new values of the missions' parameters, or return why not."""
         chart, self._prepared = self._chart, None
         of_plugins = {name for plugin in chart.clients for name in chart.catalog.plugins[plugin].parameters}
         fixed = [name for name in values if name not in chart.parameters or name in of_plugins]
@@ -538,39 +549,39 @@ class Orchestrator:
             return str(problem)
         return None
 
-    def _set(self, _: Mapping[str, Any]) -> None:
-        """Go on with the machine that was made for values which ROS has stored now."""
+    def _adopt_parameters(self, _: Mapping[str, Any]) -> None:
+        """Switch to the prepared machine, after ROS has stored its values."""
         machine, self._prepared = self._prepared, None
         if machine is not None:
-            self._take_over(machine)
-            self._offer()
+            self._switch_machine(machine)
+            self._publish_missions()
 
-    def _offer(self) -> None:
-        """Tell which missions there are and what they ask for, and what is wrong with the files."""
+    def _publish_missions(self) -> None:
+        """Publish the mission catalogue, with the problems of the missions' files."""
         if self._folder.warning:
             self._ros.log.warning("missions", problem=self._folder.warning)
-        self._telling.missions(self._machine, self._folder.problem.splitlines())
+        self._records.publish_missions(self._machine, self._folder.problem.splitlines())
 
     # -- the loop ---------------------------------------------------------------------------------------
 
     def _work(self) -> None:
-        """Step what is queued and due, then sleep until the next deadline or message.
+        """Step all queued and due events, then set the timer of the next deadline.
 
-        What raises in one part keeps no other from its turn, and no request from being carried out.
+        An exception in one part keeps no other from its turn, and no request from being carried out.
         """
-        for part in (self._engine.drain, self._sleep, self._tend, self._tell_possible):
+        for part in (self._engine.drain, self._sleep, self._maintain_journal, self._publish_possible):
             self._ros.guarded(part)()
 
-    def _tend(self) -> None:
-        self._keeping.tend(self._machine)
+    def _maintain_journal(self) -> None:
+        self._journal.maintain(self._machine)
 
-    def _tell_possible(self) -> None:
-        self._telling.possible(self._machine)
+    def _publish_possible(self) -> None:
+        self._records.publish_possible(self._machine)
 
     def _failed(self, problem: Exception) -> None:
-        """Go on after an exception in the loop; the journal may lack a step, so it begins with a snapshot."""
+        """Log an exception in the loop; the journal may lack a step, so a new file begins with a snapshot."""
         self._ros.log.error("the loop failed", exc_info=problem)
-        self._keeping.journal.spoilt(f"{type(problem).__name__}: {problem}")
+        self._journal.journal.spoilt(f"{type(problem).__name__}: {problem}")
 
     def _sleep(self) -> None:
         self._sleep_until(self._engine.next_deadline)
@@ -589,48 +600,48 @@ class Orchestrator:
         self._work()
 
     def _stepped(self, step: Step) -> None:
-        """Tell the world what a step did; what raises in one part keeps no other from being told."""
+        """Publish and record a step; an exception in one part keeps no other from running."""
         if step.event.name == START and step.accepted:
-            self._told.mission_started()
+            self._state_messages.mission_started()
         view = self._machine.view
-        parts = _PARTS if self._telling.is_news(step) else (Orchestrator._tell_state,)
+        parts = _PARTS if self._records.is_news(step) else (Orchestrator._publish_state,)
         for part in parts:
             self._ros.guarded(part)(self, step, view)
 
-    def _tell_outcomes(self, step: Step, view: View) -> None:
+    def _publish_outcomes(self, step: Step, view: View) -> None:
         if outcomes := outcomes_of(step):
-            self._keeping.publish(outcomes, self._told.outcome, self._outcomes.publish)
+            self._journal.publish(outcomes, self._state_messages.outcome, self._outcomes.publish)
 
-    def _tell_reports(self, step: Step, view: View) -> None:
+    def _log_reports(self, step: Step, view: View) -> None:
         for command in step.commands:
             if isinstance(command, Report):
-                self._telling.report(command, view)
+                self._records.log_report(command, view)
 
-    def _tell_moments(self, step: Step, view: View) -> None:
+    def _publish_moments(self, step: Step, view: View) -> None:
         for moment in step.trail[:-1]:
             self._publish_if_changed(view, moment)
 
-    def _tell_state(self, step: Step, view: View) -> None:
+    def _publish_state(self, step: Step, view: View) -> None:
         self._publish_if_changed(view)
 
-    def _tell_step(self, step: Step, view: View) -> None:
+    def _publish_step(self, step: Step, view: View) -> None:
         asked, origin = self._origin
-        self._telling.step(step, view, origin if step.event is asked else NOTHING)
+        self._records.publish_step(step, view, origin if step.event is asked else NOTHING)
 
-    def _keep(self, step: Step, view: View) -> None:
-        self._keeping.after(step, view, self._machine)
+    def _record_step(self, step: Step, view: View) -> None:
+        self._journal.after_step(step, view, self._machine)
 
     # -- publishing -------------------------------------------------------------------------------------
 
     def _publish_if_changed(self, view: View, moment: Moment | None = None) -> None:
-        """Publish at once what is news."""
-        fields = self._told.news(view, moment)
+        """Publish the state at once where it has changed."""
+        fields = self._state_messages.news(view, moment)
         if fields is not None:
             self._state.publish(fields)
 
-    def _publish_state(self) -> None:
-        self._state.publish(self._told.fields(self._machine.view))
-        self._telling.possible(self._machine)  # time alone may have changed an answer
+    def _repeat_state(self) -> None:
+        self._state.publish(self._state_messages.fields(self._machine.view))
+        self._records.publish_possible(self._machine)  # time alone may have changed an answer
 
     def _stamp(self, time: float | None = None) -> Fields:
         if time is not None:
@@ -639,19 +650,19 @@ class Orchestrator:
         return {"sec": stamp.sec, "nanosec": stamp.nanosec}
 
 
-#: What the world is told of a step that is news, in this order.
+#: The publications of a step that is news, in this order.
 _PARTS = (
-    Orchestrator._tell_outcomes,
-    Orchestrator._tell_reports,
-    Orchestrator._tell_moments,
-    Orchestrator._tell_state,
-    Orchestrator._tell_step,
-    Orchestrator._keep,
+    Orchestrator._publish_outcomes,
+    Orchestrator._log_reports,
+    Orchestrator._publish_moments,
+    Orchestrator._publish_state,
+    Orchestrator._publish_step,
+    Orchestrator._record_step,
 )
 
 
 class _Publisher:
-    """Publishes plain data on a channel of the profile."""
+    """Publishes fields on a channel of the profile."""
 
     def __init__(self, ros: RosNode, channel: Channel) -> None:
         self._make = interface_class(channel.type)
@@ -670,7 +681,7 @@ def _asked(request: Any) -> CommandRequest:
 
 
 def _refuse(response: Any, reason: str, field: str) -> Any:
-    """Say no to a request."""
+    """Write a refusal's reason into a response."""
     setattr(response, field, reason)
     return response
 
@@ -692,7 +703,7 @@ def _clients(
     outlet: RosOutlet,
     parameters: Mapping[str, Any],
 ) -> dict[str, Driver]:
-    """Make the clients of some of the plugins that the missions use."""
+    """Make the clients of the named plugins: a binding's, or the plugin's own where it has one."""
     clients: dict[str, Driver] = {}
     for name in names:
         if name in loaded.bindings:
@@ -729,9 +740,9 @@ def main(arguments: Sequence[str] = ()) -> int:
             )
         orchestrator = Orchestrator(ros, *loaded[-1])
         ros.spin()
-    if orchestrator.elder:
+    if orchestrator.older_boot:
         raise LupinError(
             f"{ros.name} stands down: another orchestrator of this ROS domain began before it "
-            f"(boot {orchestrator.elder}); stop that one, or start this one with another ROS_DOMAIN_ID"
+            f"(boot {orchestrator.older_boot}); stop that one, or start this one with another ROS_DOMAIN_ID"
         )
     return 0

@@ -1,4 +1,4 @@
-"""Between the loop and the node: the clock that the loop goes by, and where the clients of plugins report."""
+"""Adapts the node to the engine's loop: its steady clock, and the outlet that plugins' clients report to."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from lupin_ros.adapter.node import RosNode
 
 
 class NodeClock:
-    """The loop's clock: the one of the node's timers, which neither steps nor goes back."""
+    """The loop's clock: the steady one of the node's timers, which neither steps nor goes back."""
 
     def __init__(self, ros: RosNode) -> None:
         self._ros = ros
 
     def now(self) -> float:
-        """Return seconds of an origin of its own, to the microsecond: that is written into every record."""
+        """Return seconds since an arbitrary origin, rounded to microseconds: every record has them."""
         return round(self._ros.elapsed(), 6)
 
     def wall(self) -> float | None:
-        """Return the robot's clock in POSIX time; with `use_sim_time` simulated time, once it is heard of."""
+        """Return the node's wall clock in POSIX time; None with `use_sim_time` before the first `/clock`."""
         return self._ros.now() or None
 
     def from_ros(self, stamp: float) -> float:
-        """Return seconds of the node's clock as a moment of this clock."""
+        """Convert a stamp of the node's wall clock into this clock."""
         return round(self.now() - (self._ros.now() - stamp), 6)
 
 
 class RosOutlet(EngineOutlet):
-    """Where the clients report; a value's stamp is turned into the loop's time."""
+    """Queues reports of the clients; converts a value's stamp into the loop's clock, in the same order."""
 
     def __init__(self, engine: Engine, clock: NodeClock, wake: Callable[[], None]) -> None:
         super().__init__(engine, wake)
@@ -38,22 +38,22 @@ class RosOutlet(EngineOutlet):
         self._last: dict[str, tuple[float, float, Any]] = {}
 
     def value(self, name: str, value: Any, stamp: float) -> None:
-        """A live value changed; `stamp` is of the node's clock."""
-        # What is told again keeps its moment: reading two clocks a second time would give another one.
-        # What is later stays later, too: who waits between the two reads would have it dropped as older.
-        told, at_least, _ = self._last.get(name, (-math.inf, -math.inf, None))
-        at = at_least if stamp == told else self._clock.from_ros(stamp)
-        if stamp > told:
+        """Report a live value; `stamp` is of the node's wall clock."""
+        # A repeated stamp keeps its conversion: reading two clocks a second time would give another one.
+        # A later stamp stays later, too: a delay between the two reads would have the value dropped as older.
+        last_stamp, at_least, _ = self._last.get(name, (-math.inf, -math.inf, None))
+        at = at_least if stamp == last_stamp else self._clock.from_ros(stamp)
+        if stamp > last_stamp:
             at = max(at, at_least)
         self._last[name] = stamp, at, value
         super().value(name, value, at)
 
-    def was_told(self, name: str) -> bool:
-        """Say whether a live value was reported to this process."""
+    def was_reported(self, name: str) -> bool:
+        """Return whether a live value was reported to this process."""
         return name in self._last
 
-    def tell_again(self, names: Iterable[str]) -> None:
-        """Tell what was reported last of these live values: some topics speak only once."""
+    def report_again(self, names: Iterable[str]) -> None:
+        """Report the last value of each of these again: a latched topic sends it only once."""
         for name in self._last.keys() & set(names):
             _, at, value = self._last[name]
             super().value(name, value, at)

@@ -1,5 +1,5 @@
-"""What `plugins` tells of the others: `plugins.ready` is done when their drivers miss nothing, and
-`plugins.missing` names what they miss.
+"""The driver of `plugins`: `plugins.ready` is done when no other driver misses a server, and the live value
+`plugins.missing` names the missing ones.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from lupin_ros.adapter.host import TimerHandle
 
 #: How often the drivers are asked, in seconds.
 POLL_PERIOD_S = 0.2
-#: How often in a row something must be missing until that is told: discovery that stumbles is back sooner.
+#: How often in a row something must be missing before it is reported: lapses of discovery are shorter.
 POLLS_UNTIL_GONE = 10
 
 
 class Readiness:
-    """A driver that asks the other drivers, all the time: a server can go at any time."""
+    """Polls the other drivers every `POLL_PERIOD_S`, also after the start: a server can go at any time."""
 
     def __init__(
         self,
@@ -25,14 +25,12 @@ class Readiness:
         outlet: Outlet,
         every: Callable[[float, Callable[[], None]], TimerHandle],
         now: Callable[[], float],
-        goes_on: bool = False,
+        is_resumed: bool = False,
     ) -> None:
-        """Ask the `drivers` of the plugins that the missions use.
+        """Poll the `drivers` of the plugins that the missions use.
 
-        `every(period, callback)` starts a repeating timer, `now` returns the node's time.
-
-        Who `goes_on` with another process's memory knows what that one was told, which need not be so any
-        more: then it is told what is so, also when nothing is missing.
+        `every(period, callback)` starts a repeating timer, `now` returns the node's time. Where the machine
+        `is_resumed`, its memory has the value of the last process: the first poll reports it in any case.
         """
         self._drivers = drivers
         self._outlet = outlet
@@ -40,11 +38,11 @@ class Readiness:
         self._attempt = ""
         self._progress = ""
         self._polls = 0  # in a row that found something missing
-        self._gone: list[str] | None = None if goes_on else []  # as it was told last
+        self._reported: list[str] | None = None if is_resumed else []  # the last report
         self._timer = every(POLL_PERIOD_S, self._poll)
 
     def missing(self) -> list[str]:
-        """Name what the other plugins wait for."""
+        """Return the names of the servers that other plugins wait for."""
         return sorted(name for driver in self._drivers() for name in driver.missing())
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
@@ -68,15 +66,15 @@ class Readiness:
     def _poll(self) -> None:
         missing = self.missing()
         self._polls = self._polls + 1 if missing else 0
-        # That all is there is told before a wait for it ends, or a chart that looks at both would wait again.
-        if missing != self._gone and (not missing or self._polls >= POLLS_UNTIL_GONE):
-            self._gone = missing
+        # An empty list is reported before `plugins.ready` is done: a chart that reads both would wait again.
+        if missing != self._reported and (not missing or self._polls >= POLLS_UNTIL_GONE):
+            self._reported = missing
             self._outlet.value(MISSING, missing, self._now())
         if self._attempt:
             self._answer(", ".join(missing))
 
     def _answer(self, missing: str) -> None:
-        """Tell who waits how far it is."""
+        """Report the progress or the end of the waiting attempt."""
         if not missing:
             attempt, self._attempt = self._attempt, ""
             self._outlet.done(attempt, {})

@@ -1,4 +1,8 @@
-"""One orchestrator in a domain: a second one would carry out every request too, with the same robot."""
+"""Keeps one orchestrator in a domain: the later process instance stands down.
+
+A second one would carry out every request too, with the same robot. There are two checks: one before the node
+offers anything, and one for two that start in the same second.
+"""
 
 from __future__ import annotations
 
@@ -18,20 +22,20 @@ from lupin_ros.interfaces.definitions import interface_class
 from lupin_ros.service import messages
 from lupin_ros.service.names import CHART_TOPIC
 
-#: What a record of the chart begins with: the name of the start of an orchestrator.
+#: The beginning of a chart's record: the id of the orchestrator's process instance.
 _BOOT = re.compile(r'\{"boot": "(\w+)"')
 
-#: How long another one is looked for, in seconds: one that runs is usually found within 0.3 s.
+#: How long the search for another one takes, in seconds: one that runs is usually found within 0.3 s.
 LOOK_S = 1.0
-#: How often it is looked whether another one is there of which nothing was heard, in seconds.
+#: How often a subscription is made again while another publisher's record has not arrived, in seconds.
 LISTEN_AGAIN_S = 3.0
 
 
 def other_orchestrator(ros: RosNode, wire: Wire) -> str:
-    """Return which node is an orchestrator already, and in what state it is; '' when none is found.
+    """Return the name and lifecycle state of a running orchestrator; '' when none is found in `LOOK_S`.
 
-    To be called before `ros` offers anything. Other nodes of this domain stay visible for some seconds after
-    they were killed, so one counts only when its state is heard as well: the dead say nothing.
+    Must be called before `ros` offers anything. Killed nodes stay in the graph for some seconds, so one
+    counts only when its state is received as well.
     """
     heard: list[Any] = []
     topic = ros.node.resolve_topic_name(wire.state.name)
@@ -51,26 +55,26 @@ def other_orchestrator(ros: RosNode, wire: Wire) -> str:
 
 
 def new_boot() -> str:
-    """Return a name for a start of an orchestrator; of two names the smaller one is that of the earlier."""
+    """Return a new id of a process instance; ids sort by the wall clock at the start."""
     return f"{time.time_ns():016x}{uuid.uuid4().hex[:16]}"
 
 
-def listen_for_an_elder(ros: RosNode, boot: str, found: Callable[[str], None]) -> None:
-    """Call `found` with the name of another start that was before `boot`.
+def watch_for_older_instance(ros: RosNode, boot: str, found: Callable[[str], None]) -> None:
+    """Call `found` with the id of an older process instance, whenever one is heard.
 
-    Two that look for each other in the same second find nobody. Each tells its chart a moment after its start
-    and hears that of the other, so exactly one of the two is called. What is latched does not always reach a
-    reader that starts together with the writer (Fast DDS, issue 3822): while there is another writer of which
-    nothing was heard, the reader is made anew.
+    Two that start in the same second do not find each other by `other_orchestrator`. Each publishes its chart
+    soon after its start and receives the other's, so the younger one is called. A latched message does not
+    always reach a reader that starts together with the writer (Fast DDS, issue 3822): while another writer's
+    record has not arrived, the subscription is made again.
     """
     others: set[str] = set()
 
     def hear(message: String) -> None:
-        told = _BOOT.match(message.data)
-        if told and told[1] != boot:
-            others.add(told[1])
-            if told[1] < boot:
-                found(told[1])
+        record = _BOOT.match(message.data)
+        if record and record[1] != boot:
+            others.add(record[1])
+            if record[1] < boot:
+                found(record[1])
 
     def listen() -> Any:
         return ros.subscribe(String, CHART_TOPIC, Qos.LATCHED, hear)

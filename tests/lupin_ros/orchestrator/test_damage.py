@@ -18,10 +18,10 @@ from lupin_engine.runtime.journal.frames import MAGIC, frame, read_frames
 from lupin_engine.runtime.journal.journal import journal_files, mission_in_name
 from lupin_engine.runtime.journal.recovery import outcomes_of
 from lupin_engine.sim.simulation import Happening, Script, Simulation, Tell
-from lupin_ros.orchestrator.keeping import Keeping
-from lupin_ros.orchestrator.resuming import RESUME_PARAMETERS, LookBack, look_back
+from lupin_ros.orchestrator.journal_gate import JournalGate
+from lupin_ros.orchestrator.recovery import RESUME_PARAMETERS, Recovery, find_recovery
 from tests import shipped
-from tests.lupin_ros.orchestrator.test_keeping import Node
+from tests.lupin_ros.orchestrator.test_journal_gate import Node
 from tests.lupin_ros.orchestrator.test_resume import NODE, kill, outcomes, start_again
 from tests.lupin_ros.world import Operator, World
 
@@ -39,17 +39,17 @@ class BrokenOff:
         self.folder, self.loaded = folder, loaded
         self.told: list[str] = []
         self.node = Node(journal_path=str(folder))
-        self._keeping = Keeping(self.node, "boot", lambda: None, lambda _: None)  # type: ignore[arg-type]
+        self._gate = JournalGate(self.node, "boot", lambda: None, lambda _: None)  # type: ignore[arg-type]
         script = Script("InspectionMission", {"tag_sequence": TARGETS}, happenings=POSES)
-        self._run = Simulation(loaded.chart, script, {}, log=self._keeping.journal)
+        self._run = Simulation(loaded.chart, script, {}, log=self._gate.journal)
         self.node.elapsed = lambda: self._run.now  # type: ignore[method-assign]
         self._run.listener = self._stepped
-        self._keeping.begin(loaded, self._run.machine, "InspectionMission", "sim-1")
+        self._gate.begin(loaded, self._run.machine, "InspectionMission", "sim-1")
         self._run.begin()
         while len(self.told) < 2 or self._run.machine.view.phase != "NAVIGATING":
             assert self._run.go_on()
             self._settle()
-        self._keeping.close()
+        self._gate.close()
         (self.file,) = (file for file in journal_files(folder) if mission_in_name(file))
         self.data = self.file.read_bytes()
 
@@ -57,18 +57,18 @@ class BrokenOff:
         def send(fields: Mapping[str, Any]) -> None:
             self.told.append(fields["tag"])
 
-        self._keeping.publish(outcomes_of(step), lambda told: {"tag": told.target}, send)
-        self._keeping.after(step, self._run.machine.view, self._run.machine)
+        self._gate.publish(outcomes_of(step), lambda told: {"tag": told.target}, send)
+        self._gate.after_step(step, self._run.machine.view, self._run.machine)
 
     def _settle(self) -> None:
         done: list[bool] = []
-        self._keeping.when_kept(lambda: done.append(True))
+        self._gate.when_flushed(lambda: done.append(True))
         self.node.work_until(lambda: bool(done))
 
-    def with_data(self, data: bytes) -> LookBack | None:
+    def with_data(self, data: bytes) -> Recovery | None:
         """Return what the next orchestrator finds."""
         self.file.write_bytes(data)
-        return look_back(self.node, self.folder, self.loaded, GIVEN)[0]  # type: ignore[arg-type]
+        return find_recovery(self.node, self.folder, self.loaded, GIVEN)[0]  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def broken(tmp_path_factory: pytest.TempPathFactory) -> BrokenOff:
     return BrokenOff(tmp_path_factory.mktemp("journal"), loaded)
 
 
-def accounted(broken: BrokenOff, found: LookBack | None) -> list[str]:
+def accounted(broken: BrokenOff, found: Recovery | None) -> list[str]:
     """Return the targets that have an outcome or will get one, each as often as it does."""
     told = list(broken.told)
     if found is None:
@@ -180,7 +180,7 @@ def test_what_is_in_the_journal_and_no_outcome_is_not_published(broken: BrokenOf
     """The rest is: a message that cannot be made of its fields ends nothing."""
     back = broken.with_data(broken.data)
     assert back is not None
-    keeping = Keeping(Node(journal_path=str(broken.folder)), "boot", lambda: None, lambda _: None)  # type: ignore[arg-type]
+    gate = JournalGate(Node(journal_path=str(broken.folder)), "boot", lambda: None, lambda _: None)  # type: ignore[arg-type]
     sent: list[Any] = []
 
     def send(fields: Mapping[str, Any]) -> None:
@@ -188,8 +188,8 @@ def test_what_is_in_the_journal_and_no_outcome_is_not_published(broken: BrokenOf
             raise TypeError("no such field")
         sent.append(fields["tag"])
 
-    keeping.publish_again(back, [], send)
-    keeping.close()
+    gate.republish(back, [], send)
+    gate.close()
     assert sent == broken.told[1:]
 
 

@@ -18,7 +18,7 @@ from lupin_engine.runtime.journal.records import JournalFile, read_journal
 from lupin_engine.runtime.journal.replay import replay
 from lupin_engine.runtime.setup import make_world
 from lupin_ros.adapter.node import Qos
-from lupin_ros.orchestrator.keeping import WHAT_TO_DO
+from lupin_ros.orchestrator.journal_gate import WHAT_TO_DO
 from tests import shipped
 from tests.lupin_ros.orchestrator.test_resume import kill, outcomes, start_again
 from tests.lupin_ros.world import Operator, World

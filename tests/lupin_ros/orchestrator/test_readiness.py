@@ -55,11 +55,11 @@ class Heard:
 class Bench:
     """A readiness with two neighbours, whose timer is turned by hand."""
 
-    def __init__(self, goes_on: bool = False) -> None:
+    def __init__(self, is_resumed: bool = False) -> None:
         self.nav, self.bridge, self.heard = Neighbour(), Neighbour(), Heard()
         self.period, self.running, self.time = 0.0, True, 100.0
         drivers: dict[str, Any] = {"nav": self.nav, "bridge": self.bridge}
-        self.readiness = Readiness(drivers.values, self.heard, self._every, lambda: self.time, goes_on)
+        self.readiness = Readiness(drivers.values, self.heard, self._every, lambda: self.time, is_resumed)
 
     def _every(self, period: float, callback: Callable[[], None]) -> Bench:
         self.period, self._callback = period, callback
@@ -108,10 +108,10 @@ def test_a_server_that_goes_is_told_after_two_seconds(bench: Bench) -> None:
 
 def test_who_goes_on_with_anothers_memory_is_told_what_is_so() -> None:
     """A server that was missing when the other one died may be back since: told once, then as ever."""
-    bench = Bench(goes_on=True)
+    bench = Bench(is_resumed=True)
     assert bench.poll() == [("value", MISSING, [], pytest.approx(100.2))]
     assert bench.poll(20) == []
-    other = Bench(goes_on=True)
+    other = Bench(is_resumed=True)
     other.nav.misses = [NAV]
     assert other.poll(POLLS_UNTIL_GONE) == [("value", MISSING, [NAV], pytest.approx(102.0))]
 

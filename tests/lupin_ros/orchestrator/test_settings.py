@@ -14,7 +14,7 @@ from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import load_catalog
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.orchestrator.node import OWN_PARAMETERS, Orchestrator
-from lupin_ros.orchestrator.telling import Telling
+from lupin_ros.orchestrator.records import RecordPublisher
 from lupin_ros.service.folder import MissionsFolder
 from lupin_ros.service.names import NODE
 
@@ -88,7 +88,7 @@ def test_a_display_that_cannot_be_told_keeps_no_value_from_counting(
     def fails(*_: Any) -> Any:
         raise ZeroDivisionError("telling")
 
-    monkeypatch.setattr(Telling, "missions", fails)
+    monkeypatch.setattr(RecordPublisher, "publish_missions", fails)
     assert running.set(0.6).successful
     assert running.threshold == (0.6, 0.6)
     running.engine.post(observed("robot.battery", 0.55, running.engine.clock.now()))

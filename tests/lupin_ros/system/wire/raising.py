@@ -18,7 +18,7 @@ from typing import Any
 from lupin_nav.client import NavClient
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.vitals import CountedPublisher
-from lupin_ros.orchestrator import keeping, telling
+from lupin_ros.orchestrator import journal_gate, records
 from lupin_ros.orchestrator import node as orchestrator
 
 #: Where the rest of it comes from: what is built of other people's modules is left out.
@@ -28,7 +28,7 @@ NO_CALLBACKS = {
     "ClientClocks", "Executor", "NodeClock", "NodeLog", "Orchestrator", "RosNode", "RosOutlet", "RosTimer",
 }  # fmt: skip
 #: Runs on the thread of the disk: no step calls it.
-OF_THE_DISK = ("Keeping._post",)
+OF_THE_DISK = ("JournalGate._post_and_work",)
 #: What of those is a callback all the same.
 BESIDES = (
     (
@@ -43,7 +43,7 @@ BESIDES = (
 
 def callbacks() -> Iterator[tuple[type, str]]:
     """Yield the class and the name of every method that may raise."""
-    found = [value for module in (orchestrator, keeping, telling) for value in vars(module).values()]
+    found = [value for module in (orchestrator, journal_gate, records) for value in vars(module).values()]
     for each in dict.fromkeys(filter(inspect.isclass, found)):
         if each.__module__.startswith(OURS) and each.__name__ not in NO_CALLBACKS:
             names = [name for name, made in vars(each).items() if isinstance(made, FunctionType)]

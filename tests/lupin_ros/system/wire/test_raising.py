@@ -71,7 +71,12 @@ def test_a_drive_that_cannot_be_sent_is_over_at_once(wire: Raising) -> None:
 def test_whatever_raises_a_stop_stops(wire: Raising, stop: str) -> None:
     """Each callback in turn, at the moment at which the robot is to be stopped."""
     names = wire.switch.with_suffix(".names").read_text().splitlines()
-    assert {"Telling.step", "Keeping.after", "Journal.handled", "RosNode.call_later"} <= set(names)
+    assert {
+        "RecordPublisher.publish_step",
+        "JournalGate.after_step",
+        "Journal.handled",
+        "RosNode.call_later",
+    } <= set(names)
     wire.begin()
     pause = wire.ros.service(Trigger, "/mission/pause")
     wire.until(pause.ready, "pause")

@@ -1,4 +1,8 @@
-"""What a new orchestrator makes of the journal of the one before: it goes on, or closes the mission."""
+"""Replays the journal of the previous process, and decides whether its mission goes on or is closed.
+
+A mission is closed where its file cannot be replayed, the missions' files have changed, `resume_policy` is
+`abort`, or the profile cannot resume. Its open targets then get the outcome "left out".
+"""
 
 from __future__ import annotations
 
@@ -25,7 +29,7 @@ from lupin_ros.adapter.node import RosNode
 
 ASK, CONTINUE, ABORT = POLICIES = ("ask", "continue", "abort")
 POLICY = "resume_policy"
-#: How long an orchestrator listens before the policy continues, in seconds: what tells a stop must find it.
+#: How long an orchestrator listens before the policy continues, in seconds: a stop's publisher must match it.
 HEARD_S = 2.0
 #: The node's parameters about a mission that is under way when it starts.
 RESUME_PARAMETERS: Mapping[str, Parameter] = {
@@ -40,11 +44,10 @@ RESUME_PARAMETERS: Mapping[str, Parameter] = {
 
 
 @dataclass(frozen=True)
-class LookBack:
-    """What was found. `machine` is the one to go on with, as it was; without, another one begins.
+class Recovery:
+    """The decision about a file. `machine` is the replayed one to continue; None: a new one starts.
 
-    `closing` says why the mission that was under way is closed, `left_out` are its targets that have no
-    outcome.
+    `closing` is why the mission under way is closed, `left_out` are the outcomes of its open targets.
     """
 
     left: Leftover
@@ -54,12 +57,12 @@ class LookBack:
     left_out: tuple[Publish, ...] = ()
 
 
-def look_back(
+def find_recovery(
     ros: RosNode, folder: Path, loaded: LoadedMissions, given: Mapping[str, Any]
-) -> tuple[LookBack | None, str]:
-    """Return what an orchestrator of this domain left behind; None where there was none that can be used.
+) -> tuple[Recovery | None, str]:
+    """Return the decision about the last file in `folder`; None where there is no usable one.
 
-    With it comes which mission was under way last if that cannot be read, and why; '' where it can.
+    The second value names a mission under way whose file cannot be read, and why; '' where there is none.
 
     Raises:
         UsageError: there is no such policy.
@@ -75,8 +78,8 @@ def look_back(
     return _judged(left, folder, loaded, policy), ""
 
 
-def _judged(left: Leftover, folder: Path, loaded: LoadedMissions, policy: str) -> LookBack:
-    """Decide whether a mission that is under way goes on."""
+def _judged(left: Leftover, folder: Path, loaded: LoadedMissions, policy: str) -> Recovery:
+    """Decide whether the mission of a file goes on."""
     head = left.file.head
     same = head.chart == loaded.hash
     recovered: Recovered | None = None
@@ -87,13 +90,13 @@ def _judged(left: Leftover, folder: Path, loaded: LoadedMissions, policy: str) -
         wrong = str(problem)
     if recovered is None or wrong:
         if not head.mission_id or left.file.is_ended:
-            return LookBack(left)
+            return Recovery(left)
         targets = open_targets(left.file, recovered)
-        told = tuple(_left_out(loaded, head.mission, head.mission_id, targets, wrong))
-        return LookBack(left, recovered, closing=wrong, left_out=told)
+        left_out = tuple(_left_out(loaded, head.mission, head.mission_id, targets, wrong))
+        return Recovery(left, recovered, closing=wrong, left_out=left_out)
     machine = recovered.machine
     view, stages = machine.view, machine.chart.profile.stages
-    found = LookBack(left, recovered)
+    found = Recovery(left, recovered)
     if not goes_on(machine):
         return found
     why = _why_closed(same, policy, loaded)
@@ -102,8 +105,8 @@ def _judged(left: Leftover, folder: Path, loaded: LoadedMissions, policy: str) -
     if view.lifecycle in stages.without_mission:
         return found
     targets = [visit.target for visit in machine.memory.outcomes if not visit.closed]
-    told = tuple(_left_out(loaded, view.mission, view.mission_id, targets, why))
-    return replace(found, closing=why, left_out=told)
+    left_out = tuple(_left_out(loaded, view.mission, view.mission_id, targets, why))
+    return replace(found, closing=why, left_out=left_out)
 
 
 def _why_closed(same: bool, policy: str, loaded: LoadedMissions) -> str:
@@ -117,10 +120,10 @@ def _why_closed(same: bool, policy: str, loaded: LoadedMissions) -> str:
 def _recovered(
     left: Leftover, folder: Path, loaded: LoadedMissions | None, current: LoadedMissions
 ) -> Recovered:
-    """Return the machine of a file, by the chart of now or by the one that was kept.
+    """Replay a file with `loaded`, or with the copy of its missions that is beside the journal.
 
     Raises:
-        LupinError: it cannot be made.
+        LupinError: the copied missions cannot be loaded, or the file cannot be replayed.
     """
     head = left.file.head
     if loaded is not None:
@@ -134,7 +137,7 @@ def _recovered(
 def _left_out(
     loaded: LoadedMissions, mission: str, mission_id: str, targets: list[str], why: str
 ) -> list[Publish]:
-    """Return what is told of targets that nobody will visit any more."""
+    """Return one outcome for each target of a closed mission, rated as left out; none where no outcome is."""
     outcomes = loaded.chart.profile.outcomes
     status = next((outcome.name for outcome in outcomes if outcome.rating is Rating.LEFT_OUT), "")
     unique = dict.fromkeys(targets) if status else ()

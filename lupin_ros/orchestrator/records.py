@@ -1,7 +1,7 @@
-"""What the orchestrator tells beside the profile's channels: steps, missions, what is possible, the chart.
+"""Publishes JSON records beside the profile's channels: steps, missions, available requests, the chart.
 
-All of it is JSON. A record of a step says when (by the node's clock, by ROS and by the clock on the wall), in
-which start of the orchestrator, and on which chart.
+A step's record has its time by three clocks (the node's steady one, ROS, the wall), the id of the process
+instance and the hash of the chart. Steps and codes are written to the node's log as well.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from lupin_engine.plugin import COUNT, TEXT, Parameter
 from lupin_engine.runtime import Clock, domain_folder, missions_record
 from lupin_ros.adapter.host import Slices
 from lupin_ros.adapter.node import Qos, RosNode
-from lupin_ros.orchestrator.displays import giving_way
+from lupin_ros.orchestrator.displays import short_switch_interval
 from lupin_ros.orchestrator.single import new_boot
 from lupin_ros.service import messages
 from lupin_ros.service.names import CHART_TOPIC, MISSIONS_TOPIC, NODE, POSSIBLE_TOPIC, STEPS_TOPIC
@@ -35,14 +35,14 @@ LOG_PARAMETERS: Mapping[str, Parameter] = {
 }
 
 
-class Telling:
-    """The publishers of what is told, and the log of the steps."""
+class RecordPublisher:
+    """Publishes the records and logs the steps; the charts are drawn on a thread of their own."""
 
     def __init__(self, ros: RosNode, clock: Clock, loaded: LoadedMissions) -> None:
         self._ros = ros
         self._clock = clock
         self._loaded = loaded
-        #: The name of this start of the orchestrator: who keeps records knows by it that memory was lost.
+        #: The id of this process instance: readers of records see by it that memory was lost.
         self.boot = new_boot()
         self._steps = ros.publisher(String, STEPS_TOPIC, Qos.BACKLOG)
         self._missions = ros.publisher(String, MISSIONS_TOPIC, Qos.LATCHED)
@@ -50,8 +50,8 @@ class Telling:
         self._chart = ros.publisher(String, CHART_TOPIC, Qos.LATCHED)
         self._slices = Slices(ros.post)
         self._open_log(ros.parameters())
-        self._offered = ""
-        self._foreseen = PossibleNews(self.boot)
+        self._last_missions = ""
+        self._possible_news = PossibleNews(self.boot)
         self.is_news = StepNews().is_news
 
     def _open_log(self, given: Mapping[str, Any]) -> None:
@@ -62,16 +62,16 @@ class Telling:
         except OSError as problem:
             self._ros.log.warning("the log is written to the console only", problem=str(problem))
 
-    def go_on_with(self, loaded: LoadedMissions) -> None:
-        """Tell of other missions from here on."""
+    def switch_chart(self, loaded: LoadedMissions) -> None:
+        """Publish records of another chart from now on."""
         self._loaded = loaded
-        self._foreseen.forget()
-        self.chart()
+        self._possible_news.forget()
+        self.publish_chart()
 
     # -- steps ------------------------------------------------------------------------------------------
 
-    def step(self, step: Step, view: View, origin: Mapping[str, str]) -> None:
-        """Log a step and publish its record; `origin` is who commanded it, as far as that is known."""
+    def publish_step(self, step: Step, view: View, origin: Mapping[str, str]) -> None:
+        """Log a step and publish its record; `origin` names who commanded it, where that is known."""
         ids = {"mission_id": view.mission_id, "target": view.target, "step": step.sequence}
         self._ros.log_book.about = {"boot": self.boot, **ids}
         self._log(step, view)
@@ -92,60 +92,60 @@ class Telling:
         for note in step.notes:
             log.info(note)
 
-    def report(self, report: Report, view: View) -> None:
+    def log_report(self, report: Report, view: View) -> None:
         """Log the final summary: counts over all sweeps, as published, and the targets of the last one."""
         profile = self._loaded.chart.profile
         counts = {outcome.counter: view.counts[outcome.name] for outcome in profile.outcomes}
         self._ros.log.info("mission ended", mission_id=report.mission_id, total=view.total, **counts)
-        self._slices.add_each(partial(self._tell_visit, visit) for visit in report.visits)
+        self._slices.add_each(partial(self._log_visit, visit) for visit in report.visits)
 
-    def _tell_visit(self, visit: Mapping[str, Any]) -> None:
+    def _log_visit(self, visit: Mapping[str, Any]) -> None:
         self._ros.log.info("target", **messages.visit_record(visit, self._loaded.chart.profile))
 
     # -- missions ---------------------------------------------------------------------------------------
 
-    def missions(self, machine: Machine, problems: Sequence[str]) -> None:
-        """Tell which missions there are, what they ask for and can say, and what is wrong with the files."""
+    def publish_missions(self, machine: Machine, problems: Sequence[str]) -> None:
+        """Publish the mission catalogue and log the files' problems, where either has changed."""
         text = _text(missions_record(machine, self._clock.now(), problems))
-        if text.data != self._offered:
-            self._offered = text.data
+        if text.data != self._last_missions:
+            self._last_missions = text.data
             self._missions.publish(text)
             for problem in problems:
                 self._ros.log.error("missions stay as they were", problem=problem)
 
-    # -- what is possible -------------------------------------------------------------------------------
+    # -- available requests -----------------------------------------------------------------------------
 
-    def possible(self, machine: Machine) -> None:
-        """Tell what each request would do now, when that is other than before.
+    def publish_possible(self, machine: Machine) -> None:
+        """Publish a dry run of each request, where its result has changed.
 
-        To be called when steps have been taken, and now and then, because the time of day may decide. Where
-        nothing can have changed it costs next to nothing.
+        Must be called after steps and periodically, because guards may read the time of day. It is cheap
+        where nothing can have changed.
         """
-        found = self._foreseen.news(machine, self._loaded.hash, self._clock.now())
+        found = self._possible_news.news(machine, self._loaded.hash, self._clock.now())
         if found is not None:
             self._possible.publish(_text(found))
 
     # -- the chart --------------------------------------------------------------------------------------
 
-    def chart(self) -> None:
-        """Tell which chart runs, a little later, and once more when it is drawn: that may take a minute."""
+    def publish_chart(self) -> None:
+        """Publish the chart's record soon, and again with its drawing: that may take a minute."""
         threading.Thread(target=self._draw, args=[self._loaded], name="chart", daemon=True).start()
 
     def _draw(self, loaded: LoadedMissions) -> None:
-        """Make the record of a chart; on a thread of its own."""
+        """Make and publish the record of a chart; runs on a thread of its own."""
         # Drawing is nearly all that this imports, and the start of the node does not wait for it.
         from lupin_ros.service.chart_record import chart_picture, chart_record
 
         try:
             record = {"boot": self.boot, **chart_record(loaded)}
-            self._publish_chart(record, loaded)
-            with giving_way():
+            self._publish_record(record, loaded)
+            with short_switch_interval():
                 picture = chart_picture(loaded)
-            self._publish_chart({**record, **picture}, loaded)
+            self._publish_record({**record, **picture}, loaded)
         except Exception as problem:
             self._ros.post(partial(self._ros.log.error, "the chart cannot be told", problem=repr(problem)))
 
-    def _publish_chart(self, record: Mapping[str, Any], loaded: LoadedMissions) -> None:
+    def _publish_record(self, record: Mapping[str, Any], loaded: LoadedMissions) -> None:
         message = _text(record)
         self._ros.post(lambda: self._chart.publish(message) if loaded is self._loaded else None)
 

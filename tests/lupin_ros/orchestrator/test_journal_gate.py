@@ -19,7 +19,7 @@ from lupin_engine.plugin.profile import START, Publish
 from lupin_engine.runtime.journal.journal import journal_files
 from lupin_engine.runtime.journal.records import OUTCOME, PUBLISHED, read_journal
 from lupin_engine.runtime.setup import make_machine
-from lupin_ros.orchestrator.keeping import JOURNAL_PARAMETERS, WHAT_TO_DO, Keeping
+from lupin_ros.orchestrator.journal_gate import JOURNAL_PARAMETERS, WHAT_TO_DO, JournalGate
 from tests import shipped
 
 
@@ -31,7 +31,7 @@ class Silent:
 
 
 class Node:
-    """What keeping uses of a node; each look at the clock is ten seconds later."""
+    """What the gate uses of a node; each look at the clock is ten seconds later."""
 
     log = Silent()
     trouble = log.told
@@ -71,30 +71,30 @@ def test_what_the_disk_does_not_take_is_published_when_it_does(
     node = Node(journal_path=str(tmp_path), **given)
     loaded = load_missions(["inspection"], shipped.catalog())
     machine = make_machine(loaded.chart, {})
-    keeping = Keeping(node, "boot", lambda: None, lambda _: None)  # type: ignore[arg-type]
+    gate = JournalGate(node, "boot", lambda: None, lambda _: None)  # type: ignore[arg-type]
     sent: list[int] = []
 
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    keeping.begin(loaded, machine)
-    keeping.journal._writer._sync = full  # type: ignore[attr-defined]
-    keeping.publish([Publish("M", "m", "7", "OK")], lambda _: {"status": 0}, lambda fields: sent.append(1))
-    node.work_until(lambda: bool(keeping.journal.problem))
+    gate.begin(loaded, machine)
+    gate.journal._writer._sync = full  # type: ignore[attr-defined]
+    gate.publish([Publish("M", "m", "7", "OK")], lambda _: {"status": 0}, lambda fields: sent.append(1))
+    node.work_until(lambda: bool(gate.journal.problem))
     while not node.posted.empty():
         node.posted.get()()
     assert sent == ([] if required else [1])
     start = Event(START, {"mission_type": "InspectionMission"})
-    refused = keeping.refusal(start, machine.foresee(start, 0.0), loaded.chart.profile)
+    refused = gate.refusal(start, machine.foresee(start, 0.0), loaded.chart.profile)
     why = f"the journal cannot be written: No space left on device: {tmp_path}; {WHAT_TO_DO}"
     assert (refused and refused.text) == (f"start refused: {why}" if required else None)
     pause = Event("operator.pause")
-    assert keeping.refusal(pause, machine.foresee(pause, 0.0), loaded.chart.profile) is None
+    assert gate.refusal(pause, machine.foresee(pause, 0.0), loaded.chart.profile) is None
 
-    keeping.journal._writer._sync = os.fdatasync  # type: ignore[attr-defined]
-    keeping.look(machine)
+    gate.journal._writer._sync = os.fdatasync  # type: ignore[attr-defined]
+    gate.check_disk(machine)
     node.work_until(lambda: bool(sent))
-    keeping.close()
+    gate.close()
     assert sent == [1]
     kinds = [record.kind for record in read_journal(journal_files(tmp_path)[-1]).records]
     assert (OUTCOME in kinds, PUBLISHED in kinds) == (required, required)

@@ -31,7 +31,7 @@ from lupin_engine.plugin import (
 from lupin_engine.runtime import Journal, JournalHead, Keep, Leftover, Refusals, journal_folder
 from lupin_ros.adapter.host import Slices
 from lupin_ros.adapter.node import RosNode
-from lupin_ros.orchestrator.resuming import LookBack
+from lupin_ros.orchestrator.recovery import Recovery
 from lupin_ros.service.commands import CommandMemory
 
 #: The node's parameters about its journal.
@@ -50,26 +50,26 @@ JOURNAL_PARAMETERS: Mapping[str, Parameter] = {
     "journal_megabytes": Parameter(COUNT, 1000, "how large all that is kept is together, in MB", minimum=50),
     "journal_days": Parameter(NUMBER, 60.0, "for how many days the journal is kept", minimum=0.01),
 }
-#: What mends a journal that cannot be written.
+#: The advice in refusals while the journal cannot be written.
 WHAT_TO_DO = (
     "make room there or make it writable, or name another folder: XDG_STATE_HOME=FOLDER, or the parameter "
     "journal_path of mission_orchestrator"
 )
-#: How often it is tried again to write, in seconds.
+#: The period of new attempts to write, in seconds.
 RETRY_S = 5.0
 
 
-class Keeping:
-    """The journal of one orchestrator; `work` has its loop drained."""
+class JournalGate:
+    """Puts the journal between one orchestrator and the world; `work` drains the orchestrator's loop."""
 
     def __init__(
-        self, ros: RosNode, boot: str, work: Callable[[], None], tell: Callable[[Event], None]
+        self, ros: RosNode, boot: str, work: Callable[[], None], post_event: Callable[[Event], None]
     ) -> None:
-        """Open the journal; `tell` queues an event of the machine."""
+        """Open the journal; `post_event` queues an event of the machine."""
         self._ros = ros
         self._boot = boot
         self._work = work
-        self._tell = tell
+        self._post_event = post_event
         given = ros.parameters()
         self.required = bool(given["journal_required"] and not given["may_repeat_outcomes"])
         if not given["journal_required"]:
@@ -77,25 +77,26 @@ class Keeping:
         self.folder = journal_folder(str(given["journal_path"] or ""))
         size = 1_000_000 * int(given["journal_megabytes"])
         keep = Keep(int(given["journal_missions"]), float(given["journal_days"]), size)
-        self.journal = Journal(self.folder, keep, self._post, ros.guarded(self._changed))
+        self.journal = Journal(self.folder, keep, self._post_and_work, ros.guarded(self._fault_changed))
         self._refusals = Refusals(self.journal.refused)
-        #: What is written of many targets at once, and what is published of them.
+        #: Outcomes to write, and flushed ones to publish: some in each turn of the node's thread.
         self._writes, self._slices = Slices(ros.post), Slices(ros.post)
-        #: What writes an outcome again that could not be written and is not published.
-        self._unkept: list[Callable[[], None]] = []
+        #: Write unpublished outcomes again that a disk fault kept from being flushed.
+        self._unflushed: list[Callable[[], None]] = []
         self._loaded: LoadedMissions | None = None
         self._retry_at = 0.0
         self._part = 1
-        #: Which targets the file knows of, and by what it is seen that there are others.
+        #: The targets that are in the file; the state of the itineraries when they were written.
         self._targets: set[str] = set()
-        self._walks: tuple[object, ...] = ()
+        self._itineraries: tuple[object, ...] = ()
         self._is_returning = False
 
     def refusal(self, request: Event, foreseen: Possibility, profile: Profile) -> Refusal | None:
-        """Say why a request is refused without a step; None where it is the machine's to answer.
+        """Return why a request is refused without a step; None where the machine answers it.
 
-        While nothing can be written down none is taken, unless it stops something; and what is foreseen to be
-        refused is only counted where that was written many times already.
+        While a required journal cannot be written, every request is refused but those that stop something.
+        Requests that the machine would refuse are rate-limited: beyond 64 KiB in 10 s they are counted, not
+        recorded.
         """
         if not (self.required and self.journal.failing):
             found, now = foreseen.refusal, self._ros.elapsed()
@@ -108,13 +109,13 @@ class Keeping:
         return Refusal(UNRECORDED_CODE, f"{name} refused: {why}; {WHAT_TO_DO}")
 
     def close(self) -> None:
-        """Have all that was noted on the disk, and end."""
+        """Write what waits, flush it and close the file."""
         self._refusals.tell_all()
         self._writes.finish()
         self._slices.finish()
         self.journal.close()
 
-    def when_kept(self, then: Callable[[], None]) -> None:
+    def when_flushed(self, then: Callable[[], None]) -> None:
         """Call `then` when what was recorded is flushed; at once while no file is open or the disk fails."""
         self.journal.when_kept(self._ros.guarded(then))
 
@@ -123,7 +124,7 @@ class Keeping:
     def begin(
         self, loaded: LoadedMissions, machine: Machine, mission: str = "", mission_id: str = ""
     ) -> None:
-        """Begin a file with the memory of a machine as it is, for a mission or for the time between them."""
+        """Begin a file with a snapshot of the machine, for a mission or for the time between two."""
         self._refusals.tell_all()
         self._writes.finish()  # the outcomes of a file's steps are in that file
         if loaded is not self._loaded or self.journal.problem:  # the folder may have been removed
@@ -153,22 +154,22 @@ class Keeping:
                 snapshot=machine.snapshot() if machine.memory.sequence else "",
             )
         )
-        self._targets, self._walks = set(), ()
-        self._note_targets(machine)
-        unkept, self._unkept = self._unkept, []
-        for write_again in unkept:
+        self._targets, self._itineraries = set(), ()
+        self._record_targets(machine)
+        unflushed, self._unflushed = self._unflushed, []
+        for write_again in unflushed:
             write_again()
 
-    def before(self, request: Event, foreseen: Possibility, machine: Machine) -> None:
-        """Begin a mission's file where a request is about to start it."""
+    def before_request(self, request: Event, foreseen: Possibility, machine: Machine) -> None:
+        """Begin the file of a mission that the request is about to start."""
         if request.name == START and foreseen.possible and self._loaded is not None:
             data = request.data
             self.begin(self._loaded, machine, str(data["mission_type"]), str(data.get("mission_id", "")))
 
-    def after(self, step: Step, view: View, machine: Machine) -> None:
-        """Note new targets; close a mission's file where a step ended it, when all it published is out."""
+    def after_step(self, step: Step, view: View, machine: Machine) -> None:
+        """Record new targets; where the step ended the mission, leave its file after its outcomes."""
         self._is_returning = view.lifecycle in machine.chart.profile.stages.returning
-        self._note_targets(machine)
+        self._record_targets(machine)
         head = self.journal.head
         profile = machine.chart.profile
         if head is None or not head.mission_id or not step.changed:
@@ -177,55 +178,55 @@ class Keeping:
             return
         counts = {outcome.counter: view.counts.get(outcome.name, 0) for outcome in profile.outcomes}
         self.journal.ended({"state": view.lifecycle, "code": view.code, "total": view.total, **counts})
-        self.when_kept(lambda: self._writes.add(lambda: self._rest(head.mission_id, machine)))
+        self.when_flushed(lambda: self._writes.add(lambda: self._begin_idle_file(head.mission_id, machine)))
 
-    def _note_targets(self, machine: Machine) -> None:
-        """Write the targets that are new in a mission's file."""
+    def _record_targets(self, machine: Machine) -> None:
+        """Record the mission's targets that the file does not have yet."""
         head, memory = self.journal.head, machine.memory
         if head is None or not head.mission_id or memory.mission_id != head.mission_id:
             return
-        walks = memory.itineraries.items()
-        found = tuple((name, w.begun, w.before, w.sweep, len(w.items)) for name, w in walks)
-        if found == self._walks:
+        itineraries = memory.itineraries.items()
+        found = tuple((name, w.begun, w.before, w.sweep, len(w.items)) for name, w in itineraries)
+        if found == self._itineraries:
             return
-        self._walks = found
+        self._itineraries = found
         visits = [visit for visit in memory.outcomes if not visit.closed]
         new = [target for target in dict.fromkeys(v.target for v in visits) if target not in self._targets]
         self._targets.update(new)
         if new:
             self.journal.targets(memory.mission, head.mission_id, new)
 
-    def _rest(self, mission_id: str, machine: Machine) -> None:
-        """Write into a file about no mission, unless the next one has begun meanwhile."""
+    def _begin_idle_file(self, mission_id: str, machine: Machine) -> None:
+        """Begin a file for the time without a mission, unless the next mission has begun meanwhile."""
         head = self.journal.head
         if head is not None and head.mission_id == mission_id and self._loaded is not None:
             self.begin(self._loaded, machine)
 
-    def tend(self, machine: Machine) -> None:
-        """Write a snapshot, or begin another file, where one is due; to be called between steps.
+    def maintain(self, machine: Machine) -> None:
+        """Write a snapshot, or begin the next file, where one is due; must be called between steps.
 
-        Not while outcomes wait to be written: who begins at the snapshot would not know of them.
+        It does nothing while outcomes wait to be written: a replay from the snapshot would lack them.
         """
         if self._writes.is_done and self.journal.compact(machine):
-            self._begin_anew(machine)
+            self._rotate(machine)
 
-    def look(self, machine: Machine) -> None:
-        """Notice a disk that does not answer, and try again where it has failed; called now and then."""
+    def check_disk(self, machine: Machine) -> None:
+        """Detect a disk that does not answer, and retry a failed one every `RETRY_S`; called periodically."""
         self.journal.look()
         self._refusals.look(self._ros.elapsed())
         if self.journal.problem and self._ros.elapsed() >= self._retry_at:
             self._retry_at = self._ros.elapsed() + RETRY_S
-            self._begin_anew(machine)
+            self._rotate(machine)
 
-    def _begin_anew(self, machine: Machine) -> None:
+    def _rotate(self, machine: Machine) -> None:
         head = self.journal.head
         if head is not None and self._loaded is not None:
             self.begin(self._loaded, machine, head.mission, head.mission_id)
 
-    def go_on(self, found: LookBack, loaded: LoadedMissions, shift: float, now: float) -> None:
-        """Go on with the file that was found, as far as it can be used; otherwise `begin` must follow.
+    def continue_file(self, found: Recovery, loaded: LoadedMissions, shift: float, now: float) -> None:
+        """Append to the file whose mission goes on or is closed; if none or damaged, `begin` must follow.
 
-        `shift` is how far the clock, which says `now`, is ahead of the one of the file.
+        `shift` is the difference of this process's clock, at `now`, to the file's clock.
         """
         self.journal.count_from(found.left.outcomes)
         if found.machine is None and not found.closing:
@@ -234,33 +235,36 @@ class Keeping:
             self._loaded, self._part = loaded, found.left.file.head.part
             self.journal.go_on(found.left.file, shift, now, self._boot)
 
-    def publish_again(
-        self, found: LookBack, new: Iterable[tuple[Publish, Fields]], send: Callable[[Fields], None]
+    def republish(
+        self, found: Recovery, new: Iterable[tuple[Publish, Fields]], send: Callable[[Fields], None]
     ) -> None:
-        """Publish what was told, and what is new; a repeat has the same fields."""
+        """Publish the newest recorded outcomes again, published before or not, then new ones.
 
-        def send_again(fields: Fields) -> None:
+        A repeat is the same message. Fields that the message type does not take are logged and left out.
+        """
+
+        def resend(fields: Fields) -> None:
             try:
                 send(fields)
             except Exception as problem:  # the journal has fields that are none of the message
                 self._ros.log.warning("an outcome cannot be published again", problem=str(problem))
 
         for number, fields in found.left.told.items():
-            self._send_when_kept(number, fields, send_again)
-        for told, fields in new:
-            self.publish([told], partial(_given, fields), send)
+            self._send_when_flushed(number, fields, resend)
+        for outcome, fields in new:
+            self.publish([outcome], partial(_given, fields), send)
 
-    def remember(self, left: Leftover, commands: CommandMemory) -> None:
-        """Have commands known that another process was given: none is carried out twice."""
+    def restore_commands(self, left: Leftover, commands: CommandMemory) -> None:
+        """Restore the ids and answers of recorded commands, so that none is carried out twice."""
         ahead = self.journal.wall_ns() * 1e-9 - time.monotonic()
         for command_id, kept in left.commands.items():
             commands.remember(command_id, kept.wall - ahead, kept.what, kept.answer)
 
-    def closed(self, why: str) -> None:
-        """Write why the mission ends that was under way."""
+    def record_closed(self, why: str) -> None:
+        """Record that recovery closes the mission, and why."""
         self.journal.ended({"state": "", "code": CLOSED_CODE, "detail": why})
 
-    # -- what leaves when it is kept ----------------------------------------------------------------------
+    # -- the outbox ---------------------------------------------------------------------------------------
 
     def publish(
         self,
@@ -268,67 +272,66 @@ class Keeping:
         fields_of: Callable[[Publish], Fields],
         send: Callable[[Fields], None],
     ) -> None:
-        """Publish outcomes when they are kept, and note that they were; of many at once some in each turn."""
-
-        self._writes.add_each(partial(self._write, told, fields_of, send) for told in outcomes)
+        """Record outcomes, publish each after its flush, and record that; many are spread over turns."""
+        self._writes.add_each(partial(self._write, outcome, fields_of, send) for outcome in outcomes)
 
     def _write(
-        self, told: Publish, fields_of: Callable[[Publish], Fields], send: Callable[[Fields], None]
+        self, outcome: Publish, fields_of: Callable[[Publish], Fields], send: Callable[[Fields], None]
     ) -> None:
-        fields = fields_of(told)
-        again = partial(self._write, told, partial(_given, fields), send)
-        self._send_when_kept(self.journal.outcome(told, fields), fields, send, again)
+        fields = fields_of(outcome)
+        write_again = partial(self._write, outcome, partial(_given, fields), send)
+        self._send_when_flushed(self.journal.outcome(outcome, fields), fields, send, write_again)
 
-    def _send_when_kept(
+    def _send_when_flushed(
         self,
         number: int,
         fields: Fields,
         send: Callable[[Fields], None],
-        again: Callable[[], None] | None = None,
+        write_again: Callable[[], None] | None = None,
     ) -> None:
-        """Publish an outcome when it is flushed; one that is not is written `again`, later.
+        """Publish an outcome after its flush; after a disk fault keep `write_again` for the next file.
 
-        With `may_repeat_outcomes` it is published all the same: who replays the journal does not know of it,
-        and publishes the target once more.
+        With `may_repeat_outcomes` it is published in spite of the fault: a replay of the journal then
+        publishes the target a second time.
         """
 
         def publish() -> None:
             send(fields)
             self.journal.published(number)
 
-        def kept() -> None:
-            if again is not None and self.required and self.journal.problem:
-                self._unkept.append(again)
+        def flushed() -> None:
+            if write_again is not None and self.required and self.journal.problem:
+                self._unflushed.append(write_again)
             else:
                 self._slices.add(publish)
 
-        self.when_kept(kept)
+        self.when_flushed(flushed)
 
     # -- the disk -----------------------------------------------------------------------------------------
 
-    def _post(self, call: Callable[[], None]) -> None:
+    def _post_and_work(self, call: Callable[[], None]) -> None:
         def run() -> None:
             call()
             self._work()
 
         self._ros.post(run)
 
-    def _changed(self, problem: str) -> None:
-        """Report that the journal cannot be written, or can again; hold the mission, but not its way home."""
+    def _fault_changed(self, problem: str) -> None:
+        """Report a disk fault or its end; a fault holds the mission where required, unless it returns."""
         where = f"{problem}: {self.folder}"
         self._ros.trouble("journal", problem and f"the journal cannot be written: {where}")
         if not problem:
             self._ros.log.info("the journal is written again", folder=str(self.folder))
-            self._tell(Event(TOLD, {"code": RECORDED_CODE, "detail": ""}))
+            self._post_event(Event(TOLD, {"code": RECORDED_CODE, "detail": ""}))
             return
         self._ros.log.error("the journal cannot be written", problem=problem, folder=str(self.folder))
         self._retry_at = self._ros.elapsed() + RETRY_S
         head = self.journal.head
         if self.required and head is not None and head.mission_id and not self._is_returning:
-            self._tell(Event(HELD_BACK, {"hold": UNRECORDED, "detail": where}))
+            self._post_event(Event(HELD_BACK, {"hold": UNRECORDED, "detail": where}))
         else:
-            self._tell(Event(TOLD, {"code": UNRECORDED_CODE, "detail": where}))
-        self._work()  # before what has waited goes on
+            self._post_event(Event(TOLD, {"code": UNRECORDED_CODE, "detail": where}))
+        self._work()  # before the waiting callbacks run
 
 
 def _given(fields: Fields, _: Publish) -> Fields:
