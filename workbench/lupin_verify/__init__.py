@@ -1,4 +1,4 @@
-"""What always holds, whatever the world does: properties, and the ways to look for their breach."""
+"""Verification of missions: proofs by state-space exploration, campaigns, counterexamples, minimisation."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What a proof found, each with its place: the findings that checks, pull requests and editors show."""
+"""Diagnostics of a proof with places in the mission's file, for checks, pull requests and editors."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ RULES = (RULE, GROWS, UNREACHED, UNUSED, UNPROVEN)
 
 
 def findings(proof: Proof, mission: str) -> list[Diagnostic]:
-    """Return what a proof found: an error for each property that is broken, and warnings.
+    """Return the diagnostics of a proof: an error for each broken property, and warnings.
 
     Args:
         proof: the proof.
-        mission: what `lupin prove` is told.
+        mission: the argument of `lupin prove`.
     """
     hint = f"lupin prove {shlex.quote(mission)} tells how it comes to that"
     return [*(_finding(proof.chart, one, hint) for one in proof.broken), *_warnings(proof)]
 
 
 def _warnings(proof: Proof) -> Iterator[Diagnostic]:
-    """Yield what keeps a proof from its end, and what nothing that was explored concerns."""
+    """Yield warnings: growth, an incomplete proof, properties that never apply, unreached states."""
     chart, warn, grows = proof.chart, Severity.WARN, proof.growth
     if grows is not None:
         yield Diagnostic(grows.place, GROWS, grows.path, grows.text, grows.hint, warn)
@@ -46,8 +46,8 @@ def _warnings(proof: Proof) -> Iterator[Diagnostic]:
         yield Diagnostic(place, UNUSED, f"properties.{one.name}", why, hint, warn)
     for part in proof.dead:
         hint = "see what should lead there, or leave it out"
-        told = f"{part.text} is {part.says}, with these parameters and bounds"
-        yield Diagnostic(part.place, UNREACHED, part.path, told, hint, warn)
+        text = f"{part.text} is {part.says}, with these parameters and bounds"
+        yield Diagnostic(part.place, UNREACHED, part.path, text, hint, warn)
 
 
 def _finding(chart: Chart, one: Proven, hint: str) -> Diagnostic:
@@ -62,7 +62,7 @@ def counterexamples(mission: Path) -> dict[Path, str]:
 
 
 def shown_by(scenario: Scenario, name: str) -> Diagnostic | None:
-    """Run a scenario that `lupin prove` has written for a property; None: it shows no breach of it any more.
+    """Run a scenario that `lupin prove` has written; return its breach, None where there is none any more.
 
     Errors as for `simulate`.
     """
@@ -88,7 +88,7 @@ def shown_by(scenario: Scenario, name: str) -> Diagnostic | None:
 def _at(
     chart: Chart, taken: Iterable[str], configuration: Sequence[str], name: str, text: str, hint: str
 ) -> Diagnostic:
-    """Return a finding at the last transition that was taken, or where there is none at the state."""
+    """Return a finding at the last taken transition, or without one at the innermost state."""
     rules = {rule.id: rule for state in chart.states.values() for rule in state.transitions}
     place, where = Place(chart.states[""].place.file, 1, 1), ""
     if configuration:
@@ -96,5 +96,5 @@ def _at(
         place = chart.states[where].place
     for rule in (rules[one] for one in taken if one in rules):
         place, where = rule.place, rule.id
-    told = text if name in chart.properties else f"{name}: {text}"  # an author's own names itself
-    return Diagnostic(place, RULE, where, told, hint)
+    message = text if name in chart.properties else f"{name}: {text}"  # an author's own names itself
+    return Diagnostic(place, RULE, where, message, hint)

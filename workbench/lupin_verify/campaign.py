@@ -1,7 +1,7 @@
-"""Campaigns: thousands of random worlds in virtual time, watched for the same properties as all others.
+"""Campaigns: randomised testing of a mission in simulated worlds, with all properties as monitors.
 
-What a seed comes to is the same on every machine. Sums of seeds are the same in whatever order they are added
-up: of what was found several times the smallest seed counts.
+The result of a seed is the same on every machine, and the sum of seeds does not depend on their order: of
+equal findings the smallest seed counts. A campaign without violations proves nothing.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True)
 class Violation:
-    """A property that a run violates, for the first time at a moment: the step of that number, or the end."""
+    """The first violation of a property in a run: after so many `steps`, or at its end."""
 
     name: str
     seed: int
@@ -41,10 +41,10 @@ class Violation:
 
 @dataclass
 class CampaignSum:
-    """What some seeds came to, in `seconds` of virtual time and with so many `processor` seconds.
+    """The sum of some seeds, in `seconds` of virtual time and with so many `processor` seconds.
 
     `pairs`, `transitions` and entered `states` have the smallest seed that reached each, `runs_of_pair` how
-    many seeds did. `first` is of each property the violation that comes after the fewest steps.
+    many seeds did. `first` has each property's violation after the fewest steps.
     """
 
     seeds: int = 0
@@ -62,7 +62,7 @@ class CampaignSum:
     ended: Counter[str] = field(default_factory=Counter)
 
     def add(self, other: CampaignSum) -> None:
-        """Take in what other seeds came to."""
+        """Add the sum of other seeds."""
         for name in ("seeds", "missions", "steps", "seconds", "processor"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         for name in ("relevant", "violated", "runs_of_pair", "ended"):
@@ -74,7 +74,7 @@ class CampaignSum:
             self.keep(violation)
 
     def keep(self, violation: Violation) -> None:
-        """Keep a violation if its story is the shortest, and of those the smallest seed's."""
+        """Keep a violation if it has the fewest steps, and among equals the smallest seed."""
         known = self.first.get(violation.name)
         if known is None or (violation.steps, violation.seed) < (known.steps, known.seed):
             self.first[violation.name] = violation
@@ -86,7 +86,7 @@ class CampaignSum:
 
     @property
     def chance_of_new(self) -> float:
-        """How likely a further seed reaches a new pair, by Good and Turing: at most 1."""
+        """An upper estimate of the chance that a further seed reaches a new pair, by Good and Turing."""
         once = sum(1 for count in self.runs_of_pair.values() if count == 1)
         return min(1.0, once / self.seeds) if self.seeds else 1.0
 
@@ -101,7 +101,7 @@ def _keep_smallest(known: dict[Any, int], found: Mapping[Any, int]) -> None:
 
 
 class Campaign:
-    """A mission, loaded, with the worlds that its seeds are."""
+    """A loaded mission with its properties, and the random world of each seed."""
 
     def __init__(self, loaded: LoadedMissions, rates: Rates, parameters: Mapping[str, Any]) -> None:
         self.loaded = loaded
@@ -109,13 +109,13 @@ class Campaign:
         self.parameters = {**rates.parameters, **parameters}
         self.world: World = make_world(loaded.chart, self.parameters)
         self.properties: tuple[Property, ...] = properties_of(loaded.chart)
-        #: All that is watched, with its sentence.
+        #: All monitored properties, with their sentences.
         self.watched = {
             **{one.name: one.says for one in self.properties},
             STANDSTILL: "No mission runs in a cycle that takes no time.",
         }
         self._pool = pool_of(self.world, rates.script.mission)
-        #: Where the files stood that were read, and where they are at home: what is told names the latter.
+        #: The folder that files were read from, and the one that texts name instead.
         self.folders = ("", "")
         rules = (rule for state in self.chart.states.values() for rule in state.transitions)
         self.rules = {rule.id: rule for rule in rules if rule.refuse is None}
@@ -127,16 +127,16 @@ class Campaign:
 
     @property
     def begins_on_request(self) -> bool:
-        """Whether a mission of the chart begins when it is asked for, and not by itself."""
+        """Whether a mission of the chart begins by request, and not by itself."""
         return any(rule.event == START for rule in self.rules.values())
 
     @property
     def can_be_taken(self) -> int:
-        """How many transitions the chart has that do more than refuse."""
+        """The number of transitions that do more than refuse."""
         return len(self.rules)
 
     def never_taken(self, found: CampaignSum) -> list[Transition]:
-        """Return those that no seed took."""
+        """Return the transitions that no seed took."""
         return [rule for name, rule in self.rules.items() if name not in found.transitions]
 
     def never_entered(self, found: CampaignSum) -> list[State]:
@@ -152,7 +152,7 @@ class Campaign:
         return draw(self.rates, seed, self._pool)
 
     def run(self, seed: int, into: CampaignSum) -> Run | None:
-        """Run a seed, and count what it came to; None when time stood still in it."""
+        """Run a seed and add its result; return None when time stood still in it, which is a violation."""
         simulation = Simulation(self.chart, self.script(seed), self.parameters, self.world)
         monitor = Monitor(self.properties)
         simulation.listener = lambda step: monitor.take(step, simulation.machine.scope)
@@ -163,7 +163,7 @@ class Campaign:
             monitor.end(run.watched_until)
             into.ended[run.view.lifecycle] += 1
         except Standstill as problem:
-            # The step that does not end says the same as an execution error: it is told once.
+            # The step that does not end is an execution error with the same text, too: count it once.
             others = {name: one for name, one in monitor.breaches.items() if one[1] != str(problem)}
             monitor.breaches = {**others, STANDSTILL: (simulation.steps[-1], str(problem))}
         into.seconds += simulation.now
@@ -189,7 +189,7 @@ class Campaign:
         _keep_smallest(into.pairs, dict.fromkeys(pairs, seed))
 
     def recorded(self, violation: Violation) -> RunRecord:
-        """Return the run of a violation up to the step that it is about."""
+        """Run a violation's seed again; return the run up to the violating step."""
         script = self.script(violation.seed)
         simulation = Simulation(self.chart, script, self.parameters, self.world)
         with suppress(Standstill):  # time stands still: the steps are there all the same

@@ -1,6 +1,7 @@
-"""Counterexamples that `lupin prove` has written beside missions, shown where they break what was to hold.
+"""Diagnostics of counterexamples that `lupin prove` has written beside a mission, for editors.
 
-They are simulated with what the files say now, so one is gone as soon as the mission is mended.
+Each is simulated with the edited mission, and again only after a change. One that no longer breaks its
+property, or no longer fits the mission, gives none.
 """
 
 from __future__ import annotations
@@ -19,23 +20,23 @@ _ChartOf = Callable[[Path], Chart | None]
 
 
 class Counterexamples:
-    """What was last found of each scenario, so that it is simulated again only when something has changed."""
+    """The cached result of each scenario; it is simulated again only after a change of file or chart."""
 
     def __init__(self) -> None:
         self._known: dict[Path, tuple[Chart, str, Diagnostic | None]] = {}
 
     def found(self, mission: Path, chart_of: _ChartOf, catalog: Catalog) -> list[Diagnostic]:
         """Return a finding for every scenario of a mission that still shows its breach."""
-        told = []
+        found = []
         for file, name in counterexamples(mission).items():
             chart, text = chart_of(mission), file.read_text(encoding="utf-8")
             if chart is None:
-                continue  # it says what is wrong with it first
+                continue  # the mission's own errors come first
             known = self._known.get(file)
             if known is None or known[0] is not chart or known[1] != text:
                 known = self._known[file] = chart, text, _shown(file, name, text, chart, catalog)
-            told += [known[2]] if known[2] is not None else []
-        return told
+            found += [known[2]] if known[2] is not None else []
+        return found
 
 
 def _shown(file: Path, name: str, text: str, chart: Chart, catalog: Catalog) -> Diagnostic | None:
@@ -43,7 +44,7 @@ def _shown(file: Path, name: str, text: str, chart: Chart, catalog: Catalog) -> 
         scenario = load_scenario_text(text, file, _Edited(chart, catalog))
         return shown_by(scenario, name)
     except LupinError:
-        return None  # a scenario that says what the mission does not have any more: lupin test tells
+        return None  # the scenario no longer fits the mission; `lupin test` reports it
 
 
 class _Edited(Missions):

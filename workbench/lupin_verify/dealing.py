@@ -1,7 +1,7 @@
-"""The seeds of a campaign dealt out in batches: to this process, or to any executor of `concurrent.futures`.
+"""Distributes a campaign's seeds in batches: to this process, or to an executor of `concurrent.futures`.
 
 A worker gets the files of the mission with its batch, and loads them once, by their hash. A batch that is
-lost with its worker is dealt out again, so no seed is lost.
+lost with its worker is dealt again, up to `TRIES` times; then the campaign fails.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from lupin_engine.plugin import load_catalog
 from lupin_verify.campaign import Campaign, CampaignSum
 from lupin_verify.rates import default_rates, read_rates
 
-#: After how many steps garbage is looked for.
+#: The number of steps between two garbage collections.
 STEPS_KEPT = 20_000
 #: A batch of seeds, and how often it was dealt out.
 _Dealt = tuple[range, int]
@@ -46,9 +46,9 @@ BATCH, AHEAD, TRIES = 20, 3, 4
 
 @dataclass(frozen=True)
 class CampaignTask:
-    """What workers need to make the same runs: the bytes of the files, by their names in a folder.
+    """A picklable campaign for workers: the bytes of its files, by their names in a folder.
 
-    `hash` is that of the mission's files; `folder` is where those stand whose bytes are in `files`.
+    `hash` is that of the mission's files; `folder` is the original folder of the files.
     """
 
     hash: str
@@ -67,7 +67,7 @@ def _unpacked(task: CampaignTask) -> Campaign:
     """Return the campaign of a task, loaded in this process.
 
     Raises:
-        LupinError: another engine is installed here, or the files do not say the same here.
+        LupinError: another engine is installed here, or the mission has another hash here.
     """
     if task.version != __version__:
         raise LupinError(f"a worker has engine {__version__}, and not {task.version}: install the same there")
@@ -87,12 +87,12 @@ def _unpacked(task: CampaignTask) -> Campaign:
 
 
 def run_batch(task: CampaignTask, seeds: range) -> CampaignSum:
-    """Run some seeds of a task; what a worker does."""
+    """Run some seeds of a task, in a worker."""
     return run_seeds(_unpacked(task), seeds)
 
 
 def run_seeds(campaign: Campaign, seeds: range) -> CampaignSum:
-    """Run some seeds one after the other; Python looks for garbage between them, and only at what is new."""
+    """Run some seeds one after the other; garbage is collected between them, of new objects only."""
     found, began, clean = CampaignSum(), time.process_time(), 0
     gc.freeze()
     gc.disable()
@@ -110,7 +110,7 @@ def run_seeds(campaign: Campaign, seeds: range) -> CampaignSum:
 
 
 def make_task(loaded: LoadedMissions, rates: Path | None, parameters: Mapping[str, Any]) -> CampaignTask:
-    """Return what a worker needs for the campaign of one mission, whose rates have been read once."""
+    """Return the task of a campaign of one mission, with its file of rates if any."""
     short = loaded.short_names
     named = {Path(name).resolve(): short[name] for name in loaded.sources}
     return CampaignTask(
@@ -126,14 +126,14 @@ def make_task(loaded: LoadedMissions, rates: Path | None, parameters: Mapping[st
 
 
 class WorkerProcesses(ProcessPoolExecutor):
-    """Processes of this computer, which leave a Ctrl-C to the one that deals out, and end with it at once."""
+    """Worker processes of this computer; they ignore Ctrl-C, and end with the process that began them."""
 
     def __init__(self, workers: int, begin: Callable[..., None] | None = None, *arguments: Any) -> None:
-        """Make some, each of which calls `begin` first."""
+        """Start workers, each of which calls `begin` first."""
         super().__init__(workers, get_context("spawn"), _begin, (begin, *arguments))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End; with `cancel_futures` what is under way is not waited for either."""
+        """Shut down; with `cancel_futures` running calls are terminated."""
         working = list((self._processes or {}).values())
         super().shutdown(wait, cancel_futures=cancel_futures)
         for process in working if cancel_futures else ():
@@ -148,7 +148,7 @@ def _begin(begin: Callable[..., None] | None, *arguments: Any) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process when the one that began it is gone, however that ended: nobody else would."""
+    """Exit this process when its parent has ended, for whatever reason."""
     parent = parent_process()
     assert parent is not None, "workers are begun by another process"
     parent.join()
@@ -157,16 +157,16 @@ def _end_with_parent() -> None:
 
 @dataclass
 class Dealer:
-    """Deals the seeds of a campaign out; `found` is the sum of the batches that came back, in any order.
+    """Distributes the seeds of a campaign; `found` is the sum of the finished batches, in any order.
 
     `executors` makes an executor, and another one where that is broken; without it this process does the
-    work. `broken` are the errors of a batch that is lost. `told` is called after each batch; all of it
-    `took` so long (s).
+    work. `broken` are the errors of a lost batch. `report` is called after each batch; all `took` so long
+    (s).
     """
 
     campaign: Campaign
     seeds: int
-    told: Callable[[CampaignSum], None] = lambda _: None
+    report: Callable[[CampaignSum], None] = lambda _: None
     executors: Callable[[], Executor] | None = None
     workers: int = 1
     task: CampaignTask | None = None
@@ -176,7 +176,7 @@ class Dealer:
     broken: tuple[type[BaseException], ...] = (BrokenExecutor,)
 
     def run(self) -> CampaignSum:
-        """Run all seeds; after an error or a KeyboardInterrupt `found` has those that came back.
+        """Run all seeds; after an error or a KeyboardInterrupt `found` has the finished ones.
 
         Raises:
             LupinError: a batch was lost again and again, or a worker cannot run it.
@@ -204,10 +204,10 @@ class Dealer:
 
     def _take(self, batch: CampaignSum) -> None:
         self.found.add(batch)
-        self.told(self.found)
+        self.report(self.found)
 
     def _deal(self, left: Iterator[_Dealt]) -> list[_Dealt]:
-        """Deal batches out until none is left or the executor breaks; return those that were lost with it."""
+        """Submit batches until none is left or the executor breaks; return the lost ones."""
         assert self.executors is not None, "there are workers"
         assert self.task is not None, "workers have a task"
         executor, out, lost = self.executors(), dict[Future[CampaignSum], _Dealt](), list[_Dealt]()

@@ -1,4 +1,4 @@
-"""A random world for each seed: which targets, and what happens when. Servers draw when they are asked."""
+"""Draws a random world for each seed: targets and the times of events. Servers draw at each call."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lupin_verify.rates import Rates
 
 
 def pool_of(world: World, mission: str) -> tuple[str, tuple[str, ...]]:
-    """Return the field of a request that lists targets, and what it lists by itself; nothing if none does."""
+    """Return the field of a request that lists targets, and its default targets; empty if none does."""
     asked = {"mission_type": mission}
     values, refusal = read_request(world, asked, EvaluationScope(world, Memory()).at("", 0.0))
     for name, value in values.items() if refusal is None else ():
@@ -26,7 +26,7 @@ def pool_of(world: World, mission: str) -> tuple[str, tuple[str, ...]]:
 
 
 def draw(rates: Rates, seed: int, pool: tuple[str, Sequence[str]]) -> Script:
-    """Return the world of a seed: the same on every machine."""
+    """Return the world of a seed; it is the same on every machine."""
     dice = random.Random(f"campaign/{seed}")
     script = rates.script
     happenings = [*script.happenings, *_by_chance(rates, dice)]

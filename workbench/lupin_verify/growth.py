@@ -1,4 +1,4 @@
-"""What grows without end: a proof of it never ends, so it stops, and tells the author what to bound."""
+"""Stops a proof whose state space grows without end, and names the variable that must be bounded."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from lupin_verify.situations.explorer import SituationExplorer
 from lupin_verify.situations.found import Effect
 from lupin_verify.situations.situation import Situation, SlotName, TooMany
 
-#: A variable that has had more values than this may be what keeps a proof from its end.
+#: A variable with more values than this may be the reason of an incomplete proof.
 _MANY = 50
-#: Parts of a memory that no author has named, as people call them.
+#: Words for slots that are not variables.
 _WORDS: Mapping[str, str] = MappingProxyType(
     {
         "configuration": "the set of combinations of active states",
@@ -40,7 +40,7 @@ _ENGINE = "bound the variables that it depends on; if there are none, please rep
 
 @dataclass(frozen=True)
 class Growth:
-    """What grows without end, where it is declared, how that was noticed, and what to do."""
+    """A slot that grows without end: its declaration, the evidence, and advice."""
 
     place: Place
     path: str
@@ -52,30 +52,30 @@ class Growth:
 
 
 class BoundedExplorer(SituationExplorer):
-    """An explorer that takes notice of what grows without end; whoever explores should stop then."""
+    """An explorer that records the first slot with too many values; its caller must stop then."""
 
     growth: Growth | None = None
 
     def step(self, situation: Situation, number: int) -> Effect:
-        """Make the machine's own step; one that makes something grow too far leads nowhere."""
+        """Make the machine's step; one with too many values of a slot has no effect, and sets `growth`."""
         try:
             return super().step(situation, number)
         except TooMany as found:
             seen = f"({found.count} values, the last {shorten(found.last)})"
-            self.growth = self.growth or _told(self.chart, found.slot, seen)
+            self.growth = self.growth or _growth(self.chart, found.slot, seen)
             return Effect()
 
     def may_grow(self) -> Growth | None:
-        """Return of which variable there were so many values that it may grow without end, if of any."""
+        """Return the variable with the most values, if they are so many that it may grow without end."""
         counts = {slot: self.table.count(slot) for slot in self.table.index if slot[0] == "context"}
         slot = max(counts, key=lambda one: counts[one], default=("", ""))
         if counts.get(slot, 0) <= _MANY:
             return None
-        told = _told(self.chart, slot, "")
-        return replace(told, text=f"{slot[1]!r} has had {counts[slot]:,} values so far")
+        growth = _growth(self.chart, slot, "")
+        return replace(growth, text=f"{slot[1]!r} has had {counts[slot]:,} values so far")
 
 
-def _told(chart: Chart, slot: SlotName, seen: str) -> Growth:
+def _growth(chart: Chart, slot: SlotName, seen: str) -> Growth:
     field, key = slot
     if field == "context":
         variable = chart.context[key]

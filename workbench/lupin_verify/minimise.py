@@ -1,8 +1,8 @@
-"""A run that violates a property as a scenario that does so too, with as little in it as can be.
+"""Minimises a run that violates a property to a small scenario that violates it, too (delta debugging).
 
-The run is written as a scenario of what was recorded up to the violation, and read once. Then whatever can be
-left out of what it says is left out, as long as the same property is violated: targets, faults of servers,
-happenings, settings, digits. What is left is written again.
+The run up to the violation becomes a scenario. Then targets, faults of servers, events, settings and digits
+are left out as long as the simulation still violates the same property. The result is not the smallest there
+is, but a local minimum within `MOST_TRIES` simulations.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _Said = TypeVar("_Said", MockOutcome, Happening)
 
 
 class Minimiser:
-    """Makes one scenario smaller; `tries` counts the scenarios that were run."""
+    """Minimises one scenario; `tries` counts the simulations."""
 
     def __init__(self, name: str, promise: str, file: Path, mission: Path, missions: Missions) -> None:
         """Make one for a property.
@@ -63,14 +63,14 @@ class Minimiser:
         self.tries = 0
 
     def text(self, recording: RunRecord, script: Script) -> str:
-        """Return the text of a scenario that fails by the property, and by nothing else.
+        """Return the text of a scenario that fails by this property only.
 
         Args:
             recording: the run up to the violation.
-            script: what it was a run of.
+            script: the script of the run.
 
         Raises:
-            UsageError: what was recorded does not violate it when it is run again.
+            UsageError: the recorded run does not violate the property as a scenario.
         """
         found = self._recorded(recording, script)
         if found is not None:
@@ -112,7 +112,7 @@ class Minimiser:
         """Read the parts of a scenario's file as it would be written; errors as for `load_scenario`."""
         return load_scenario_text(yaml_text({**parts, "expect": {}}), self._file, self._missions)
 
-    # -- what is tried ---------------------------------------------------------------------------------------
+    # -- simulations -----------------------------------------------------------------------------------------
 
     def _run(self, scenario: Scenario) -> Run | None:
         """Run a scenario; None when it does not violate the property, or not everything in it happens."""
@@ -138,7 +138,7 @@ class Minimiser:
         return scenario
 
     def _first(self, scenario: Scenario, candidates: Callable[[Scenario], Iterable[Scenario]]) -> Scenario:
-        """Take every candidate that does, one after the other; each is made of what was kept before."""
+        """Accept every candidate that still violates the property; the next is made from it."""
         index = 0
         while self.tries < self._most:
             found = next(islice(candidates(scenario), index, None), None)
@@ -175,13 +175,13 @@ def _differs(one: Scenario, other: Scenario) -> bool:
 
 
 def _fired(scenario: Scenario, run: Run) -> tuple[Happening, ...]:
-    """Return the happenings of a scenario that came to pass when it was run."""
+    """Return the happenings of a scenario that fired in its run."""
     never = {one.number for one in run.unfired}
     return tuple(one for one in scenario.script.happenings if one.number not in never)
 
 
 def _turns(scenario: Scenario) -> dict[int, list[MockOutcome]]:
-    """Return what each server does in turn, by the number of its rule."""
+    """Return the sequence of outcomes of each rule, by its number."""
     return {
         number: [one for one in rule.outcomes if isinstance(one, MockOutcome)]
         for number, rule in enumerate(scenario.script.rules)
@@ -190,7 +190,7 @@ def _turns(scenario: Scenario) -> dict[int, list[MockOutcome]]:
 
 
 def _with_turns(scenario: Scenario, turns: Mapping[int, Sequence[MockOutcome]]) -> Scenario:
-    """Return a scenario in which some servers do otherwise, as often as that is not what they usually do."""
+    """Return a scenario with other sequences of outcomes; usual ones at the end are left out."""
     rules = []
     for number, rule in enumerate(scenario.script.rules):
         turn = turns.get(number, ())
@@ -235,17 +235,17 @@ def _without(scenario: Scenario, pieces: Sequence[_Piece]) -> Scenario:
 
 
 def _left_of(name: str, given: Any, gone: Container[_Piece]) -> Any:
-    """Return the value of a field of a request without what is gone of a list; that keeps one element."""
+    """Return a field of a request without the elements in `gone`; a list keeps one element at least."""
     if not isinstance(given, list):
         return given
     return [one for i, one in enumerate(given) if ("request", name, i) not in gone] or given[:1]
 
 
-# -- what says less -----------------------------------------------------------------------------------------
+# -- simpler scenarios --------------------------------------------------------------------------------------
 
 
 def _plainer(scenario: Scenario) -> Iterator[Scenario]:
-    """Yield the scenario without a setting, and with one fault or time that says less."""
+    """Yield the scenario without one setting, and with one simpler fault or time."""
     script = scenario.script
     if script.seed:
         yield _with(scenario, seed=0)
@@ -261,7 +261,7 @@ def _plainer(scenario: Scenario) -> Iterator[Scenario]:
 
 
 def _plainer_turns(scenario: Scenario) -> Iterator[Scenario]:
-    """Yield the scenario with faults that take as long as they usually do, and with one that says less."""
+    """Yield the scenario with faults of the usual duration, and with one simpler fault."""
     turns = _turns(scenario)
     yield _with_turns(scenario, {n: [replace(one, after=None) for one in turn] for n, turn in turns.items()})
     for number, turn in turns.items():
@@ -271,14 +271,14 @@ def _plainer_turns(scenario: Scenario) -> Iterator[Scenario]:
 
 
 def _less_of(outcome: MockOutcome) -> Iterator[MockOutcome]:
-    """Yield an outcome that says less, and still something."""
+    """Yield simpler outcomes that still differ from the usual one."""
     usual = {one.name: getattr(USUAL, one.name) for one in fields(outcome)}
     said = {name: normal for name, normal in usual.items() if getattr(outcome, name) != normal}
     return _with_less(outcome, said, droppable=len(said) > 1)
 
 
 def _with_less(thing: _Said, usual: Mapping[str, Any], droppable: bool) -> Iterator[_Said]:
-    """Yield an outcome or happening with one of its fields as it usually is, or with a time rounded."""
+    """Yield an outcome or happening with one field at its default, or a time rounded."""
     for name, normal in usual.items():
         value = getattr(thing, name)
         plainer = [normal] if droppable else []
@@ -287,7 +287,7 @@ def _with_less(thing: _Said, usual: Mapping[str, Any], droppable: bool) -> Itera
 
 
 def _earlier(scenario: Scenario) -> Iterator[Scenario]:
-    """Yield the scenario with a fault or a happening at one of the first chances that it has."""
+    """Yield the scenario with a fault or a happening earlier."""
     for number, turn in _turns(scenario).items():
         if turn[0] == USUAL:
             yield _with_turns(scenario, {number: turn[1:]})
@@ -303,7 +303,7 @@ def _earlier(scenario: Scenario) -> Iterator[Scenario]:
 
 
 def _standing(mocks: Iterable[Mapping[str, Any]], steps: Sequence[Step]) -> Iterator[dict[str, Any]]:
-    """Yield mocks in which the servers of a circle without time go on with what they said last."""
+    """Yield mocks in which servers of a cycle without time repeat their most frequent outcome for ever."""
     begun = [(step.time, c.operation) for step in steps for c in step.commands if isinstance(c, Start)]
     earlier = Counter(operation for time, operation in begun if time < steps[-1].time)
     circle = {operation for time, operation in begun if time == steps[-1].time}
@@ -324,7 +324,7 @@ def _most_often(said: Sequence[Any]) -> Any:
 
 
 def _expected(run: Run, name: str) -> dict[str, Any]:
-    """Return what must be said so that nothing but the property `name` fails: refusals, broken invariants."""
+    """Return the expectations that make all but the property `name` pass: refusals, broken invariants."""
     refused = [
         {"request": step.event.name, "code": step.refusal.code}
         for step in run.history.refused

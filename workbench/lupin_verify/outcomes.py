@@ -1,12 +1,12 @@
-"""A page of outcomes as a property: what follows from what happens, in each state, is what the page says.
+"""A decision table as a property: each step has the outcome in the page's cell for its state and event.
 
-The page is Markdown. Below a heading that names what happens stands a table with a row for each state and a
-column for each way to be held; its cells say what follows. A table below another heading, with cells that are
-`yes`, says where the page speaks at all. Four more say what the names stand for:
+The page is Markdown. A heading names an event; the table below it has a row for each state and a column for
+each combination of holds; its cells say what follows. A table below another heading, with cells that are
+`yes`, lists the combinations that the page covers. Four more define the names:
 
-    | State | Where | About |     the condition of a row, and of which of those situations the page speaks
-    | Column | Held | Where |     what is held, and a condition
-    | Event | What | But for |    a request or a condition on live values; an answer that is left out
+    | State | Where | About |     the condition of a row, and of the situations of it that the page covers
+    | Column | Held | Where |     the active holds, and a condition
+    | Event | What | But for |    a request or a condition on live values; a refusal that is not covered
     | Word | Stands for |         operations and actions
 
 Conditions are expressions of the language.
@@ -36,13 +36,13 @@ from lupin_engine.machine import (
 from lupin_engine.plugin import Publish
 from lupin_engine.properties import NOT_ABOUT, Passage, Property, Remembered, Verdict
 
-#: The property that the page holds.
+#: The name of the property.
 OUTCOMES = "outcomes"
 _SEPARATOR = " · "
 _REFUSED, _LEADS = "✗ ", "→ "
 _STATES, _COLUMNS = ("State", "Where", "About"), ("Column", "Held", "Where")
 _EVENTS, _WORDS = ("Event", "What", "But for"), ("Word", "Stands for")
-#: Parts of cells that say something of a list of names.
+#: The verbs of cells that a list of names follows.
 _VERBS = ("engages", "releases", "cancels", "starts", "closes", "last_error")
 
 
@@ -59,7 +59,7 @@ class _Line(NamedTuple):
 
 @dataclass(frozen=True)
 class _Case:
-    """A row, a column or an event: what is held, which request it is, the condition, and what it is about."""
+    """A row, a column or an event: its condition, the part that the page covers, its holds, its request."""
 
     where: Expression | None = None
     about: Expression | None = None
@@ -69,16 +69,16 @@ class _Case:
     is_here: bool = True
 
     def is_in(self, scope: EvaluationScope, now: float) -> bool:
-        """Say whether the condition holds."""
+        """Return whether the condition holds."""
         return self.is_here and (self.where is None or _holds(self.where, scope, now))
 
     def is_about(self, scope: EvaluationScope, now: float) -> bool:
-        """Say whether the page speaks of it there."""
+        """Return whether the page covers it there."""
         return self.is_in(scope, now) and (self.about is None or _holds(self.about, scope, now))
 
 
 class _Cell(NamedTuple):
-    """What follows, and where it is written."""
+    """The text of a cell, and its place."""
 
     text: str
     place: Place
@@ -88,8 +88,8 @@ class _Cell(NamedTuple):
 class OutcomePage:
     """The cells of a page, for one chart.
 
-    `strange` are the rows about states that the chart does not have, `possible` the rows and columns of which
-    the page speaks; empty: of all.
+    `strange` are the rows about states that the chart does not have, `possible` the covered combinations of
+    row and column; empty: all.
     """
 
     file: Path
@@ -104,25 +104,25 @@ class OutcomePage:
 
     @property
     def conditions(self) -> list[Expression]:
-        """What is read of a situation."""
+        """All conditions of the page."""
         cases = (*self.rows.values(), *self.columns.values(), *self.events.values())
         return [found for case in cases for found in (case.where, case.about) if found is not None]
 
     @property
     def watched(self) -> Property:
-        """The page as a property of every step whose situation before is known."""
+        """The page as a property of every step whose memory before is known."""
         says = f"In each state, each event leads to what its cell in {self.file.name} says."
         return Property(OUTCOMES, says, self._watch)
 
     def in_words(self, met: Container[str]) -> list[str]:
-        """Say which cells were looked at: those that were `met`."""
+        """Return sentences about the cells that were `met`, and those that were not."""
         own = [place for place in self.cells if place[1] not in self.strange]
         left = [place for place in own if ", ".join(place) not in met]
         found = [f"{len(own) - len(left)} of {len(own)} cells of {self.file.name} were met."]
         rows = {row for _, row, _ in left} - {row for _, row, _ in set(own).difference(left)}
-        told = [*sorted(rows), *(", ".join(place) for place in left if place[1] not in rows)]
-        if told:
-            found.append(f"Not met: {'; '.join(told)}.")
+        missed = [*sorted(rows), *(", ".join(place) for place in left if place[1] not in rows)]
+        if missed:
+            found.append(f"Not met: {'; '.join(missed)}.")
         if self.strange:
             found.append(f"Of other missions: {', '.join(sorted(self.strange))}.")
         return found
@@ -150,12 +150,12 @@ class OutcomePage:
             wrong = "; ".join(self._differences(self.cells[place].text, place[1], passage, was))
             if wrong:
                 cell = self.cells[place]
-                told = f"{cell.place.shown}: {', '.join(place)}: {cell.text}; but {wrong}"
-                return state, Verdict(True, told, about)
+                found = f"{cell.place.shown}: {', '.join(place)}: {cell.text}; but {wrong}"
+                return state, Verdict(True, found, about)
         return state, Verdict(bool(met), about=about)
 
     def _is(self, one: _Case, passage: Passage) -> bool:
-        """Say whether a step is what an event of the page stands for."""
+        """Return whether a step's event is the given event of the page."""
         event = passage.step.event
         if one.request:
             refusal = passage.step.refusal
@@ -168,7 +168,7 @@ class OutcomePage:
         return event.data["name"] in values and one.is_in(passage.scope, passage.step.time)
 
     def _differences(self, text: str, row: str, passage: Passage, was: EvaluationScope) -> Iterator[str]:
-        """Yield what a step does else than a cell says."""
+        """Yield the differences between a step and a cell."""
         step, refusal = passage.step, passage.step.refusal
         if text.startswith(_REFUSED) or refusal is not None:
             yield from _refused_otherwise(text, refusal)
@@ -191,7 +191,7 @@ class OutcomePage:
     def _of_commands(
         self, said: Mapping[str, set[str]], passage: Passage, was: EvaluationScope
     ) -> Iterator[str]:
-        """Compare what is ended, begun and told; what waits for its turn counts as begun."""
+        """Yield differences of cancels, starts, outcomes and summary; waiting operations count as started."""
         commands, memory = passage.step.commands, passage.after
         ended = {c.operation for c in commands if isinstance(c, Cancel)}
         begun = {c.operation for c in commands if isinstance(c, Start)}
@@ -209,9 +209,9 @@ class OutcomePage:
             yield f"it cancels {', '.join(sorted(ended)) or 'nothing'}"
         if begun - set().union(*starts) or any(some.isdisjoint(begun | waiting) for some in starts):
             yield f"it starts {', '.join(sorted(begun)) or 'nothing'}"
-        told = {c.status for c in commands if isinstance(c, Publish)}
-        if told - said.get("closes", set()):
-            yield f"it closes a target as {', '.join(sorted(told))}"
+        closed = {c.status for c in commands if isinstance(c, Publish)}
+        if closed - said.get("closes", set()):
+            yield f"it closes a target as {', '.join(sorted(closed))}"
         if any(isinstance(c, Report) for c in commands) != ("summary" in said):
             yield "it tells no summary" if "summary" in said else "it tells a summary"
 
@@ -242,7 +242,7 @@ class OutcomePage:
 
 
 def _holds(condition: Expression, scope: EvaluationScope, now: float) -> bool:
-    """Say whether a condition is true; one that cannot be worked out is not."""
+    """Return whether a condition is true; one that raises is not."""
     try:
         return bool(condition.evaluate(scope.at("", now)))
     except Exception:
@@ -260,7 +260,7 @@ def read_page(file: Path, chart: Chart) -> OutcomePage:
     """Read a page for a chart.
 
     Raises:
-        UsageError: it cannot be read; with the place of all that is wrong.
+        UsageError: it cannot be read; with all problems and their places.
     """
     try:
         text = file.read_text(encoding="utf-8")
@@ -301,7 +301,7 @@ def _lines(text: str, file: str) -> Iterator[_Line]:
 
 
 class _OutcomeReader:
-    """Reads lines into a page, and keeps what is wrong with them."""
+    """Reads lines into a page, and collects their problems."""
 
     def __init__(self, page: OutcomePage, problems: Problems) -> None:
         self._page = page
@@ -309,7 +309,7 @@ class _OutcomeReader:
         self._scope = scope_of(page.chart).with_names({"itinerary": ITINERARY})
 
     def define(self, line: _Line) -> None:
-        """Take in a row of the four tables that say what names stand for."""
+        """Add a row of the four tables that define names."""
         page, name = self._page, line.cells[0]
         if line.head == _STATES:
             where = self._condition(line, line.cells[1], name)
@@ -343,7 +343,7 @@ class _OutcomeReader:
         return found
 
     def take(self, line: _Line) -> None:
-        """Take in a row of a table of outcomes."""
+        """Add a row of a table of outcomes."""
         page = self._page
         if line.head != ("State", *page.columns) or not page.columns:
             return
@@ -361,7 +361,7 @@ class _OutcomeReader:
                     self._check(line.place, last)
 
     def _rows(self, line: _Line) -> Iterator[str]:
-        """Yield the rows that are meant: a name stands for all that begin so."""
+        """Yield the rows of a line: a name stands for all rows that begin with it."""
         for name in line.cells[0].split(", "):
             meant = [r for r in self._page.rows if f"{r}{_SEPARATOR}".startswith(f"{name}{_SEPARATOR}")]
             if not meant:
@@ -369,7 +369,7 @@ class _OutcomeReader:
             yield from meant
 
     def _check(self, place: Place, text: str) -> None:
-        """Tell what a cell says that nobody understands."""
+        """Record the parts of a cell that are not understood."""
         for part in filter(None, map(str.strip, text.split(";"))):
             verb = part.partition(" ")[0]
             if part.startswith(_LEADS):
@@ -383,12 +383,12 @@ class _OutcomeReader:
 
 
 def _refused_otherwise(text: str, refusal: Refusal | None) -> Iterator[str]:
-    """Yield what is else about a refusal than a cell says."""
-    told = "" if refusal is None else refusal.text
-    # What stands behind depends on the missions that are loaded.
-    why, told = text.removeprefix(_REFUSED).partition("; ")[0], told.partition("; ")[0]
+    """Yield the difference between a refusal and a cell."""
+    answer = "" if refusal is None else refusal.text
+    # The rest of the text depends on the loaded missions.
+    why, answer = text.removeprefix(_REFUSED).partition("; ")[0], answer.partition("; ")[0]
     wanted = re.escape(why).replace("STATE", "[A-Z_ ]+")
     if refusal is None or not text.startswith(_REFUSED):
-        yield f"it is refused: {told}" if told else "it is not refused"
-    elif not re.search(rf"(^|\s){wanted}$", told):
-        yield f"the answer is {told}"
+        yield f"it is refused: {answer}" if answer else "it is not refused"
+    elif not re.search(rf"(^|\s){wanted}$", answer):
+        yield f"the answer is {answer}"

@@ -1,4 +1,8 @@
-"""A proof: every property of a chart with its verdict, what was looked at, and what was left out."""
+"""Proves the properties of a chart by state-space exploration, within bounds that the proof names.
+
+A broken property comes with a counterexample: a shortest path, and its timed run where times are found.
+Without a complete exploration nothing is proven, but breaches of single steps are found all the same.
+"""
 
 from __future__ import annotations
 
@@ -24,18 +28,18 @@ from lupin_verify.situations.explorer import (
 from lupin_verify.situations.found import Breach, ExplorationProgress, Explored
 from lupin_verify.situations.graph import OF_THE_GRAPH, Graph, GraphProperty, broken
 from lupin_verify.situations.levels import explore
-from lupin_verify.situations.moves import told_move
+from lupin_verify.situations.moves import move_text
 from lupin_verify.situations.relevance import reads
 from lupin_verify.situations.timing import timed_run
 from lupin_verify.situations.ways import ShortestWays
 from lupin_verify.situations.worlds import OF_PROPERTY
 
-#: Of so many breaches the first is told that can happen at some times.
+#: The most breaches of a property that are tried for one with times.
 _TRIED = 8
 
 
 class ProofVerdict(enum.Enum):
-    """What came of a property."""
+    """The verdict on a property."""
 
     HOLDS = "holds"
     BROKEN = "broken"
@@ -45,13 +49,12 @@ class ProofVerdict(enum.Enum):
 
 @dataclass(frozen=True)
 class Proven:
-    """A property and what came of it.
+    """A property and its verdict.
 
-    Of one that is broken `text` says how, and `steps` are those of a shortest run that breaks it at the time
-    `ends`; None where no times were found at which everything can happen in that order. One `of_the_graph` is
-    not broken by a step, but by what cannot be reached after it; with `waits` by nothing that happens in
-    time. `taken` are the transitions of the step that breaks it, `configuration` the states in which that
-    leaves the chart.
+    If it is broken, `text` says how, and `steps` are those of a shortest run that breaks it at the time
+    `ends`; None where no times were found for the path, which then may not be feasible. One `of_the_graph` is
+    broken by a goal that cannot be reached after the steps, one that `waits` by a deadline that passes.
+    `taken` are the transitions of the last step, `configuration` the active states after it.
     """
 
     name: str
@@ -69,13 +72,12 @@ class Proven:
 
 @dataclass(frozen=True)
 class Proof:
-    """What was proven of a chart; `bounds` says in words what was explored, and what it was bounded by.
+    """The verdicts on a chart's properties; `bounds` has sentences about the scope of the exploration.
 
-    `dead` are states and transitions that were never reached; they are told only when all was explored.
-    One that is not `complete` was `stopped` for a reason; `growth` is what grows without end, or may.
-    `untried` says of what fewer values were tried than there are. `parameters` are the values of all of them;
-    `varied` says which one is not as given. It took so many `seconds`, and so much time of the `processor`
-    (s).
+    `dead` are states and transitions that were never reached; empty unless it is `complete`. If it is not, it
+    was `stopped` for a reason; `growth` is a variable that grows without end, or may. `untried` names reads
+    of which not all classes were tried. `parameters` are their values; `varied` says which one is not as
+    given. It took so many `seconds`, and so much time of the `processor` (s).
     """
 
     chart: Chart
@@ -114,19 +116,19 @@ class Proof:
 def prove(
     world: World,
     bounds: Bounds,
-    goes_on: Callable[[ExplorationProgress], str] = lambda _: "",
+    stop_reason: Callable[[ExplorationProgress], str] = lambda _: "",
     outcomes: Path | None = None,
 ) -> Proof:
-    """Explore every situation of a chart.
+    """Explore every situation of a chart, and judge its properties.
 
     Args:
         world: the chart with its parameters.
         bounds: how far is explored.
-        goes_on: called now and then; returns why to stop, or nothing.
-        outcomes: a page of which every cell is looked at as well.
+        stop_reason: called now and then; returns why to stop, or nothing.
+        outcomes: a page of outcomes whose cells are a property, too.
 
     Raises:
-        UsageError: the page cannot be read, or asks for what situations do not tell apart.
+        UsageError: the page cannot be read, or reads values outside the cone of influence.
     """
     page = None if outcomes is None else read_page(outcomes, world.chart)
     watched = (*properties_of(world.chart), *((page.watched,) if page else ()))
@@ -135,7 +137,7 @@ def prove(
         _check_seen(page, explorer)
 
     def look(progress: ExplorationProgress) -> str:
-        return str(explorer.growth or "") or goes_on(progress)
+        return str(explorer.growth or "") or stop_reason(progress)
 
     explored = explore(explorer, look)
     growth = explorer.growth
@@ -149,7 +151,7 @@ def prove(
         found.append(judge.of_steps(NO_EXCEPTION, "The engine completes every step."))
     exact = explored
     if any(judge.broken.values()):
-        # It may be so for none of the values that one situation stood for (see `Graph.leads_to`).
+        # With unconstrained inputs the attractor is an under-approximation: the breach may be spurious.
         exact = explore(explorer, look, open_values=False)
         judge = _Judge(explorer, exact)
     found += judge.of_graph()
@@ -171,7 +173,7 @@ def prove(
 
 
 def _check_seen(page: OutcomePage, explorer: SituationExplorer) -> None:
-    """Refuse conditions about what no condition of the mission reads: situations do not tell that apart."""
+    """Refuse conditions that read values outside the cone of influence: situations do not store them."""
     problems, seen = Problems(UsageError), explorer.relevance
     levelled = {name for name, spec in explorer.chart.inputs.items() if spec.levels}
     for condition in page.conditions:
@@ -186,7 +188,7 @@ def _check_seen(page: OutcomePage, explorer: SituationExplorer) -> None:
 
 
 class _Judge:
-    """Says of each property what came of it."""
+    """Judges each property of an exploration, and builds the counterexamples."""
 
     def __init__(self, explorer: SituationExplorer, explored: Explored) -> None:
         self._explorer = explorer
@@ -197,7 +199,7 @@ class _Judge:
         return ShortestWays(self._explored)
 
     def of_steps(self, name: str, says: str) -> Proven:
-        """Judge a property that is watched in every step."""
+        """Judge a safety property, which is watched in every step."""
         explored = self._explored
         if name in explored.breaches:
             nearest = self._ways.first(explored.breaches[name])[:_TRIED]
@@ -214,7 +216,7 @@ class _Judge:
 
     @cached_property
     def broken(self) -> dict[str, list[int]]:
-        """The properties of the graph that are relevant, each with the situations that break it."""
+        """The liveness properties that apply, each with the situations that break it."""
         if not self._explored.complete:
             return {}
         graph, chart = Graph(self._explored), self._explorer.chart
@@ -228,7 +230,7 @@ class _Judge:
         return [one.named(stages) for one in OF_THE_GRAPH]
 
     def of_graph(self) -> list[Proven]:
-        """Judge the properties of the graph as a whole."""
+        """Judge the liveness properties, of the graph as a whole."""
         if not self._explored.complete:
             return [Proven(one.name, one.says, ProofVerdict.NOT_PROVEN) for one in self._of_graph]
         found = []
@@ -240,14 +242,14 @@ class _Judge:
                 found.append(Proven(one.name, one.says, ProofVerdict.HOLDS))
             else:
                 ways = map(self._ways.to, self._ways.nearest(situations)[:_TRIED])
-                told = self._first(self._broken(way, one.name, one.says, one.why) for way in ways)
-                found.append(replace(told, of_the_graph=True, taken=()))
+                counterexample = self._first(self._broken(way, one.name, one.says, one.why) for way in ways)
+                found.append(replace(counterexample, of_the_graph=True, taken=()))
         return found
 
-    def _first(self, told: Iterable[Proven]) -> Proven:
-        """Return the first that has times, or else the first."""
+    def _first(self, counterexample: Iterable[Proven]) -> Proven:
+        """Return the first counterexample with times, or else the first."""
         tried = []
-        for one in told:
+        for one in counterexample:
             if one.steps is not None:
                 return one
             tried.append(one)
@@ -255,14 +257,24 @@ class _Judge:
 
     def _broken(self, way: Sequence[int], name: str, says: str, text: str) -> Proven:
         explorer, way = self._explorer, self._explorer.without_idle(way)
-        moves = tuple(told_move(explorer.chart, explorer.moves.all[number]) for number in way)
+        moves = tuple(move_text(explorer.chart, explorer.moves.all[number]) for number in way)
         run = timed_run(explorer, way)
         waits = bool(way) and explorer.moves.all[way[-1]].timer[0] == OF_PROPERTY
-        told, ends = (None, 0.0) if run is None else (tuple(run.steps), run.ends)
+        counterexample, ends = (None, 0.0) if run is None else (tuple(run.steps), run.ends)
         situation, effect = explorer.walk(way)[-1]
         there = tuple(explorer.table.get(situation, ("configuration", "")) or ())
         return Proven(
-            name, says, ProofVerdict.BROKEN, text, moves, told, ends, False, waits, effect.taken, there
+            name,
+            says,
+            ProofVerdict.BROKEN,
+            text,
+            moves,
+            counterexample,
+            ends,
+            False,
+            waits,
+            effect.taken,
+            there,
         )
 
 
@@ -271,7 +283,7 @@ def _elements(most: int) -> str:
 
 
 def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
-    """Return what was explored, and what it was bounded by, as sentences."""
+    """Return sentences about the scope and the bounds of an exploration."""
     bounds, classes = explorer.bounds, explorer.classes
     late = "Late answers, to orders that were given up and hold back no other, are not explored;"
     late += " --late 1 adds them."
@@ -296,8 +308,8 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
         )
     else:
         found.append("The process does not end, and missions are not reloaded.")
-    if explorer.relevance.passengers:
-        names = ", ".join(explorer.relevance.passengers)
+    if explorer.relevance.irrelevant:
+        names = ", ".join(explorer.relevance.irrelevant)
         found.append(f"Values on which no condition depends are not distinguished: {names}.")
     if explored.cut:
         found.append(

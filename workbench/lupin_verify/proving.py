@@ -1,7 +1,7 @@
-"""Proofs of several missions, or of one with several values of its parameters, in processes of their own.
+"""Runs several proofs, of missions or of values of their parameters, in worker processes.
 
-Each process makes one proof after the other, this one too where there is no other. What the machine's steps
-do is remembered by the process that made them: so processes share missions, not the situations of one.
+Each process makes one proof after the other; with one job this process does. A single proof is not parallel,
+because its cache of effects is local to a process. Ctrl-C stops all proofs; each returns its result so far.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from lupin_verify.situations.found import ExplorationProgress
 
 #: How far a proof is: its number, and how long it has been under way (s).
 ProofNews = tuple[int, ExplorationProgress, float]
-#: So often a process tells how far it is, in seconds.
-_TOLD_EVERY = 1.0
-#: Why a proof was stopped that somebody has interrupted.
+#: How often a process reports its progress, in seconds.
+REPORT_EVERY = 1.0
+#: The reason of a proof that was stopped by Ctrl-C.
 INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)
 class ProofTask:
-    """One proof: of the mission that is called so, with some parameters; `varied`: what is not as given.
+    """One proof: of a mission with some parameters; `varied` names the parameter that is not as given.
 
-    `outcomes` is the page whose cells are looked at, if any.
+    `outcomes` is the page of outcomes to prove, if any.
     """
 
     mission: str
@@ -58,7 +58,7 @@ def proof_tasks(
     every: bool,
     outcomes: Path | None = None,
 ) -> list[ProofTask]:
-    """Return the proofs of a mission: as given, and with `every` other class of one parameter at a time."""
+    """Return the proofs of a mission: as given, and for `every` also each other class of one parameter."""
     found = [ProofTask(mission, given, "", outcomes)]
     world = make_world(loaded.chart, given)
     for name, value in parameter_classes(world) if every else ():
@@ -68,10 +68,10 @@ def proof_tasks(
 
 
 def _prove(
-    task: ProofTask, loaded: LoadedMissions, bounds: Bounds, goes_on: Callable[[ExplorationProgress], str]
+    task: ProofTask, loaded: LoadedMissions, bounds: Bounds, stop_reason: Callable[[ExplorationProgress], str]
 ) -> Proof:
     began, processor = time.monotonic(), time.process_time()
-    proof = prove(make_world(loaded.chart, task.parameters), bounds, goes_on, task.outcomes)
+    proof = prove(make_world(loaded.chart, task.parameters), bounds, stop_reason, task.outcomes)
     varied = (f"In this proof {task.varied}.",) if task.varied else ()
     return replace(
         proof,
@@ -88,39 +88,39 @@ def prove_tasks(
     bounds: Bounds,
     jobs: int,
     seconds: float | None,
-    told: Callable[[int, ExplorationProgress, float], None],
+    report: Callable[[int, ExplorationProgress, float], None],
 ) -> list[Proof]:
-    """Make proofs, all within some seconds; Ctrl-C stops all in order.
+    """Make proofs, all within one budget of seconds; Ctrl-C stops them with their results so far.
 
     Args:
-        jobs: in so many processes; one proof after the other is made in this one.
-        told: called now and then for each proof under way: its number, how far it is, and after how long (s).
+        jobs: the number of processes; with 1, this one makes all.
+        report: called periodically for each running proof: its number, its progress, its time so far (s).
     """
     workers, began = min(jobs, len(tasks)), time.monotonic()
     if workers < 2:
         made: list[Proof] = []
         for number, task in enumerate(tasks):
-            look = _looks(partial(told, number), lambda: _was_interrupted(made), seconds, began)
+            look = _stop_check(partial(report, number), lambda: _is_interrupted(made), seconds, began)
             made.append(_prove(task, loaded[task.mission], bounds, look))
         return made
     context = get_context("spawn")
     stop = context.Event()
     news = context.SimpleQueue()
     with WorkerProcesses(workers, _begin, stop, news, seconds, began) as pool:
-        # Processes that begin leave a Ctrl-C to this one from their first moment on.
+        # Starting processes inherit that Ctrl-C is ignored: only this one handles it.
         usual = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
             asked = [pool.submit(_prove_here, number, task, bounds) for number, task in enumerate(tasks)]
         finally:
             signal.signal(signal.SIGINT, usual)
-        _gather(asked, stop, news, told)
+        _gather(asked, stop, news, report)
         proofs = [future.result() for future in asked]
     return [
         replace(proof, chart=loaded[task.mission].chart) for proof, task in zip(proofs, tasks, strict=True)
     ]
 
 
-def _was_interrupted(made: Sequence[Proof]) -> bool:
+def _is_interrupted(made: Sequence[Proof]) -> bool:
     return bool(made) and made[-1].stopped == INTERRUPTED
 
 
@@ -128,34 +128,34 @@ def _gather(
     made: Sequence[Future[Proof]],
     stop: Event,
     news: SimpleQueue[ProofNews],
-    told: Callable[[int, ExplorationProgress, float], None],
+    report: Callable[[int, ExplorationProgress, float], None],
 ) -> None:
-    """Wait for all, and tell how far they are; with a Ctrl-C, for what they have found so far."""
+    """Wait for all proofs and report their progress; Ctrl-C stops them, and waits for their results."""
     left = set(made)
     while left:
         try:
-            left = wait(left, _TOLD_EVERY / 2, return_when=FIRST_COMPLETED).not_done
+            left = wait(left, REPORT_EVERY / 2, return_when=FIRST_COMPLETED).not_done
             while not news.empty():
-                told(*news.get())
+                report(*news.get())
         except KeyboardInterrupt:
             stop.set()
 
 
-def _looks(
-    tell: Callable[[ExplorationProgress, float], None],
+def _stop_check(
+    report: Callable[[ExplorationProgress, float], None],
     is_over: Callable[[], bool],
     seconds: float | None,
     began: float,
 ) -> Callable[[ExplorationProgress], str]:
-    """Return what a proof asks now and then: it tells how far it is, and says why to stop, or nothing."""
+    """Return a proof's periodic call: it reports progress, and returns a reason to stop, or nothing."""
     since = last = time.monotonic()
 
     def look(progress: ExplorationProgress) -> str:
         nonlocal last
         now = time.monotonic()
-        if now - last >= _TOLD_EVERY:
+        if now - last >= REPORT_EVERY:
             last = now
-            tell(progress, now - since)
+            report(progress, now - since)
         if is_over():
             return INTERRUPTED
         return f"the budget of {seconds:g} s ran out" if seconds is not None and now - began > seconds else ""
@@ -185,6 +185,6 @@ def _prove_here(number: int, task: ProofTask, bounds: Bounds) -> Proof:
     news, stop = _news, _stop
     assert news is not None, "the process has begun"
     assert stop is not None, "the process has begun"
-    look = _looks(lambda *how_far: news.put((number, *how_far)), stop.is_set, _seconds, _began)
+    look = _stop_check(lambda *how_far: news.put((number, *how_far)), stop.is_set, _seconds, _began)
     loaded = load_missions([task.mission], load_catalog())
     return replace(_prove(task, loaded, bounds, look), chart=None)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""The file of a campaign: how often what goes wrong, in the words of scenarios; and what holds without one.
+"""Reads the file of a campaign: the rates of faults and events; and makes the default rates.
 
     campaign: a rough week
     limit: 24 h                    # of operation, for each seed
@@ -51,11 +51,11 @@ from lupin_engine.sim import (
 from lupin_verify.situations.classes import Classes
 from lupin_verify.situations.relevance import Relevance
 
-#: How long each seed works when nobody says otherwise, in seconds.
+#: The default length of each seed's run, in seconds.
 SHIFT = 3600.0
-#: How long a live value stays what it is, on average, in seconds; how many elements lists have at most.
+#: The mean time between changes of a live value, in seconds; the most elements of lists.
 CHANGES, MOST_ELEMENTS = 300.0, 6
-#: How often each event of a plugin comes, on average, in seconds.
+#: The mean time between two events of one kind of a plugin, in seconds.
 EVENT_EVERY = 600.0
 
 
@@ -93,7 +93,7 @@ class Chance:
 
 @dataclass(frozen=True)
 class Rates:
-    """What random worlds are drawn from. `targets` are the fewest and the most, None: as the request says."""
+    """The rates of random worlds. `targets` are the fewest and the most; None: as the request says."""
 
     name: str
     script: Script
@@ -106,14 +106,14 @@ class Rates:
 
 
 def default_rates(chart: Chart) -> Rates:
-    """Return what is drawn from where nobody says anything: everything goes wrong now and then."""
+    """Return the rates without a file: every declared fault happens now and then."""
     mission = next(iter(chart.missions))
     script = Script(mission, {}, default_rules(chart), around_the_clock(chart), SHIFT)
     return Rates("everything goes wrong now and then", script, tuple(default_chances(chart)))
 
 
 def default_rules(chart: Chart) -> tuple[Rule, ...]:
-    """Return for each operation of a chart how it ends: mostly well, now and then in every way there is."""
+    """Return a rule for each operation: it mostly succeeds, and now and then ends in every other way."""
     operations = {
         invoke.name: invoke.operation for state in chart.states.values() for invoke in _invokes(state)
     }
@@ -150,7 +150,7 @@ def _outcomes(operation: Operation) -> AnyOf:
 
 
 def _results(operation: Operation) -> Iterator[dict[str, Any]]:
-    """Yield results that say one field otherwise than the mock: a truth value, a word, an end of a range.
+    """Yield results with one field other than the mock's: a truth value, a word, an end of a range.
 
     The classes of the catalog are among them.
     """
@@ -163,7 +163,7 @@ def _results(operation: Operation) -> Iterator[dict[str, Any]]:
 
 
 def default_chances(chart: Chart) -> Iterator[Chance]:
-    """Yield requests of people, what live values do, and the events of plugins that a transition handles."""
+    """Yield the default rates of requests, changes of live values, and events of plugins that are handled."""
     resume = f"operator.{chart.profile.resume}"
     for event in (*chart.profile.events, *chart.answers):
         every = 1200.0 if event == resume else 3600.0
@@ -176,29 +176,29 @@ def default_chances(chart: Chart) -> Iterator[Chance]:
             back = (Between(0.5, 300.0), Tell(found.value, usual))
             yield Chance(3600.0 * len(others), ((0.0, Tell(found.value, value)), back))
     classes = Classes(make_world(chart, {}), Relevance(chart), MOST_ELEMENTS)
-    yield from _told_by_class(chart, classes)
+    yield from _reports_by_class(chart, classes)
     counts = Counter(event.name for event in classes.events)
-    for told in classes.events:
-        yield Chance(EVENT_EVERY * counts[told.name], ((0.0, Happen(told.name, told.data)),))
+    for reported in classes.events:
+        yield Chance(EVENT_EVERY * counts[reported.name], ((0.0, Happen(reported.name, reported.data)),))
 
 
-def _told_by_class(chart: Chart, classes: Classes) -> Iterator[Chance]:
-    """Yield reports of the values that a proof tries, of inputs that have no usual one; lists may be longer.
+def _reports_by_class(chart: Chart, classes: Classes) -> Iterator[Chance]:
+    """Yield reports of a proof's representative values for inputs without a usual one; lists may be longer.
 
-    One that is known only for a while is told so often that it is known most of the time.
+    A value that becomes stale is reported so often that it is fresh most of the time.
     """
     drawn = {found.value: found for found in chart.inputs.values() if not _values(found)[1]}
-    told: dict[str, list[Any]] = {}
+    reported: dict[str, list[Any]] = {}
     for event in classes.values:
-        told.setdefault(event.data["name"], []).append(event.data["value"])
+        reported.setdefault(event.data["name"], []).append(event.data["value"])
     for name, found in drawn.items():
-        values = told[name] if name != MISSING else []
+        values = reported[name] if name != MISSING else []
         for value in values if len(values) > 1 else ():
             yield Chance((found.freshness or CHANGES) * len(values), ((0.0, Tell(name, value)),))
 
 
 def _values(found: Input) -> tuple[Any, tuple[Any, ...]]:
-    """Return what an input is as a rule, and what else it may come to be; nothing where nobody can know."""
+    """Return the usual value of an input, and others; None and none where they do not follow from it."""
     if found.type.kind == "bool":
         return bool(found.initial), (not found.initial,)
     if not found.levels or found.initial is None:
@@ -208,7 +208,7 @@ def _values(found: Input) -> tuple[Any, tuple[Any, ...]]:
 
 
 def around_the_clock(chart: Chart) -> tuple[Happening, ...]:
-    """Return what people do at the places where a mission would wait for ever: each time, a while later."""
+    """Return the requests that end states in which a mission waits for ever, some time after each entry."""
     stages, found = chart.profile.stages, list[Happening]()
     for state in chart.states.values():
         asked = [rule.event for rule in state.transitions if rule.refuse is None]

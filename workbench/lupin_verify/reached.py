@@ -1,4 +1,4 @@
-"""How much of a chart was reached, and which states and transitions never were."""
+"""Coverage of a chart: the states entered and transitions taken, and those that never were."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class Unreached:
 
     @property
     def says(self) -> str:
-        """What never happens."""
+        """The verb: never entered, or never taken."""
         return "never entered" if self.is_state else "never taken"
 
-    def told(self, place: str) -> str:
-        """Return a sentence, with the place as it is to be shown."""
+    def sentence(self, place: str) -> str:
+        """Return a sentence with the given text for the place."""
         return f"{self.says}: {place}, {self.text}"
 
 

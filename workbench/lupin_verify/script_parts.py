@@ -1,4 +1,4 @@
-"""What a script says, as the parts of a scenario's file: written out again what was read of one."""
+"""Writes a script as the parts of a scenario's file: the inverse of reading one."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from lupin_engine.sim import (
     Tell,
 )
 
-#: To how many digits times are written.
+#: The digits of times: the fewest that are exact.
 DIGITS = (1, 3, 6, 12)
-#: What a server does of which nothing is said, and what the clock shows that nobody has set.
+#: The default outcome of a server, and the default clock.
 USUAL, NO_CLOCK = MockOutcome(), Script("").clock
 
 
 def parts_of(scenario: Scenario) -> dict[str, Any]:
-    """Return what a scenario says, as the parts of its file."""
+    """Return the parts of a scenario's file, without defaults."""
     script = scenario.script
-    # What is not begun again ends by itself.
+    # A scenario without events that repeat ends by itself.
     limit = _seconds(script.limit) if any(one.nth == 0 for one in script.happenings) else ""
     parts = {
         "scenario": scenario.promise,
@@ -51,7 +51,7 @@ def parts_of(scenario: Scenario) -> dict[str, Any]:
 
 
 def when_of(one: Happening) -> dict[str, Any]:
-    """Return what happens and when, as scenarios write it."""
+    """Return an event and its time, as scenarios write it."""
     if not one.waits:
         return {"at": _seconds(one.after), **_effect(one.effect)}
     start = {"on": one.state} if one.state else {"start_of": one.operation}
@@ -60,7 +60,7 @@ def when_of(one: Happening) -> dict[str, Any]:
 
 
 def _effect(effect: Effect) -> dict[str, Any]:
-    """Return what happens, as scenarios write it."""
+    """Return an event, as scenarios write it."""
     match effect:
         case Ask(event, data) | Happen(event, data):
             word = "request" if isinstance(effect, Ask) else "event"
@@ -68,8 +68,8 @@ def _effect(effect: Effect) -> dict[str, Any]:
         case Tell(value, is_now):
             return {"value": {value: is_now}}
         case End(operation, code, detail, result):
-            told = {"do": operation, "code": code, "detail": detail, "done": dict(result)}
-            return {"fail" if code else "finish": {key: found for key, found in told.items() if found}}
+            fields = {"do": operation, "code": code, "detail": detail, "done": dict(result)}
+            return {"fail" if code else "finish": {key: found for key, found in fields.items() if found}}
         case Leave(operation):
             return {"server_gone": operation}
         case ComeBack(operation):
@@ -82,7 +82,7 @@ def _effect(effect: Effect) -> dict[str, Any]:
 
 
 def _mock(rule: Rule) -> dict[str, Any]:
-    """Return what a server does, as scenarios write it."""
+    """Return a server's outcomes, as scenarios write them."""
     usual, said = _words(USUAL), []
     for outcome in rule.outcomes:
         words = _words(outcome).items()
@@ -91,7 +91,7 @@ def _mock(rule: Rule) -> dict[str, Any]:
 
 
 def _words(outcome: MockOutcome | AnyOf) -> dict[str, Any]:
-    """Return all that an outcome can say, by the words of scenarios."""
+    """Return the fields of an outcome, by the words of scenarios."""
     assert isinstance(outcome, MockOutcome), "what was recorded is not left to chance"
     ended = outcome.on_cancel is OnCancel.END
     return {

@@ -1,4 +1,8 @@
-"""A counterexample as a story: a scenario that fails, and its run."""
+"""Writes a counterexample as a scenario that fails, and simulates it.
+
+The scenario is kept only if its simulation breaks the same property. There is none for a path without times,
+and for a page of outcomes, which scenarios do not read.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +33,13 @@ from lupin_verify.proof import Proven
 from lupin_verify.situations.graph import NO_ZENO, SILENCE
 from lupin_verify.situations.relevance import invokes
 
-#: To how many digits times are written: the first with which the scenario fails will do.
+#: The digits of times: the first with which the scenario fails are taken.
 _DIGITS = (3, 6, 12)
-#: How many steps after the breach are told.
+#: How many steps after the breach are shown.
 _FOLLOW = 20
-#: How much longer a scenario goes on that waits for something that does not come.
+#: How long a scenario goes on that waits in vain.
 _WAIT = "1 h"
-#: How long a mission may go on in a scenario of one that tells nobody.
+#: How long a mission may go on unreported in a scenario of silent servers.
 _SOON = "30 min"
 #: Times of a run and of its scenario differ by less, in seconds.
 _NEARLY = 1e-3
@@ -45,8 +49,7 @@ _NEARLY = 1e-3
 class FailingScenario:
     """A scenario that fails because a property is broken: its file, its text and its run.
 
-    Of a run that goes on and on there is what tells enough; `more` steps follow. `breach` says at which time
-    it is broken, and how.
+    The run is cut some steps after the breach; `more` steps follow. `breach` has the time and the cause.
     """
 
     file: Path
@@ -57,14 +60,14 @@ class FailingScenario:
 
     @property
     def lines(self) -> list[StepLine]:
-        """The story, with the breach where it comes."""
-        told = tell(self.run.chart, self.run.history)
-        before = [line for line in told if line.time <= self.breach.time + _NEARLY]
-        return [*before, self.breach, *told[len(before) :]]
+        """The printed steps, with the breach at its time."""
+        shown = tell(self.run.chart, self.run.history)
+        before = [line for line in shown if line.time <= self.breach.time + _NEARLY]
+        return [*before, self.breach, *shown[len(before) :]]
 
     @property
     def rest(self) -> str:
-        """What is not told, in a few words; '' where all is."""
+        """A note about steps that are not shown; '' where all are."""
         return f"and so on: {self.more} more steps" if self.more else ""
 
 
@@ -73,8 +76,8 @@ def failing_scenario(
 ) -> FailingScenario | None:
     """Return a scenario of a broken property; None where none was found that breaks it in a simulation.
 
-    A property of single steps is watched in every scenario, so nothing needs to be expected. For one of the
-    graph as a whole the scenario expects what cannot be reached: that the mission ends.
+    A safety property is watched in every scenario. For one of the graph as a whole the scenario expects the
+    goal that cannot be reached, such as the mission's end.
 
     Args:
         broken: the property, with the steps that lead to where it is broken.
@@ -99,20 +102,20 @@ def failing_scenario(
             text = yaml_text({**parts, "mocks": asked} if asked else parts)
             run = _failing(broken, text, file, missions)
         if run is not None:
-            return _told(broken, len(broken.steps), file, text, run)
+            return _scenario_of(broken, len(broken.steps), file, text, run)
     return None
 
 
-def _told(broken: Proven, steps: int, file: Path, text: str, run: Run) -> FailingScenario:
-    """Return a scenario with as much of its run as tells how a property is broken after so many steps."""
-    told = run.history.steps[: steps + _FOLLOW]
-    more = len(run.history.steps) - len(told)
-    told_run = replace(run, history=History(told), seconds=told[-1].time) if more else run
-    return FailingScenario(file, text, told_run, _breach(broken, run), more)
+def _scenario_of(broken: Proven, steps: int, file: Path, text: str, run: Run) -> FailingScenario:
+    """Return a scenario with its run up to `_FOLLOW` steps after the breach."""
+    shown = run.history.steps[: steps + _FOLLOW]
+    more = len(run.history.steps) - len(shown)
+    shown_run = replace(run, history=History(shown), seconds=shown[-1].time) if more else run
+    return FailingScenario(file, text, shown_run, _breach(broken, run), more)
 
 
 def _breach(broken: Proven, run: Run) -> StepLine:
-    """Return the line of a story that says at which time a property is broken, and how."""
+    """Return the line that shows the time and the cause of the breach."""
     assert broken.steps is not None, "a story has steps"
     time = broken.ends + _started(run.history.steps) - _started(broken.steps)
     if not (broken.of_the_graph or broken.waits):
@@ -122,7 +125,7 @@ def _breach(broken: Proven, run: Run) -> StepLine:
 
 
 def _started(steps: Sequence[Step]) -> float:
-    """Return when the first mission was asked for; 0.0 if none was."""
+    """Return the time of the first start of a mission; 0.0 if there is none."""
     return next((step.time for step in steps if step.event.name == START), 0.0)
 
 
@@ -136,13 +139,13 @@ def why_none(broken: Proven) -> str:
 
 
 def _after(broken: Proven, chart: Chart, parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a scenario says of the time after the steps that lead to the breach."""
+    """Return the parts of a scenario about the time after the steps of the counterexample."""
     if not broken.of_the_graph or broken.name == NO_ZENO:
         return {"limit": _WAIT, "expect": {}} if broken.waits or broken.of_the_graph else {"expect": {}}
     if broken.name == SILENCE:
         silent = dict.fromkeys(invoke.name for _, invoke in invokes(chart))
         mocks = [*parts.get("mocks", ()), *({"do": name, "then": "never"} for name in silent)]
-        found = {"limit": _WAIT, "properties": _somebody_is_told(chart), "expect": {}}
+        found = {"limit": _WAIT, "properties": _is_reported_property(chart), "expect": {}}
         return {**found, "mocks": mocks} if mocks else found
     ended = (*chart.profile.stages.ended, *chart.profile.stages.ready)
     labels = {state.label for state in chart.states.values()}
@@ -150,15 +153,15 @@ def _after(broken: Proven, chart: Chart, parts: Mapping[str, Any]) -> dict[str, 
     return {"limit": _WAIT, "expect": {"final": final} if final else {}}
 
 
-def _somebody_is_told(chart: Chart) -> dict[str, Any]:
-    """Return the property that a mission does not go on for long without a state that tells somebody."""
+def _is_reported_property(chart: Chart) -> dict[str, Any]:
+    """Return the property that a mission soon reaches a state that shows that it waits or has ended."""
     stages, states = chart.profile.stages, chart.states
     labels = {*stages.over, *stages.ready, *stages.starting}
-    telling = [one for one in states.values() if one.paused or one.ask is not None or one.label in labels]
-    outer = [one for one in telling if one.parent is None or states[one.parent] not in telling]
-    told = [f"in_state('{short_name(chart, one.name)}')" for one in outer]
-    told += [f"held({hold})" for hold in (*chart.holds, *OWN_HOLDS)]
-    some = " or ".join(told)
+    reporting = [one for one in states.values() if one.paused or one.ask is not None or one.label in labels]
+    outer = [one for one in reporting if one.parent is None or states[one.parent] not in reporting]
+    shown = [f"in_state('{short_name(chart, one.name)}')" for one in outer]
+    shown += [f"held({hold})" for hold in (*chart.holds, *OWN_HOLDS)]
+    some = " or ".join(shown)
     return {"somebody_is_told": {"after": f"not ({some})", "eventually": some, "within": _SOON}}
 
 

@@ -30,8 +30,8 @@ from lupin_verify.rates import read_rates
 from lupin_verify.situations import classes, levels
 from lupin_verify.situations.found import ExplorationProgress
 from lupin_verify.situations.levels import explore
-from lupin_verify.situations.moves import told_move
-from lupin_verify.situations.relevance import _sweeps_told_apart, elements_told_apart, is_orphan
+from lupin_verify.situations.moves import move_text
+from lupin_verify.situations.relevance import _distinguished_sweeps, distinguished_lengths, is_abandoned
 from lupin_verify.situations.situation import CLAIMS, Situation, TrackedMemory
 from lupin_verify.situations.timing import timed_run
 from lupin_verify.situations.worlds import in_order
@@ -183,7 +183,7 @@ def test_a_restart_after_a_lost_order_is_looked_at_with_late_answers() -> None:
         moves = zip(found.sources, found.targets, found.by, strict=True)
         pairs = [(orders(source), orders(target)) for source, target, by in moves if by == restart]
         lost = [after for before, after in pairs if Phase.LOST in {order.phase for order in before.values()}]
-        unwanted = [one for after in lost for name, one in after.items() if is_orphan(name)]
+        unwanted = [one for after in lost for name, one in after.items() if is_abandoned(name)]
         return {(order.phase.value, *order.uses) for order in unwanted}
 
     assert phases(0) == set()
@@ -470,16 +470,16 @@ def test_most_ways_have_times() -> None:
     out: dict[int, list[tuple[int, int]]] = {}
     for source, move, target in zip(found.sources, found.by, found.targets, strict=True):
         out.setdefault(source, []).append((move, target))
-    orphans = runs = 0
+    abandoned = runs = 0
     for seed in range(60):
         dice, at, way = random.Random(seed), 0, []
         for _ in range(14):
             move, at = dice.choice(out[at])
             way.append(move)
-        told = [told_move(explorer.chart, found.moves.all[move]) for move in way]
-        orphans += any("from before the restart" in move or "cancelled before" in move for move in told)
+        told = [move_text(explorer.chart, found.moves.all[move]) for move in way]
+        abandoned += any("from before the restart" in move or "cancelled before" in move for move in told)
         runs += timed_run(explorer, way) is not None
-    assert orphans > 40
+    assert abandoned > 40
     assert runs > 45
 
 
@@ -509,16 +509,16 @@ def test_what_a_step_only_writes_is_not_read() -> None:
 )
 def test_sweeps_are_counted_as_far_as_a_condition_tells_them_apart(source: str, most: float) -> None:
     """Beyond that a mission without end would have situations without end."""
-    assert _sweeps_told_apart(source) == most
+    assert _distinguished_sweeps(source) == most
 
 
 def test_lists_are_as_long_as_a_condition_tells_them_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of servers that are missing it matters whether there is one; with more the same is found."""
     of = shipped.mission("inspection")
-    assert elements_told_apart(of, "missing") == 1
-    assert elements_told_apart(shipped.mission("exploration"), "discovered") == math.inf
+    assert distinguished_lengths(of, "missing") == 1
+    assert distinguished_lengths(shipped.mission("exploration"), "discovered") == math.inf
     short = explored(of, open_values=False, targets=2, restarts=False)
-    monkeypatch.setattr(classes, "elements_told_apart", lambda *_: math.inf)
+    monkeypatch.setattr(classes, "distinguished_lengths", lambda *_: math.inf)
     long = explored(of, open_values=False, targets=2, restarts=False)
     assert short.progress.situations < long.progress.situations
     assert (short.taken, short.entered, short.breaches) == (long.taken, long.entered, long.breaches)

@@ -14,7 +14,7 @@ from lupin_engine.runtime.setup import make_world
 from lupin_verify.proof import ProofVerdict, Proven, prove
 from lupin_verify.situations.explorer import Bounds, SituationExplorer
 from lupin_verify.situations.graph import OF_THE_GRAPH, SILENCE, Graph
-from lupin_verify.situations.levels import LevelWalk, explore
+from lupin_verify.situations.levels import LevelExploration, explore
 from lupin_verify.situations.situation import Situation
 from lupin_verify.situations.worlds import Mover
 from tests import shipped
@@ -62,19 +62,20 @@ def check_reduction(of: Chart, given: dict[str, Any], bounds: dict[str, Any]) ->
     explorer = KeepingExplorer(of, given, **bounds)
     plain = explore(explorer, live=False)
     every = list(explorer.situations)
-    walk = LevelWalk(explorer, memo=True, live=True)
+    walk = LevelExploration(explorer, memo=True, live=True)
     reduced = walk.run(lambda _: "")
     assert plain.complete
     assert reduced.complete
     numbers = {situation: number for number, situation in enumerate(explorer.situations)}
     of_plain = []
     for situation in every:
-        dead = walk.live.dead(walk.live.place(situation[slot] for slot in walk.live.of_place))
+        dead = walk.live.dead(walk.live.location(situation[slot] for slot in walk.live.location_slots))
         kept = tuple(dead.left(slot, value) for slot, value in enumerate(situation))
         of_plain.append(numbers[kept])
     assert set(of_plain) == set(range(reduced.progress.situations))
 
-    values = {move: (slot, value) for slot, of in walk.live.told.items() for value, move in of.items()}
+    inputs = walk.live.input_values.items()
+    values = {move: (slot, value) for slot, of in inputs for value, move in of.items()}
     ways: dict[tuple[int, int, int], list[list[tuple[int, int]]]] = {}
     for source, by, target in zip(reduced.sources, reduced.by, reduced.targets, strict=True):
         *told, move = reduced.moves.each(by)

@@ -6,7 +6,7 @@ import pytest
 
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import RELEASED, RESUMED, Event
-from lupin_verify.situations.moves import told_move
+from lupin_verify.situations.moves import move_text
 from lupin_verify.situations.worlds import LOADED, OF_PROPERTY, Mover, WorldMove
 from tests.workbench.lupin_verify.toys import round_trip
 
@@ -41,10 +41,10 @@ DUE = [
 @pytest.mark.parametrize(("event", "words"), TOLD, ids=[words for _, words in TOLD])
 def test_what_happens(event: Event, words: str) -> None:
     """Answers with their operation, values, requests, restarts."""
-    assert told_move(round_trip(), WorldMove(Mover.WORLD, event)) == words
+    assert move_text(round_trip(), WorldMove(Mover.WORLD, event)) == words
 
 
 @pytest.mark.parametrize(("timer", "words"), DUE, ids=[words for _, words in DUE])
 def test_what_is_due(timer: tuple[str, str, str], words: str) -> None:
     """Deadlines with the state that they are of."""
-    assert told_move(round_trip(), WorldMove(Mover.TIMER, timer=timer)) == words
+    assert move_text(round_trip(), WorldMove(Mover.TIMER, timer=timer)) == words

@@ -27,7 +27,7 @@ from lupin_verify.proof import Proof, ProofVerdict, prove
 from lupin_verify.situations.explorer import Bounds
 from lupin_verify.situations.found import ExplorationProgress
 from lupin_verify.situations.levels import explore
-from lupin_verify.situations.situation import DROPPED, THROUGH, TrackedMemory
+from lupin_verify.situations.situation import CARRIED_OVER, DROPPED, TrackedMemory
 from lupin_verify.situations.worlds import LOADED
 from tests import shipped
 from tests.workbench.lupin_verify.toys import KeepingExplorer
@@ -200,7 +200,7 @@ def test_missions_are_loaded_anew_only_where_none_is_under_way() -> None:
             setattr(before, name, dict(getattr(memory, name).items()))
             dropped += bool(getattr(before, name))
         after = successor(Machine(explorer.world, before), explorer.world).memory
-        assert all(getattr(after, name) == getattr(before, name) for name in THROUGH)
+        assert all(getattr(after, name) == getattr(before, name) for name in CARRIED_OVER)
         assert not any(getattr(after, name) for name in DROPPED)
     assert dropped
 

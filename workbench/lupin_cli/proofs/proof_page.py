@@ -80,7 +80,7 @@ def _mission(loaded: LoadedMissions, proof: Proof, written: Mapping[str, Failing
         yield from _counterexample(loaded, one, written.get(one.name))
     yield f"<h3>What was explored, and its bounds</h3>{_list(proof.bounds)}"
     if proof.dead:
-        dead = [part.told(shown_place(loaded, part.place)) for part in proof.dead]
+        dead = [part.sentence(shown_place(loaded, part.place)) for part in proof.dead]
         yield f"<h3>Never reached</h3>{_list(dead)}"
     yield f"<details><summary>Parameters</summary>{_table(_parameters(proof))}</details>"
     flags = Counts(dict.fromkeys(proof.entered, 1), dict.fromkeys(proof.taken, 1), _LEGEND, counted=False)

@@ -223,7 +223,7 @@ def _progress(dealer: Dealer, show: bool) -> Any:
         violated = f", violated: {', '.join(sorted(found.first))}" if found.first else ""
         bar.update(task, completed=found.seeds, description=text + violated)
 
-    dealer.told = told
+    dealer.report = told
     return bar
 
 

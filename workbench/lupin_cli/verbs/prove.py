@@ -286,7 +286,7 @@ def _show(
             _show_breach(one, written.get(one.name), console, wanted)
     if not quiet:
         for part in proof.dead:
-            click.echo(f"  warning: {part.told(shown_place(loaded, part.place))}")
+            click.echo(f"  warning: {part.sentence(shown_place(loaded, part.place))}")
         click.echo("  What was explored, and its bounds:")
         for text in proof.bounds:
             click.echo(f"    {text}")
@@ -346,7 +346,7 @@ def _record(
         "assumptions": list(ASSUMPTIONS),
         "not_shown": list(NOT_SHOWN),
         "reached": asdict(proof.reached),
-        "dead": [part.told(part.place.shown) for part in proof.dead],
+        "dead": [part.sentence(part.place.shown) for part in proof.dead],
         "properties": [
             {
                 "name": one.name,

@@ -1,1 +1,1 @@
-"""Every situation that a machine can come to: what one is, what may come next, and the graph of all."""
+"""State-space exploration: abstract states, moves of the environment, reductions, the explored graph."""

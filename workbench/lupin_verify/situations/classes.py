@@ -1,9 +1,9 @@
-"""Representative values: a few of each type stand for all that a mission can tell apart.
+"""Equivalence classes of inputs: one representative for all values that a mission cannot distinguish.
 
-They follow from what is there: both truth values, every word of a text that is one of a few, of a number
-what lies below, at and above each bound that the chart compares it with, and of a text what it is compared
-with. What no condition depends on has one value; lists hold as many elements as there are targets. Nobody
-has to write anything; a plugin's catalog and the author of a mission may add `classes`.
+They are both truth values, every declared word, numbers below, at and above each bound of a condition, and
+the texts that conditions compare with, and another one. A value outside the cone of influence has one class;
+lists have up to `targets` elements. A plugin's catalog and the author of a mission may add `classes`. Where a
+condition is not understood, the values are samples only, and `left_out` says so.
 """
 
 from __future__ import annotations
@@ -33,40 +33,40 @@ from lupin_engine.runtime import requests_of
 from lupin_verify.situations.compared import ANY, Compared, Read, part, side
 from lupin_verify.situations.relevance import (
     Relevance,
-    elements_told_apart,
+    distinguished_lengths,
     invokes,
 )
 
-#: What missions are called whose steps are looked at.
+#: The mission id in a proof.
 MISSION_ID = "proof"
-#: More combinations of the fields of one result, event or request are not looked at.
+#: The most combinations of fields of one result, event or request that are tried.
 MOST_COMBINED = 16
-#: So many values of one thing are told in words, each with so many letters.
-MOST_TOLD, MOST_LETTERS = 8, 40
+#: How many values of one read are listed in words, and the most letters of each.
+MOST_LISTED, MOST_LETTERS = 8, 40
 
 
 class Classes:
-    """The values that stand for all, for one chart with its parameters."""
+    """The representative values of one chart with its parameters."""
 
     def __init__(self, world: World, relevance: Relevance, targets: int) -> None:
-        """Work out the values.
+        """Compute the values.
 
         Args:
             world: the chart with its parameters.
-            relevance: what decides anything.
-            targets: how many elements lists have at most.
+            relevance: the cone of influence.
+            targets: the most elements of lists.
         """
         self.world = world
         self.chart: Chart = world.chart
         self.targets = targets
         self.compared, self._parameters = Compared(world, relevance, targets), relevance.parameters
-        #: Of what fewer combinations of fields, or fewer elements, are looked at than there may be.
-        self._few: dict[str, None] = {}
-        #: The values that were looked at of what something depends on.
+        #: Sentences about fields and lists of which fewer values are tried than there may be.
+        self._reduced_values: dict[str, None] = {}
+        #: The tried values of each deciding read.
         self._tried: dict[Read, dict[str, Any]] = {}
         self._env = EvaluationScope(world, Memory())
         self._operations = {invoke.name: invoke.operation for _, invoke in invokes(world.chart)}
-        #: What plugins and authors have added, by the operation.
+        #: The results that plugins and authors add, by operation.
         self._more = {name: list(operation.classes) for name, operation in self._operations.items()}
         for _, invoke in invokes(world.chart):
             self._more[invoke.name] += invoke.classes
@@ -86,7 +86,7 @@ class Classes:
                 yield request.event
 
     def _starts(self, mission: Mission) -> list[Event]:
-        """Return the starts of a mission with each of its requests."""
+        """Return the start events of a mission, one for each combination of its request's fields."""
         fields = {name: self._field(field) for name, field in mission.request.items()}
         given = {"mission_type": mission.name, "mission_id": MISSION_ID}
         return [
@@ -99,9 +99,9 @@ class Classes:
             lists = self._lists(field.type.item, usual)
             most, longest = min(self.targets, field.type.maximum or self.targets), len(lists) - 1
             if longest < most and self.compared.decides(read):
-                self._tell_few(f"request.{field.name}: only lists of 0 to {longest} elements were tried")
+                self._note_reduced(f"request.{field.name}: only lists of 0 to {longest} elements were tried")
             for one in lists:
-                self._remember(read, one)
+                self._record(read, one)
             return lists
         kind = within(field.type, field.minimum, None)
         if usual is not None and kind.name in self.world.readers:
@@ -110,11 +110,11 @@ class Classes:
             least = int(max(field.minimum or 0, field.type.minimum or 0))
             counts = list(range(least, max(least, self.targets) + 1))
             usual = [] if usual is None else [usual]
-            return self._apart(read, [*counts, *usual, *_around(self.compared.edges(read), kind)])
+            return self._distinguished(read, [*counts, *usual, *_around(self.compared.edges(read), kind)])
         return self._variants(read, kind, self._sample(kind, 1) if usual is None else usual)
 
     def _lists(self, kind: Type, usual: Any) -> list[Any]:
-        """Return lists with every number of elements, also none: that may have to be refused."""
+        """Return lists of every length from 0 on: an empty one may have to be refused."""
         items = list(usual)[: self.targets] if isinstance(usual, list) else []
         if not items:
             items = [self._sample(kind, n) for n in range(1, self.targets + 1)]
@@ -124,13 +124,13 @@ class Classes:
             items += [self._sample(kind, n) for n in range(1, self.targets + 1)]
             items = [one for at, one in enumerate(items) if one not in items[:at]][: self.targets]
         self.names += [str(item) for item in items if isinstance(item, str)]
-        # Which targets they are tells nothing apart: the first of them stand for all.
+        # Targets are interchangeable: the first ones stand for all.
         return [items[:count] for count in range(len(items) + 1)]
 
     def _default(self, field: Field) -> Any:
         try:
             return None if field.default is None else field.default.evaluate(self._env)
-        except Exception:  # an input that is not known, or whatever a plugin's function raises
+        except Exception:  # an input is not known, or a plugin's function raises
             return None
 
     # -- live values and events ---------------------------------------------------------------------------
@@ -140,17 +140,17 @@ class Classes:
             specs = [spec for spec in self.chart.inputs.values() if spec.value == name]
             found: dict[str, Any] = {}
             for value in (value for spec in specs for value in self._of_input(spec, specs)):
-                apart = [self.compared.told_apart(("input", spec.name), value) for spec in specs]
+                apart = [self.compared.abstracted(("input", spec.name), value) for spec in specs]
                 found.setdefault(repr(apart), value)
             for spec, value in itertools.product(specs, found.values()):
-                self._remember(("input", spec.name), value)
+                self._record(("input", spec.name), value)
             if not any(self.compared.decides(("input", spec.name)) for spec in specs):
                 found = dict(list(found.items())[:1])
             for value in found.values():
                 yield events.observed(name, value, 0.0)
 
     def _of_input(self, spec: Input, specs: Sequence[Input]) -> list[Any]:
-        """Return values of an input; of all inputs of one value the bounds count together."""
+        """Return values of an input, by the bounds of all inputs of its live value."""
         declared = self.chart.catalog.values.get(spec.value)
         kind = declared.type if declared is not None else spec.type
         first = () if spec.initial is None else (spec.initial,)
@@ -158,7 +158,7 @@ class Classes:
         if kind.kind == "list" and kind.item is not None:
             found = self._of_list(kind, [])
             if not spec.of_mission:
-                most = elements_told_apart(self.chart, spec.name)  # more are too many alike
+                most = distinguished_lengths(self.chart, spec.name)  # more are too many alike
                 found = [value for value in found if len(value) <= most]
             return [*found, *more]
         kind = within(kind, spec.minimum, spec.maximum)
@@ -178,10 +178,10 @@ class Classes:
                 }
                 yield from (Event(name, data) for data in self._combined(name, fields))
 
-    # -- what servers say ---------------------------------------------------------------------------------
+    # -- answers of servers -------------------------------------------------------------------------------
 
     def results(self, operation: str, arguments: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
-        """Return the results that an operation may end well with; those that differ in what is read."""
+        """Return the results of an operation's success, one of each class."""
         declared = self._operations[operation]
         mocked = declared.mock.result
         known = mocked(arguments, self.world.parameters) if callable(mocked) else mocked
@@ -190,35 +190,35 @@ class Classes:
             name: self._variants(("event", name), kind, usual[name]) for name, kind in declared.result.items()
         }
         more = ({**usual, **one} for one in self._more[operation])
-        return self._apart(("event",), [*self._combined(operation, fields), *more])
+        return self._distinguished(("event",), [*self._combined(operation, fields), *more])
 
     def codes(self, operation: str) -> list[str]:
-        """Return the codes that an operation may end in."""
+        """Return the codes that an operation may fail with."""
         own = [code.name for code in self._operations[operation].codes]
         return [*own, OPERATION_CODES[0]]
 
-    def tells(self, operation: str, arguments: Mapping[str, Any]) -> tuple[str, ...]:
-        """Return the inputs that are certainly known once an operation has ended well."""
+    def reported_inputs(self, operation: str, arguments: Mapping[str, Any]) -> tuple[str, ...]:
+        """Return the inputs that are known after a success of an operation: it sets their live values."""
         known = self._operations[operation].mock.values
         names = known(arguments, self.world.parameters) if callable(known) else known
         return tuple(spec.name for spec in self.chart.inputs.values() if spec.value in names)
 
-    def told(self, operation: str, arguments: Mapping[str, Any]) -> list[Event]:
-        """Return what an operation may tell of these inputs before it ends well."""
-        values = {self.chart.inputs[name].value for name in self.tells(operation, arguments)}
+    def reports(self, operation: str, arguments: Mapping[str, Any]) -> list[Event]:
+        """Return the possible reports of these live values during an operation."""
+        values = {self.chart.inputs[name].value for name in self.reported_inputs(operation, arguments)}
         return [event for event in self.values if event.data["name"] in values]
 
-    def gives(self, operation: str) -> bool:
-        """Say whether an operation that was cut short gives a result."""
+    def gives_result(self, operation: str) -> bool:
+        """Return whether a cancelled operation gives a result."""
         return self._operations[operation].cut_short
 
     # -- types --------------------------------------------------------------------------------------------
 
     def _variants(self, read: Read, kind: Type, usual: Any) -> list[Any]:
-        """Return a usual value and others that conditions tell apart from it."""
+        """Return a usual value, and others that conditions distinguish from it."""
         if not self.compared.decides(read):
             return [usual]
-        return self._apart(read, [usual, *self._others(read, kind, usual)])
+        return self._distinguished(read, [usual, *self._others(read, kind, usual)])
 
     def _others(self, read: Read, kind: Type, usual: Any) -> Iterable[Any]:
         if kind.kind == "bool":
@@ -235,15 +235,17 @@ class Classes:
         return self._combined(self._shown(read), parts)
 
     def _words(self, read: Read, kind: Type, usual: str) -> list[str]:
-        """Return texts that conditions name, and another one; where there is no other one that is told."""
+        """Return the texts that conditions name and another one; note where there is no other one."""
         compared = self.compared.texts(read)
         words = _texts_around([*compared, usual], kind)
         if not set(words) - set(compared):
-            self._tell_few(f"{self._shown(read)}: no other text was tried than those that conditions name")
+            self._note_reduced(
+                f"{self._shown(read)}: no other text was tried than those that conditions name"
+            )
         return words
 
     def _of_named(self, read: Read, kind: Type, usual: Any) -> Iterator[Any]:
-        """Yield lists of records of name and value: with other values, and without one that is read."""
+        """Yield lists of records of name and value, with every value that is read, and without it."""
         parts: dict[str, list[Any]] = {}
         for name, of in kind.named.items():
             if self.compared.decides((*read, name)):
@@ -262,7 +264,7 @@ class Classes:
         return [items[:count] for count in range(max(1, most) + 1)]
 
     def _sample(self, kind: Type, number: int) -> Any:
-        """Return a value of a type; others with other numbers where it can be one of many."""
+        """Return a sample of a type; other numbers give other samples, where there are others."""
         if kind.kind == "bool":
             return number % 2 == 0
         if kind.kind in ("number", "integer"):
@@ -280,26 +282,26 @@ class Classes:
         return self.names[number - 1] if number <= len(self.names) else f"x{number}"
 
     def _combined(self, what: str, fields: Mapping[str, Sequence[Any]]) -> list[dict[str, Any]]:
-        """Return records with every combination of the fields' values, up to a number.
+        """Return records with every combination of the fields' values.
 
-        Beyond that each value is there at least once.
+        Of more than `MOST_COMBINED`, each value is in at least one record, and the report says so.
         """
         if math.prod(map(len, fields.values())) <= MOST_COMBINED:
             return [dict(zip(fields, values, strict=True)) for values in itertools.product(*fields.values())]
-        self._tell_few(f"{what}: not every combination of its fields")
+        self._note_reduced(f"{what}: not every combination of its fields")
         usual = {name: values[0] for name, values in fields.items()}
         return [usual, *({**usual, name: one} for name, values in fields.items() for one in values[1:])]
 
-    def _apart(self, read: Read, values: Sequence[Any]) -> list[Any]:
-        """Return the values that conditions tell apart, and remember that they are tried."""
+    def _distinguished(self, read: Read, values: Sequence[Any]) -> list[Any]:
+        """Return one value of each class, and record them as tried."""
         found: dict[str, Any] = {}
         for value in values:
-            found.setdefault(repr(self.compared.told_apart(read, value)), value)
+            found.setdefault(repr(self.compared.abstracted(read, value)), value)
         for value in found.values():
-            self._remember(read, value)
+            self._record(read, value)
         return list(found.values())
 
-    def _remember(self, read: Read, value: Any) -> None:
+    def _record(self, read: Read, value: Any) -> None:
         below = [one for one in self.compared.read or () if one[: len(read)] == read and ANY not in one]
         if any(one == read[: len(one)] for one in self.compared.read or ()):
             below = [read]
@@ -311,68 +313,67 @@ class Classes:
                 inner = len(value)
             self._tried.setdefault(one, {})[repr(inner)] = inner
 
-    def _tell_few(self, what: str) -> None:
-        self._few[what] = None
+    def _note_reduced(self, what: str) -> None:
+        self._reduced_values[what] = None
 
     # -- in words -----------------------------------------------------------------------------------------
 
     @property
     def left_out(self) -> list[str]:
-        """What is looked at with fewer values than there are."""
-        found = list(self._few)
+        """Sentences about the reads of which fewer values are tried than there are classes."""
+        found = list(self._reduced_values)
         for read, source in sorted(self.compared.unclear.items()):
             if read[0] in ("context", "given"):
                 continue
-            told = self._values_told(read)
-            only = f"only {told} {'was' if len(self._tried.get(read, ())) == 1 else 'were'} tried"
-            what = only if told else "no other values were tried"
+            text = self._values_text(read)
+            only = f"only {text} {'was' if len(self._tried.get(read, ())) == 1 else 'were'} tried"
+            what = only if text else "no other values were tried"
             found.append(f"{self._shown(read)}: {what}, although `{source}` reads it")
         return found
 
     def words(self) -> list[str]:
-        """Tell as sentences which values are tried of all on which something depends."""
+        """Return sentences that list the tried values of deciding reads, and the deciding parameters."""
         found = [
-            f"Tried as {self._shown(read)}: {self._values_told(read)}."
+            f"Tried as {self._shown(read)}: {self._values_text(read)}."
             for read in sorted(self._tried)
             if read[0] != "context"
             and read not in self.compared.unclear
             and read in (self.compared.read or ())
         ]
         known = {name: one for name, one in self.chart.parameters.items() if name in self._parameters}
-        told = (
-            f"{name} = {_told(self.world.parameters.get(name, one.default), one.type)}"
+        texts = (
+            f"{name} = {_text(self.world.parameters.get(name, one.default), one.type)}"
             for name, one in known.items()
         )
         return [
             *found,
-            *([f"Conditions and times read these parameters: {', '.join(told)}."] if known else []),
+            *([f"Conditions and times read these parameters: {', '.join(texts)}."] if known else []),
         ]
 
-    def _values_told(self, read: Read) -> str:
+    def _values_text(self, read: Read) -> str:
         kind = next(iter(self.compared.kinds(read)), ANY_TYPE)
         values = list(self._tried.get(read, {}).values())
         numbers = sorted(one for one in values if isinstance(one, (int, float)))
         values = [*numbers, *(one for one in values if not isinstance(one, (int, float)))]
-        told = [_told(one, ANY_TYPE if kind.kind == "list" else kind) for one in values]
-        more = len(told) - MOST_TOLD
+        texts = [_text(one, ANY_TYPE if kind.kind == "list" else kind) for one in values]
+        more = len(texts) - MOST_LISTED
         if kind.kind == "list":
-            return f"lists of {', '.join(told[:MOST_TOLD])} elements"
-        return ", ".join(told[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")
+            return f"lists of {', '.join(texts[:MOST_LISTED])} elements"
+        return ", ".join(texts[:MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
 
     def _shown(self, read: Read) -> str:
-        """Return what is read as authors write it."""
-        told = ".".join(read[:2])
+        """Return a read as authors write it."""
+        text = ".".join(read[:2])
         for number in range(2, len(read)):
             named = any(kind.named for kind in self.compared.kinds(read[:number]))
-            told += f"['{read[number]}']" if named else f".{read[number]}"
-        return told
+            text += f"['{read[number]}']" if named else f".{read[number]}"
+        return text
 
 
 def parameter_classes(world: World) -> Iterator[tuple[str, Any]]:
-    """Yield a value of each class of each parameter that a condition reads, but that of the value it has.
+    """Yield a value of each other class of each parameter in the cone of influence, one parameter at a time.
 
-    Classes are both truth values, every word, and of a number what lies below, at and above each number that
-    a condition compares it with.
+    Classes are both truth values, every word, and numbers below, at and above each bound of a condition.
     """
     relevance = Relevance(world.chart)
     read, compared = relevance.parameters, Compared(world, relevance, -1)
@@ -396,7 +397,7 @@ def parameter_classes(world: World) -> Iterator[tuple[str, Any]]:
                     yield name, value
 
 
-def _told(value: Any, kind: Type) -> str:
+def _text(value: Any, kind: Type) -> str:
     """Return a value as people read it, shortened."""
     if value is None:
         return "nothing"
@@ -406,7 +407,7 @@ def _told(value: Any, kind: Type) -> str:
 
 
 def _texts_around(compared: Iterable[str], kind: Type) -> list[str]:
-    """Return texts that are compared with something, and others: any word, and a time or day on each side."""
+    """Return the compared texts and others: another word, or a minute or day before and after each."""
     words = list(dict.fromkeys(compared))
     if kind.name == TIME_OF_DAY.name:
         near = [time.fromisoformat(word) for word in words]
@@ -416,14 +417,14 @@ def _texts_around(compared: Iterable[str], kind: Type) -> list[str]:
         near_days = {date.fromisoformat(word).toordinal() + more for word in words for more in (-1, 0, 1)}
         days = sorted(one for one in near_days if 1 <= one <= date.max.toordinal())
         return [date.fromordinal(one).isoformat() for one in days]
-    if kind.pattern or kind.example:  # nobody knows which other words there may be
+    if kind.pattern or kind.example:  # other words are not known
         return words
     number = next(n for n in itertools.count(1) if f"x{n}" not in words)
     return [*words, f"x{number}"]
 
 
 def _around(bounds: Iterable[float], kind: Type) -> list[Any]:
-    """Return a number below, at and between some bounds, and above them, as far as the type has them."""
+    """Return numbers below, at, between and above some bounds, within the type's range."""
     edges = sorted(set(bounds))
     if not edges:
         return []
@@ -445,7 +446,7 @@ def _sample_number(kind: Type, number: int) -> float:
 
 
 def _part_of(value: Any, way: Iterable[Any]) -> Any:
-    """Return what stands in a value behind some steps; None where one of them leads nowhere."""
+    """Return the part of a value at a path; None where there is none."""
     for name in way:
         value = None if value is None else part(value, name)
     return value

@@ -1,10 +1,10 @@
-"""What conditions compare with what: the bounds at which it matters what servers, sensors and requests tell.
+"""Finds the bounds of input classes: the numbers and texts that conditions compare inputs with.
 
-Expressions are looked at as the checker has compiled them: units are gone there, and the parameters of parts
-have their values. A comparison is understood where one side is constant (numbers, texts, parameters, what
-functions make of these) and the other one reads one thing: by itself, in `min`, `max`, `abs` or `if`, or
-calculated with constants. A variable hands its bounds on to what it is set from. What reads a number or a
-text in any other way is noted.
+It reads expressions as the checker has compiled them: in base units, with the parameters of embedded missions
+filled in. A comparison is understood where one side is constant (also parameters and functions of constants)
+and the other reads one value: directly, in `min`, `max`, `abs` or `if`, or in a linear expression. Bounds of
+a variable are propagated to the values that it is set from. Any other read of a number or a text is recorded
+as `unclear`, and the proof reports it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from lupin_engine.chart import Chart, Compiled, Expression, Input, Value, to_fun
 from lupin_engine.machine import EvaluationScope, Memory, World
 from lupin_engine.plugin import Type
 from lupin_verify.situations.relevance import (
-    KEEPING,
+    STORING,
     Relevance,
     actions_of,
     deciding,
@@ -28,40 +28,40 @@ from lupin_verify.situations.relevance import (
     invokes,
 )
 
-#: What an expression reads: a root of the environment and the names below it; `ANY` is an element of a list.
+#: A read of an expression: a root of the environment and the names below it; `ANY` is an element of a list.
 Read = tuple[str, ...]
 ANY = "*"
-#: Roots of what the world tells, and of what is kept of it.
+#: Roots of reported values, and of variables that may store them.
 _ROOTS = frozenset({"input", "event", "request", "given", "context", "item", "target", "param"})
-#: Of these, those that are read as a whole, too.
+#: Roots that may be read as a whole, too.
 _WHOLE = frozenset({"event", "item", "target"})
-#: With more bounds something is counted up, or handed round in circles.
+#: With more bounds, a value is counted up or propagated in a cycle.
 _MOST_BOUNDS = 16
-#: What a condition reads of the machine, which may be another at any moment.
+#: Roots of the machine's own state.
 _CHANGING = ("in_state", "held", "itinerary", "clock")
 _ORDERINGS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
-#: What a straight expression consists of, and the calls that the checker writes into one.
-_STRAIGHT = (ast.Add, ast.Sub, ast.USub)
-_STRAIGHT_CALLS = frozenset({"_times", "_over", "_number", "_in_unit", "_in_base"})
+#: The operators of a linear expression, and the calls that the checker inserts into one.
+_LINEAR = (ast.Add, ast.Sub, ast.USub)
+_LINEAR_CALLS = frozenset({"_times", "_over", "_number", "_in_unit", "_in_base"})
 
 
 class Compared:
-    """What the conditions of one chart compare, with what, and what else they read."""
+    """The bounds of one chart's conditions, and the reads that are not understood."""
 
     def __init__(self, world: World, relevance: Relevance, targets: int) -> None:
-        """Look at everything that decides.
+        """Analyse every value that decides.
 
         Args:
             world: the chart with its parameters.
-            relevance: which variables decide anything.
-            targets: how many elements lists have at most; so far counts are compared.
+            relevance: the cone of influence.
+            targets: the most elements of lists, and so the highest count that is a bound.
         """
         self.chart: Chart = world.chart
-        #: The numbers and texts with which something is compared.
+        #: The numbers and texts that each read is compared with.
         self.bounds: dict[Read, set[Any]] = {}
-        #: On what anything depends; None: nobody knows.
+        #: The reads that decide; None: not known, as some expression is not compiled.
         self.read: set[Read] | None = set()
-        #: What is read in a way that is not understood, each with the condition.
+        #: The reads that are not understood, each with its condition.
         self.unclear: dict[Read, str] = {}
         self._targets = targets
         self._env = EvaluationScope(world, Memory())
@@ -77,16 +77,16 @@ class Compared:
                 tree = _Tree(code, world.chart)
                 if self.read is not None:
                     self.read.update(read for read in tree.reads.values() if read[0] != "param")
-                if id(value) not in orders:  # which target is the next one makes no difference
-                    self._look(value, tree, told=id(value) not in known)
+                if id(value) not in orders:  # the order of targets does not matter
+                    self._look(value, tree, is_reported=id(value) not in known)
             elif isinstance(value, Expression):
                 self.read = None
         self._levels()
         while self._waiting:
-            self._hand_on(*self._waiting.pop())
+            self._propagate(*self._waiting.pop())
 
     def _levels(self) -> None:
-        """Take in at which numbers the levels of inputs change, and the inputs that are events themselves."""
+        """Add the numbers at which the levels of inputs change, and the inputs that are events themselves."""
         heard = heard_inputs(self.chart)
         for spec in self.chart.inputs.values():
             read = ("input", spec.name)
@@ -96,7 +96,7 @@ class Compared:
                 self.bounds.setdefault(read, set()).add(edge)
 
     def _edges_of(self, spec: Input) -> Iterator[float]:
-        """Yield at which numbers the levels of an input become true, and at which they are false again."""
+        """Yield the numbers at which the levels of an input become true, and false again."""
         for level in spec.levels:
             margin = float(level.hysteresis.evaluate(self._env)) if level.hysteresis else 0.0
             edge = level.below if level.below is not None else level.above
@@ -106,7 +106,7 @@ class Compared:
             yield value + margin if level.below is not None else value - margin
 
     def _kept(self, relevance: Relevance) -> Iterator[Value]:
-        """Yield what is kept in variables on which something depends, or goes on as an event."""
+        """Yield the values that are stored in variables of the cone, or become data of an event."""
         for read, values in self._set_from.items():
             if read[0] != "context" or read[1] in relevance.variables:
                 yield from values
@@ -114,22 +114,22 @@ class Compared:
             if call.name == "itinerary.close" and "status" in call.arguments:
                 yield call.arguments["status"]
 
-    # -- what is asked ------------------------------------------------------------------------------------
+    # -- queries ------------------------------------------------------------------------------------------
 
     def decides(self, read: Read) -> bool:
-        """Say whether anything depends on this, on a part of it, or on something of which it is a part."""
+        """Return whether a decision depends on this read, on a part of it, or on a whole around it."""
         return self.read is None or any(one[: len(read)] == read[: len(one)] for one in self.read)
 
     def edges(self, read: Read) -> list[float]:
-        """Return the numbers with which this is compared."""
+        """Return the numbers that a read is compared with."""
         return sorted(bound for bound in self.bounds.get(read, ()) if not isinstance(bound, str))
 
     def texts(self, read: Read) -> list[str]:
-        """Return the texts with which this is compared."""
+        """Return the texts that a read is compared with."""
         return sorted(bound for bound in self.bounds.get(read, ()) if isinstance(bound, str))
 
-    def told_apart(self, read: Read, value: Any) -> Any:
-        """Return what conditions can see of a value: equal for two between which none makes a difference."""
+    def abstracted(self, read: Read, value: Any) -> Any:
+        """Return the abstraction of a value: equal for two that no condition distinguishes."""
         if not self.decides(read):
             return None
         if self.read is None or any(one == read[: len(one)] for one in self.read):
@@ -137,7 +137,7 @@ class Compared:
         names = sorted({one[len(read)] for one in self.read if one[: len(read)] == read})
         if ANY in names:
             return repr(value)
-        return [self.told_apart((*read, name), part(value, name)) for name in names]
+        return [self.abstracted((*read, name), part(value, name)) for name in names]
 
     def _is_clear(self, read: Read, value: Any) -> bool:
         is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
@@ -145,8 +145,8 @@ class Compared:
 
     # -- one expression -----------------------------------------------------------------------------------
 
-    def _look(self, value: Value, tree: _Tree, told: bool) -> None:
-        """Take in what an expression compares; what else it reads is noted where that is `told`."""
+    def _look(self, value: Value, tree: _Tree, is_reported: bool) -> None:
+        """Add the comparisons of an expression; record its other reads as unclear if `is_reported`."""
         source = getattr(value, "source", "")
         dealt_with = set(tree.asked)
         for node in ast.walk(tree.root):
@@ -159,20 +159,20 @@ class Compared:
                     self._compare(operator, left, right, tree, source)
         for key, read in tree.reads.items():
             if read[0] == "error":
-                self._note(read, source, _is_open, open_=True)
-            elif told and key not in dealt_with:
+                self._note(read, source, _is_unbounded, unknown_too=True)
+            elif is_reported and key not in dealt_with:
                 self._note(read, source, (lambda _: True) if ANY in read else _has_number)
 
     def _compare_side(self, side: ast.expr, other: ast.expr, tree: _Tree, source: str) -> None:
-        """Take in with what one side is compared; what it reads is open where that is not known."""
+        """Add the bounds of one side; its reads are unclear where the other is not constant."""
         bounds = self._constants(other, tree)
         for bound in bounds or ():
             self._carry(side, bound, tree, source)
         for read in {tree.reads[key] for key in tree.inside(side)} if bounds is None else ():
-            self._note(read, source, _is_open)
+            self._note(read, source, _is_unbounded)
 
     def _call(self, node: ast.Call, tree: _Tree, source: str) -> None:
-        """Note what a function is called with."""
+        """Record the arguments of a function as unclear, unless it is `known`, or `len` of a list."""
         if isinstance(node.func, ast.Name) and node.func.id != "_known":
             is_meant = _is_word if node.func.id == "len" else _is_list
             for key in filter(tree.reads.__contains__, map(id, node.args)):
@@ -180,7 +180,7 @@ class Compared:
         elif isinstance(node.func, ast.Subscript):  # a function of a plugin
             for read in {tree.reads[key] for key in tree.inside(node)}:
                 if not (_is_of_itinerary(read) or self._is_target(read)):
-                    self._note(read, source, _is_open)
+                    self._note(read, source, _is_unbounded)
 
     def _compare(
         self, operator: ast.cmpop, left: ast.expr, right: ast.expr, tree: _Tree, source: str
@@ -195,10 +195,10 @@ class Compared:
             self._carry(ast.BinOp(left, ast.Sub(), right), 0.0, tree, source)
         elif not (isinstance(operator, (ast.In, ast.NotIn)) and any(map(_is_of_itinerary, of_world[0]))):
             for read in itertools.chain(*of_world):
-                self._note(read, source, _is_open)
+                self._note(read, source, _is_unbounded)
 
     def _constants(self, node: ast.expr, tree: _Tree) -> list[Any] | None:
-        """Return with what a side of a comparison compares the other one; None where that is not known."""
+        """Return the constants of one side of a comparison; none if it reads a value, None if not known."""
         if self._is_count(node, tree):
             return list(range(self._targets + 1))
         if any(tree.reads[key][0] != "param" for key in tree.inside(node)):
@@ -207,7 +207,7 @@ class Compared:
             return None
         try:
             value = to_function(ast.unparse(node))(self._env)
-        except Exception:  # it reads the clock, an element of a list, or whatever else is not there yet
+        except Exception:  # it reads the clock, an element of a list, or another value that is not constant
             return None
         every = value if isinstance(value, list) else [value]
         if any(isinstance(one, (list, Mapping)) for one in every):
@@ -215,29 +215,29 @@ class Compared:
         return [one for one in every if isinstance(one, (int, float, str)) and not isinstance(one, bool)]
 
     def _is_count(self, node: ast.expr, tree: _Tree) -> bool:
-        """Say whether this counts elements or targets."""
+        """Return whether this counts elements or targets."""
         is_length = isinstance(node, ast.Call) and ast.unparse(node.func) == "len"
         return is_length or (isinstance(node, ast.Subscript) and "env['itinerary']" in ast.unparse(node))
 
-    def _carry(self, node: ast.expr, bound: Any, tree: _Tree, source: str, but: Read = ()) -> None:
-        """Find what something must be for an expression to come to a bound; `but` is looked for nowhere."""
+    def _carry(self, node: ast.expr, bound: Any, tree: _Tree, source: str, origin: Read = ()) -> None:
+        """Solve for the reads with which an expression equals a bound; skip `origin`, which it came from."""
         call = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
         arguments = node.args if isinstance(node, ast.Call) else []
         if id(node) in tree.reads:
-            self._add(tree.reads[id(node)], bound, source, but)
+            self._add(tree.reads[id(node)], bound, source, origin)
         elif isinstance(node, ast.IfExp):
-            self._carry(node.body, bound, tree, source, but)
-            self._carry(node.orelse, bound, tree, source, but)
+            self._carry(node.body, bound, tree, source, origin)
+            self._carry(node.orelse, bound, tree, source, origin)
         elif call in ("min", "max"):
             for one in arguments:
-                self._carry(one, bound, tree, source, but)
+                self._carry(one, bound, tree, source, origin)
         elif call == "abs":
-            self._carry(arguments[0], bound, tree, source, but)
-            self._carry(arguments[0], -bound, tree, source, but)
+            self._carry(arguments[0], bound, tree, source, origin)
+            self._carry(arguments[0], -bound, tree, source, origin)
         elif call != "len":
-            self._solve(node, bound, tree, source, but)
+            self._solve(node, bound, tree, source, origin)
 
-    def _solve(self, node: ast.expr, bound: Any, tree: _Tree, source: str, but: Read) -> None:
+    def _solve(self, node: ast.expr, bound: Any, tree: _Tree, source: str, origin: Read) -> None:
         reads = {tree.reads[key] for key in tree.inside(node)}
         of_world = {read for read in reads if read[0] != "param"}
         for read in of_world if len(of_world) > 1 else reads:
@@ -246,16 +246,16 @@ class Compared:
             others = of_world - {read}
             root = None if others or isinstance(bound, str) else self._root(node, bound, tree, read)
             if root is not None:
-                self._add(read, root, source, but)
-            elif read != but:
-                self._note(read, source, _is_open, open_=True)
+                self._add(read, root, source, origin)
+            elif read != origin:
+                self._note(read, source, _is_unbounded, unknown_too=True)
 
     def _root(self, node: ast.expr, bound: float, tree: _Tree, read: Read) -> float | None:
-        """Return the number for which a straight expression comes to a bound."""
+        """Return the number for which a linear expression equals a bound; None where it is not linear."""
         sought = {key for key in tree.inside(node) if tree.reads[key] == read}
-        if not all(_is_straight(one) for one in ast.walk(node) if tree.inside(one) & sought - {id(one)}):
+        if not all(_is_linear(one) for one in ast.walk(node) if tree.inside(one) & sought - {id(one)}):
             return None
-        if any(_is_bent(one, tree, sought) for one in ast.walk(node)):
+        if any(_is_nonlinear(one, tree, sought) for one in ast.walk(node)):
             return None
         function, way = to_function(ast.unparse(node)), tree.ways[min(sought)]
 
@@ -271,69 +271,73 @@ class Compared:
             found = -at / rise
             near = (found, math.nextafter(found, math.inf), math.nextafter(found, -math.inf))
             return next((value for value in near if beyond(value) == 0.0), found)
-        except Exception:  # a division by nothing, or what is not there yet
+        except Exception:  # a division by zero, or a value that is not constant
             return None
 
     def _with(self, way: tuple[str | NamedStep, ...], value: Any) -> Mapping[str, Any]:
-        """Return an environment in which one thing has a value."""
+        """Return an environment in which one read has a value."""
         for step in reversed(way[1:]):
             value = [{"name": step.name, "value": value}] if isinstance(step, NamedStep) else {step: value}
         root = str(way[0])
         return ChainMap({root: ChainMap(value, self._env["param"]) if root == "param" else value}, self._env)
 
-    # -- what comes of it ---------------------------------------------------------------------------------
+    # -- results ------------------------------------------------------------------------------------------
 
-    def _add(self, read: Read, bound: Any, source: str, but: Read = ()) -> None:
-        """Note a bound, and hand it on if it is that of a variable."""
+    def _add(self, read: Read, bound: Any, source: str, origin: Read = ()) -> None:
+        """Add a bound and propagate it; the read is unclear where it has too many, or is no plain value."""
         found = self.bounds.get(read, set())
-        if read == but or bound in found:
+        if read == origin or bound in found:
             return
         is_whole = any(kind.kind not in ("number", "integer", "text", "bool") for kind in self.kinds(read))
         is_whole = is_whole or (read[0] == "request" and len(read) > 2 and self._is_target(read[:2]))
         if ANY in read or is_whole or read[0] in ("item", "target") or len(found) >= _MOST_BOUNDS:
-            self._note(read, source, lambda _: True, open_=True)
+            self._note(read, source, lambda _: True, unknown_too=True)
             return
         self.bounds.setdefault(read, found).add(bound)
         self._waiting.append((read, bound))
 
     def _is_target(self, read: Read) -> bool:
-        """Say whether this is one of the things that a plugin reads by name, of which one alone is tried."""
+        """Return whether a plugin reads this by name, as a target; only one is tried."""
         kinds = (kind if kind.item is None else kind.item for kind in self.kinds(read))
         return any(kind.name in self._env.world.readers for kind in kinds)
 
-    def _note(self, read: Read, source: str, is_meant: Callable[[Type], bool], open_: bool = False) -> None:
-        """Note what is read in a way that is not understood, if its type is meant; `open_`: or not known."""
+    def _note(
+        self, read: Read, source: str, is_meant: Callable[[Type], bool], unknown_too: bool = False
+    ) -> None:
+        """Record a read as unclear if its type fulfils a condition, or is not known and `unknown_too`."""
         kinds = self.kinds(read)
-        is_told = any(map(is_meant, kinds)) if kinds else open_
-        if is_told and read not in self.unclear and read[0] != "param":
+        is_meant_type = any(map(is_meant, kinds)) if kinds else unknown_too
+        if is_meant_type and read not in self.unclear and read[0] != "param":
             self.unclear[read] = source
             self._waiting.append((read, None))
 
-    def _hand_on(self, read: Read, bound: Any) -> None:
-        """Give a bound of something that is set to what it is set from; None: it is not understood."""
+    def _propagate(self, read: Read, bound: Any) -> None:
+        """Propagate a bound to the values that a read is set from; None: propagate that it is unclear."""
         for size in range(2, len(read) + 1):
             for value in self._set_from.get(read[:size], ()):
                 code = _code(value)
                 if code is not None:
-                    self._hand_to(_Tree(code, self.chart), getattr(value, "source", ""), read, size, bound)
+                    self._propagate_to(
+                        _Tree(code, self.chart), getattr(value, "source", ""), read, size, bound
+                    )
 
-    def _hand_to(self, tree: _Tree, source: str, read: Read, size: int, bound: Any) -> None:
-        """Give a bound to what something is set to, of which the first names in `read` are set."""
+    def _propagate_to(self, tree: _Tree, source: str, read: Read, size: int, bound: Any) -> None:
+        """Propagate a bound to the expression that sets the first `size` names of a read."""
         whole, inner = tree.reads.get(id(tree.root)), read[size:]
         if bound is not None and not inner:
-            self._carry(tree.root, bound, tree, source, but=read)
+            self._carry(tree.root, bound, tree, source, origin=read)
         elif whole is not None and ANY not in inner:
             there = (*whole, *inner)
             if bound is None:
-                self._note(there, self.unclear[read], _is_open)
+                self._note(there, self.unclear[read], _is_unbounded)
             else:
-                self._add(there, bound, source, but=read)
+                self._add(there, bound, source, origin=read)
         else:
             for other in set(tree.reads.values()) - {read}:
-                self._note(other, self.unclear.get(read, source), _is_open)
+                self._note(other, self.unclear.get(read, source), _is_unbounded)
 
     def kinds(self, read: Read) -> tuple[Type, ...]:
-        """Return the types that this may have; none where that is not known."""
+        """Return the possible types of a read; none where they are not known."""
         if read not in self._kinds:
             first = _declared(self.chart, read)
             self._kinds[read] = tuple(kind for one in first for kind in _below(one, read[2:]))
@@ -347,11 +351,11 @@ class NamedStep(NamedTuple):
 
 
 class _Tree:
-    """Checked code as a tree: what its nodes read, by their identity."""
+    """Compiled code as a tree, with the reads of its nodes by their identity."""
 
     def __init__(self, code: str, chart: Chart) -> None:
         self.root = ast.parse(code, mode="eval").body
-        #: What nodes read; the way there in the environment; those that only ask whether something is known.
+        #: The reads of nodes, their paths in the environment, and the nodes that only ask for being known.
         self.reads: dict[int, Read] = {}
         self.ways: dict[int, tuple[str | NamedStep, ...]] = {}
         self.asked: set[int] = set()
@@ -360,11 +364,11 @@ class _Tree:
         self._find(self.root, asked=False)
 
     def inside(self, node: ast.AST) -> set[int]:
-        """Return the nodes inside of a node that read something."""
+        """Return the reading nodes inside of a node."""
         return {id(one) for one in ast.walk(node) if id(one) in self.reads}
 
     def _enter(self, loop: ast.comprehension) -> None:
-        """Remember what the elements of a loop are of."""
+        """Bind the variable of a loop to the elements of its list."""
         values = self._way(loop.iter)
         if values is not None and isinstance(loop.target, ast.Name):
             self._elements[loop.target.id] = (*values, ANY)
@@ -378,14 +382,14 @@ class _Tree:
                 self.asked.add(id(node))
             return
         if isinstance(node, (ast.ListComp, ast.GeneratorExp)):
-            for loop in node.generators:  # one, says the checker
+            for loop in node.generators:  # the checker allows one
                 self._enter(loop)
         asks = isinstance(node, ast.Call) and ast.unparse(node.func) in ("_known", "len")
         for child in ast.iter_child_nodes(node):
             self._find(child, asks or (asked and (isinstance(node, ast.Lambda) or _converts(node))))
 
     def _way(self, node: ast.AST) -> tuple[str | NamedStep, ...] | None:
-        """Return the way that a node takes through the environment; None for what is more than a way."""
+        """Return the path of a node through the environment; None where it is no path."""
         if isinstance(node, ast.Name):
             return self._elements.get(node.id)
         if isinstance(node, ast.Subscript):
@@ -407,7 +411,7 @@ class _Tree:
         return inner if function == "_bounded" else None
 
     def _read(self, way: tuple[str | NamedStep, ...]) -> Read | None:
-        """Return what is read on a way; None for what no world tells."""
+        """Return the read of a path; None where no environment reports it."""
         names = tuple(step.name if isinstance(step, NamedStep) else step for step in way)
         root, *below = names
         if root == "error":
@@ -423,7 +427,7 @@ class _Tree:
 
 
 def part(value: Any, name: str) -> Any:
-    """Return a field of a record, or what a list of records of name and value tells; None if nothing."""
+    """Return a field of a record, or the value of a name in a list of records; None where there is none."""
     if isinstance(value, Mapping):
         return value.get(name)
     return next((one["value"] for one in value or () if one["name"] == name), None)
@@ -435,12 +439,12 @@ def _code(value: Value | None) -> str | None:
 
 
 def side(value: float, edges: Sequence[float]) -> tuple[int, ...]:
-    """Return of each edge whether a number lies below, at or above it."""
+    """Return for each edge whether a number lies below (-1), at (0) or above (1) it."""
     return tuple((value > edge) - (value < edge) for edge in edges)
 
 
 def _set_from(chart: Chart) -> dict[Read, list[Value]]:
-    """Return from what variables are set, and the fields of the chart's own events and requests."""
+    """Return the values that set variables, and fields of the chart's own events and requests."""
     found: dict[Read, list[Value]] = {("context", name): [one.default] for name, one in chart.context.items()}
     for read, value in itertools.chain(_set_by_actions(chart), _set_by_states(chart)):
         found.setdefault(read, []).append(value)
@@ -449,7 +453,7 @@ def _set_from(chart: Chart) -> dict[Read, list[Value]]:
 
 def _set_by_actions(chart: Chart) -> Iterator[tuple[Read, Value]]:
     for call in actions_of(chart):
-        for name, value in call.arguments.items() if call.name in KEEPING else ():
+        for name, value in call.arguments.items() if call.name in STORING else ():
             yield ("context", name), value
         for name, value in call.data.items():
             yield ("event", name), value
@@ -465,7 +469,7 @@ def _set_by_states(chart: Chart) -> Iterator[tuple[Read, Value]]:
 
 
 def _declared(chart: Chart, read: Read) -> list[Type]:
-    """Return the types of what stands below a root."""
+    """Return the declared types of the first name below a root."""
     root, name = read[0], read[1] if len(read) > 1 else ""
     if root == "input" and name in chart.inputs:
         spec = chart.inputs[name]
@@ -483,7 +487,7 @@ def _declared(chart: Chart, read: Read) -> list[Type]:
 
 
 def _below(kind: Type, names: Sequence[str]) -> Iterator[Type]:
-    """Yield the type of what stands below something, if there is such a thing."""
+    """Yield the type of a path below a type, if there is one."""
     if not names:
         yield kind
     elif names[0] == ANY and kind.item is not None:
@@ -498,14 +502,14 @@ def _has_number(kind: Type) -> bool:
     return kind.kind in ("number", "integer") or any(map(_has_number, kind.fields.values()))
 
 
-def _is_open(kind: Type) -> bool:
-    """Say whether a type has more values than can be told: numbers, and texts that may be any."""
+def _is_unbounded(kind: Type) -> bool:
+    """Return whether a type has numbers, or texts without a list of values."""
     inner = (*kind.fields.values(), *((kind.item,) if kind.item is not None else ()))
-    return _has_number(kind) or (kind.kind == "text" and not kind.values) or any(map(_is_open, inner))
+    return _has_number(kind) or (kind.kind == "text" and not kind.values) or any(map(_is_unbounded, inner))
 
 
 def _is_of_itinerary(read: Read) -> bool:
-    """Say whether this is about a target or an element, of which it tells nothing apart which one it is."""
+    """Return whether this reads a target or an element; targets are interchangeable."""
     return read[0] in ("item", "target")
 
 
@@ -517,8 +521,8 @@ def _is_list(kind: Type) -> bool:
     return kind.kind == "list" and not kind.named
 
 
-def _is_bent(node: ast.AST, tree: _Tree, sought: set[int]) -> bool:
-    """Say whether something is multiplied with itself, or divides."""
+def _is_nonlinear(node: ast.AST, tree: _Tree, sought: set[int]) -> bool:
+    """Return whether a sought read is multiplied with itself, or is a divisor."""
     if not isinstance(node, ast.Call) or ast.unparse(node.func) not in ("_times", "_over"):
         return False
     left, right = (bool(tree.inside(operand) & sought) for operand in node.args)
@@ -526,10 +530,10 @@ def _is_bent(node: ast.AST, tree: _Tree, sought: set[int]) -> bool:
 
 
 def _converts(node: ast.AST) -> bool:
-    return isinstance(node, ast.Call) and ast.unparse(node.func) in _STRAIGHT_CALLS
+    return isinstance(node, ast.Call) and ast.unparse(node.func) in _LINEAR_CALLS
 
 
-def _is_straight(node: ast.AST) -> bool:
+def _is_linear(node: ast.AST) -> bool:
     if isinstance(node, ast.Call):
         return _converts(node)
-    return isinstance(node, (ast.BinOp, ast.UnaryOp)) and isinstance(node.op, _STRAIGHT)
+    return isinstance(node, (ast.BinOp, ast.UnaryOp)) and isinstance(node.op, _LINEAR)

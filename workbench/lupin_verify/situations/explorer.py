@@ -1,8 +1,7 @@
-"""Every situation that a machine can come to, breadth first, so that the first way to one is a shortest one.
+"""Computes the steps of an exploration: runs the machine itself on a tracked memory of a situation.
 
-What an event does is worked out by the machine itself, once for each value of the slots that the step read;
-wherever those are the same, the same changes follow. So few transitions need a step; the others are looked
-up, those of many situations at once (see `levels`).
+The result is an `Effect` with the step's read set. A step is deterministic, so the effect holds wherever
+those slots are equal; `levels` caches it. An exception in a step is a breach of `no_exception`.
 """
 
 from __future__ import annotations
@@ -53,11 +52,11 @@ from lupin_verify.situations.found import Does, Effect, Is
 from lupin_verify.situations.memo import Rows
 from lupin_verify.situations.relevance import Relevance, invokes
 from lupin_verify.situations.situation import (
-    CALM,
     CLAIMS,
-    COMPARED,
     FIRST_NEW,
+    KNOWN_FALSE,
     RANKS,
+    RECOMPUTED,
     WATCHED,
     Overflow,
     Situation,
@@ -65,7 +64,7 @@ from lupin_verify.situations.situation import (
     SlotTable,
     TooMany,
     TrackedMemory,
-    settle_names,
+    canonical_names,
 )
 from lupin_verify.situations.worlds import (
     LOADED,
@@ -74,24 +73,24 @@ from lupin_verify.situations.worlds import (
     TimerName,
     Watched,
     WorldMoves,
+    canonical_claims,
     deadlines_of,
-    forget_unwanted,
+    drop_abandoned,
     in_order,
     rankable,
     ranks_after,
-    settled_claims,
 )
 
-#: Room for slots at the beginning.
+#: The initial room for slots.
 ROOM = 128
-#: What the robot's clock always shows, in POSIX time: six in the morning of 2026-01-01, UTC.
+#: The constant time of the robot's clock, in POSIX time: six in the morning of 2026-01-01, UTC.
 MORNING = 1767247200.0
 #: The property that no step raises an exception.
 NO_EXCEPTION = "no_exception"
 
 
 class Bounds(NamedTuple):
-    """How far is looked. `owed`: attempts of one operation that wait for their end beside the current one."""
+    """The bounds of a proof. `owed`: how many abandoned attempts of one operation may still be answered."""
 
     targets: int = 2
     owed: int = 0
@@ -100,21 +99,21 @@ class Bounds(NamedTuple):
 
 
 class SituationExplorer:
-    """Explores the situations of one chart."""
+    """Makes the steps of one chart in its situations."""
 
     def __init__(self, world: World, properties: tuple[Property, ...], bounds: Bounds) -> None:
         """Make an explorer.
 
         Args:
             world: the chart with its parameters.
-            properties: what is watched in every step.
-            bounds: how far is looked.
+            properties: the monitors of every step.
+            bounds: the bounds of the proof.
         """
         self.world = world
         self.chart = world.chart
         self.properties = properties
         asked = [one for one in properties if one not in BUILT_IN or one.name in _OF_REQUESTS]
-        #: What is watched in a step that changes nothing but live values, and if it answers a request.
+        #: The properties to watch in a step that changes only live values, by whether it answers a request.
         self._quietly = {False: [one for one in asked if one not in BUILT_IN], True: asked}
         self.bounds = bounds
         self.relevance = Relevance(world.chart)
@@ -127,12 +126,12 @@ class SituationExplorer:
     def _begin(self) -> None:
         self.table = SlotTable(self.relevance, self._room, self.bounds.most_values)
         self.moves = WorldMoves(self.table, self.classes, self.bounds.owed, self.bounds.restarts)
-        self.table.reported = frozenset(self.moves.told())
+        self.table.reported = frozenset(self.moves.unconstrained_values())
 
     # -- one move -----------------------------------------------------------------------------------------
 
     def initial(self) -> tuple[Situation, Effect]:
-        """Return where every machine of the chart begins."""
+        """Return the initial situation, and the effect that leads to it."""
         nothing = (0,) * self._room
         memory = TrackedMemory(self.table, nothing)
         machine = _TrackedMachine(self.world, memory)
@@ -143,14 +142,11 @@ class SituationExplorer:
         return machine.start(0.0, None if self.world.calendar is None else MORNING)
 
     def step(self, situation: Situation, number: int) -> Effect:
-        """Make the machine's own step.
-
-        Which deadlines come before which others is not in the effect: see `ranks_after`.
-        """
+        """Make the machine's step of a move; `ranks_after` gives the order of deadlines after it."""
         memory = TrackedMemory(self.table, situation)
         effect = self._step(memory, situation, number)
-        aside = tuple((self.table.index["context", name], slot) for name, (_, slot) in memory.aside.items())
-        effect.needs, effect.aside = memory.reads, aside
+        lazy = tuple((self.table.index["context", name], slot) for name, (_, slot) in memory.lazy.items())
+        effect.needs, effect.lazy = memory.reads, lazy
         effect.sets = frozenset(memory.written - memory.values)
         return effect
 
@@ -162,22 +158,22 @@ class SituationExplorer:
             return self._late(memory, situation, move.timer[1])
         machine = _TrackedMachine(self.world, memory)
         if move.timer[0] != "fresh":
-            machine.trust(memory.fetch(self.table.index[CALM]))
+            machine.trust(memory.fetch(self.table.index[KNOWN_FALSE]))
         begins_anew = self.chart.profile.stages.begins_anew
         try:
             is_restart = move.event is not None and move.event.name == RESUMED
             if is_restart and label_of(self.chart, memory.configuration) in begins_anew:
                 if len(self.properties) == len(BUILT_IN):
-                    return Effect()  # it is as at the beginning
-                memory.take_over(Memory(), whole=True)
+                    return Effect()  # it equals the initial situation
+                memory.assign(Memory(), whole=True)
                 step: Step | None = self._start(machine)
             elif move.event is LOADED:
                 if not is_idle(machine):
                     return Effect()
-                memory.take_over(successor(Machine(self.world, memory.plain()), self.world).memory)
+                memory.assign(successor(Machine(self.world, memory.plain()), self.world).memory)
                 machine = _TrackedMachine(self.world, memory)
                 with ExitStack() as unread:
-                    for field in COMPARED:
+                    for field in RECOMPUTED:
                         unread.enter_context(memory.unread(field, self.table.keys[field]))
                     step = machine.go_on(0.0)
             else:
@@ -187,7 +183,7 @@ class SituationExplorer:
             return self._effect_of(memory, machine, step, situation, before)
         except (Overflow, TooMany):
             raise
-        except Exception as problem:  # a defect of the engine, or of a plugin: told like what it breaks
+        except Exception as problem:  # a defect of the engine or of a plugin is a breach
             told = f"{type(problem).__name__}: {reason(problem)}"
             return Effect(breaches=((NO_EXCEPTION, told),))
 
@@ -200,13 +196,13 @@ class SituationExplorer:
         before: TrackedMemory | None,
     ) -> Effect:
         watched, breaches, relevant = self._judge(memory, machine, step, before)
-        forget_unwanted(memory, self.bounds.owed)
-        set_now = {(t[2], *t[3]) for timers in memory.looked_at_timers() for t in timers if t[1] >= FIRST_NEW}
-        named = settle_names(memory)
+        drop_abandoned(memory, self.bounds.owed)
+        set_now = {(t[2], *t[3]) for timers in memory.accessed_timers() for t in timers if t[1] >= FIRST_NEW}
+        named = canonical_names(memory)
         if any(not self.moves.is_within_bounds(name) for name in named.values()):
             return Effect(cut=True)
         in_order(memory)
-        claims = settled_claims(memory) if memory.is_looked_at("attempts") else None
+        claims = canonical_claims(memory) if memory.is_accessed("attempts") else None
         delta = dict(memory.changes())
         fresh = {(kind, named.get(owner, owner), event) for kind, owner, event in set_now if kind != "at"}
         if len(self.properties) > len(BUILT_IN):
@@ -215,11 +211,11 @@ class SituationExplorer:
         slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]
         deadlines, was_gone = None, before is not None and step.event.name in _RESTARTS
         if fresh or was_gone or any(slot in delta for slot in slots):
-            # What was due while the process was gone comes now, and may be later than what a property allows.
+            # Deadlines that were due while the process was gone fire now, perhaps too late for a property.
             running = (*memory.timers, *(() if was_gone else deadlines_of(watched)))
             ordered = (tuple(rankable(self.chart, timers)) for timers in (running, memory.frozen))
             deadlines = Deadlines(*ordered)
-        self._set(delta, memory, CALM, machine.calm)
+        self._set(delta, memory, KNOWN_FALSE, machine.calm)
         if claims is not None:
             self._set(delta, memory, CLAIMS, claims or None)
         does = Does.ADVANCES * any(isinstance(command, (Publish, Report)) for command in step.commands)
@@ -240,7 +236,10 @@ class SituationExplorer:
         )
 
     def ranks_after(self, effect: Effect, before: int) -> int:
-        """Return which deadlines come before which others after an effect, by that before it, as numbers."""
+        """Return the number of the order of deadlines after an effect, given the number of the one before.
+
+        It is 0, no order, where there would be too many: then any deadline may be the next.
+        """
         slot = self.table.index[RANKS]
         if effect.deadlines is None:
             return before
@@ -248,7 +247,7 @@ class SituationExplorer:
         ranks = ranks_after(known, effect.deadlines, effect.fresh, dict(effect.renamed))
         try:
             return self.table.number(slot, ranks) if ranks else 0
-        except TooMany:  # of so many orders no more are told apart: any deadline may be the next
+        except TooMany:
             return 0
 
     def _due_now(self, situation: Situation, watched: Watched) -> set[TimerName]:
@@ -260,8 +259,8 @@ class SituationExplorer:
     def _judge(
         self, memory: TrackedMemory, machine: Machine, step: Step, before: TrackedMemory | None
     ) -> tuple[Watched, tuple[tuple[str, str], ...], set[str]]:
-        """Return what properties remember, those that a step breaks, each with how, and those it is about."""
-        # What always holds of a situation still does where nothing but live values changes.
+        """Return the monitors' states after a step, its breaches, and the properties that it is about."""
+        # Invariants of situations still hold where only live values change.
         quiet = not (step.changed or step.codes or step.event.is_attempt_event)
         seen = Glance() if before is None else cast(Glance, _LazyGlance(before))
         was = None if before is None else partial(EvaluationScope, self.world, before)
@@ -270,9 +269,9 @@ class SituationExplorer:
         if len(self.properties) > len(BUILT_IN):
             known = dict(memory.fetch(self.table.index[WATCHED]) or ())
         judged = []
-        # Where no visit was looked at and nothing told, none was closed.
+        # Where no visit was read and no outcome published, none was closed.
         left_out: tuple[str, ...] = ()
-        if not memory.is_looked_at("itineraries") and not any(isinstance(c, Publish) for c in step.commands):
+        if not memory.is_accessed("itineraries") and not any(isinstance(c, Publish) for c in step.commands):
             left_out = _OF_VISITS
         for one in self._quietly[step.event.is_request] if quiet else self.properties:
             if one.name not in left_out:
@@ -285,7 +284,7 @@ class SituationExplorer:
         return watched, breaches, relevant.union(*(verdict.about for _, verdict in judged))
 
     def _late(self, memory: TrackedMemory, situation: Situation, name: str) -> Effect:
-        """Let the time of a property pass."""
+        """Let the deadline of a property pass."""
         one = next(each for each in self.properties if each.name == name)
         known = dict(memory.fetch(self.table.index[WATCHED]) or ())
         verdict = one.end(known[name], math.inf)
@@ -299,7 +298,7 @@ class SituationExplorer:
         delta.update(memory.change(self.table.index[name], value))
 
     def walk(self, moves: Sequence[int]) -> list[tuple[Situation, Effect]]:
-        """Return the situations on a way from the beginning, each with the effect that led to it."""
+        """Return the situations of a path from the initial one, each with the effect that led to it."""
         found = [self.initial()]
         for number in moves:
             situation = found[-1][0]
@@ -308,10 +307,10 @@ class SituationExplorer:
         return found
 
     def without_idle(self, moves: Sequence[int]) -> list[int]:
-        """Return moves without those that tell a live value what it is."""
+        """Return moves without reports of live values that change nothing."""
         way = [situation for situation, _ in self.walk(moves)]
         found = zip(moves, way, way[1:], strict=False)
-        return [n for n, before, after in found if before != after or not self.moves.all[n].tells_value]
+        return [n for n, before, after in found if before != after or not self.moves.all[n].reports_value]
 
     def _after(self, situation: Situation, effect: Effect) -> Situation:
         found, ranks = list(situation), self.table.index[RANKS]
@@ -321,17 +320,17 @@ class SituationExplorer:
         return tuple(found)
 
     def make_room(self) -> None:
-        """Begin anew, with more room for slots."""
+        """Discard everything, and double the room for slots."""
         self._room *= 2
         self._begin()
 
-    # -- what is told of situations -----------------------------------------------------------------------
+    # -- situations ---------------------------------------------------------------------------------------
 
     def keep(self, rows: Rows) -> None:
-        """Take notice of situations that were not seen before; whoever wants to keep them does it here."""
+        """Called with new situations; a hook for subclasses."""
 
     def flags(self, situation: Situation) -> tuple[int, list[int]]:
-        """Return what is known of a situation (see `Is`), and of which slots."""
+        """Return the `Is` flags of a situation, and the slots that they depend on."""
         table, index = self.table, self.table.index
         slots = [index["attempts", name] for name in table.get(situation, ("attempts", "")) or ()]
         sent = [table.value(slot, situation[slot]) for slot in slots]
@@ -346,7 +345,7 @@ class SituationExplorer:
         waits = waits or any(states[name].paused for name in configuration)
         found = Is.OVER if label in (*stages.ready, *stages.ended) else 0
         if waits or found or label in (*stages.over, *stages.starting):
-            found |= Is.TOLD
+            found |= Is.REPORTED
         if label not in stages.without_mission:
             found |= Is.MISSION
         for attempt in attempts:
@@ -356,24 +355,24 @@ class SituationExplorer:
 
 
 class _TrackedContent(ExecutableContent):
-    """Carries out actions; what only a `set` reads does not count as read yet (see `TrackedMemory.aside`)."""
+    """Executes actions; an input that only a `set` reads is read lazily (see `TrackedMemory`)."""
 
     __slots__ = ()
 
     def carry_out(self, action: CompiledAction, state: str, trigger: Trigger, step: Macrostep) -> None:
-        """Carry out an action; of a `set` see whether it does so whatever the value is that it reads."""
+        """Execute an action; make the read of a `set` lazy if it succeeds for every value of its input."""
         carry_out = partial(super().carry_out, action, state, trigger, step)
         if action.call.name != "set":
             carry_out()
             return
         memory, names = self._scope.memory, action.call.arguments
         assert isinstance(memory, TrackedMemory)
-        before, aside = frozenset(memory.values), memory.aside.copy()
+        before, lazy = frozenset(memory.values), memory.lazy.copy()
         were = {name: value for name, value in dict.items(memory.context) if name in names}
         carry_out()
         read = memory.values - before
         slot = min(read, default=-1)
-        if not (read == {slot} and slot in memory.table.reported and memory.aside == aside):
+        if not (read == {slot} and slot in memory.table.reported and memory.lazy == lazy):
             return
         name = memory.table.names[slot][1]
         value = memory.inputs[name]
@@ -388,22 +387,22 @@ class _TrackedContent(ExecutableContent):
         try:
             for other in memory.table.values(slot):
                 carry_out_with(other)
-        except Exception:  # the step with that value tells it, so the value makes a difference
+        except Exception:  # this value breaks the step, so the value matters
             read.clear()
         carry_out_with(value)
-        if memory.values - before == read and memory.aside == aside:
-            memory.put_aside(names, slot)
+        if memory.values - before == read and memory.lazy == lazy:
+            memory.read_lazily(names, slot)
 
 
 class _TrackedMachine(Machine):
-    """A machine of which is known what its steps read."""
+    """A machine on a tracked memory."""
 
     __slots__ = ()
     content = _TrackedContent
 
 
 class _LazyGlance:
-    """What was before a step, looked up when a property asks for it."""
+    """The memory before a step, read only where a property asks for it."""
 
     def __init__(self, memory: TrackedMemory) -> None:
         self._memory = memory
@@ -422,8 +421,8 @@ class _LazyGlance:
 
     def __getattr__(self, name: str) -> Any:
         memory = self._memory
-        work_out = {"closed": closed, "begun": begun}.get(name)
-        found = work_out(memory) if work_out is not None else getattr(memory, name)
+        compute = {"closed": closed, "begun": begun}.get(name)
+        found = compute(memory) if compute is not None else getattr(memory, name)
         found = tuple(found) if isinstance(found, list) else found
         setattr(self, name, found)
         return found
@@ -431,7 +430,7 @@ class _LazyGlance:
 
 @dataclass(frozen=True)
 class _Those:
-    """Those about which something can be said, which is worked out of each that is asked for."""
+    """A container given by a predicate."""
 
     is_one: Callable[[str], bool]
 
@@ -439,7 +438,7 @@ class _Those:
         return self.is_one(str(name))
 
 
-#: The first steps of a process that goes on, and of one that begins anew.
+#: The first events of a resumed process, and of a new one.
 _RESTARTS = (RESUMED, "start")
 _OF_VISITS = ("closed_once",)
 _OF_REQUESTS = ("refusals_have_reasons",)

@@ -1,4 +1,4 @@
-"""What is found while all situations are looked at: effects of moves, breaches, and the graph."""
+"""The results of an exploration: cached effects of moves, breaches of properties, and the explored graph."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ from lupin_verify.situations.worlds import Deadlines, TimerName, WorldMoves
 
 @dataclass(slots=True)
 class Effect:
-    """What a move does: the slots that change with what they are then, and what is told of it.
+    """The cached change of a step: `delta` has the changed slots with their new values.
 
-    What it `does` is from `Does`. `fresh` are the deadlines that it sets,
-    `deadlines` those that there are after it (None: as before), `renamed` the attempts that get another
-    name. One that is `cut` is beyond the bounds. The step has read what it `needs` (see
-    `TrackedMemory.reads`); the slots that it `sets` it has written whatever they were. Of pairs that are
-    `aside` the first is a variable that it sets, the second what nothing but that variable was made of; it
-    counts as read only where the variable makes a difference.
+    `does` is from `Does`. `fresh` are the deadlines that it sets, `deadlines` those after it (None: as
+    before), `renamed` the attempts that get another name. A `cut` one leads beyond the bounds. `needs` is the
+    read set (see `TrackedMemory.reads`), `sets` the slots that it writes without reading. A pair in `lazy` is
+    a variable that it sets and the input that only this variable is computed from; the input counts as read
+    only where the variable is live.
     """
 
     delta: tuple[tuple[int, int], ...] = ()
@@ -33,16 +32,16 @@ class Effect:
     cut: bool = False
     needs: frozenset[int] = frozenset()
     sets: frozenset[int] = frozenset()
-    aside: tuple[tuple[int, int], ...] = ()
+    lazy: tuple[tuple[int, int], ...] = ()
 
     @property
     def whole(self) -> Effect:
-        """The same with all that the step has read."""
-        return replace(self, needs=self.needs.union(slot for _, slot in self.aside), aside=())
+        """The same with lazy reads in the read set."""
+        return replace(self, needs=self.needs.union(slot for _, slot in self.lazy), lazy=())
 
 
 class Breach(NamedTuple):
-    """A property that is broken: in which situation by which move, how, and after how many moves."""
+    """A breach of a property: its situation and move, how it breaks, and its depth in moves."""
 
     name: str
     situation: int
@@ -53,9 +52,9 @@ class Breach(NamedTuple):
 
 @dataclass
 class ExplorationProgress:
-    """How far an exploration is: `depth` in moves from the beginning, `steps` were made by the machine.
+    """The progress of an exploration: `depth` in moves, `steps` that the machine made (others were cached).
 
-    `levels` are the situations that are so many moves away; the last one may not be complete.
+    `levels` has the number of situations at each depth; the last one may not be complete.
     """
 
     situations: int = 0
@@ -68,11 +67,10 @@ class ExplorationProgress:
 
     @property
     def estimate(self) -> int | None:
-        """About how many situations there are: None while levels still grow, which tells nothing.
+        """A rough estimate of the number of situations; None while levels still grow.
 
-        Levels grow and then shrink, faster and faster: each ratio to the level before is taken to be the one
-        before times the last change of the ratio. What comes to more than three times what is known tells
-        nothing either: at the widest level about half is known.
+        Levels grow and then shrink, faster and faster: each ratio to the level before is extrapolated as the
+        ratio before times its last change. An estimate above three times the known number is None, too.
         """
         whole = self.levels[: self.depth + 1]
         if len(whole) < 3 or not whole[-3] > whole[-2] > whole[-1]:
@@ -91,14 +89,14 @@ class ExplorationProgress:
 
 @dataclass
 class Explored:
-    """What was found: the graph of situations by number, with what is known of each.
+    """The explored graph of situations by number.
 
     `sources`, `targets` and `by` (moves) are the transitions that change something, are deadlines, or do
-    something, which `does` says; `sets` are the deadlines that they set, as places in `deadlines`. `flags` of
-    a situation are from `Is`, `timers` is the number of the deadlines that run in it; `parents` and
-    `parent_moves` lead back to the beginning. `breaches` are those of each property after the fewest moves.
-    `relevant` counts the steps that properties are about, `cut` what is beyond the bounds. One that is not
-    `complete` was `stopped` for a reason.
+    something (`does`); `sets` are the deadlines that they set, as indices of `deadlines`. `flags` of a
+    situation are from `Is`, `timers` is the number of the deadlines that run in it; `parents` and
+    `parent_moves` lead back to the initial situation. `breaches` are those of each property after the fewest
+    moves. `relevant` counts the steps that properties are about, `cut` the moves beyond the bounds. An
+    exploration that is not `complete` was `stopped` for a reason.
     """
 
     moves: WorldMoves
@@ -121,8 +119,8 @@ class Explored:
     complete: bool = False
     stopped: str = ""
 
-    def take_in(self, effect: Effect) -> None:
-        """Keep what an effect tells of the chart."""
+    def add_coverage(self, effect: Effect) -> None:
+        """Add the transitions, states and properties that an effect covers."""
         self.taken.update(effect.taken)
         self.entered.update(effect.entered)
         for name in effect.relevant:
@@ -130,17 +128,17 @@ class Explored:
 
 
 class Does:
-    """What is known of a transition, as bits."""
+    """Flags of a transition."""
 
-    ADVANCES = 1  #: something is told of a target or of the mission
+    ADVANCES = 1  #: an outcome of a target or a report of the mission is published
     MOVES = 2  #: an action that moves the robot is carried out
     ANSWERS = 4  #: an answer leads to a transition of the chart
 
 
 class Is:
-    """What is known of a situation, as bits."""
+    """Flags of a situation."""
 
     OVER = 1  #: ready or done: a mission could begin
-    TOLD = 2  #: somebody knows: held, paused, asked, over, or in a fault
+    REPORTED = 2  #: an operator can see that it waits: held, paused, asked, over, or in a fault
     MOVES = 4  #: an operation that moves is under way
     MISSION = 8  #: a mission is under way

@@ -1,7 +1,7 @@
-"""What only the whole graph of situations can tell: what can be reached from everywhere, and what goes round.
+"""Liveness properties of the explored graph, by attractors under fairness, and cycles that take no time.
 
-Each property but one is a question: is a goal reached from every situation if certain sides want that,
-whatever order deadlines come in? `no_zeno` looks for circles of deadlines without time.
+Each property but one asks: do certain movers reach a goal from every situation, in whatever order deadlines
+fire? `no_zeno` looks for cycles of deadlines of 0 s. They are judged only where the exploration is complete.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from lupin_verify.situations.found import Does, Explored, Is
 from lupin_verify.situations.worlds import Mover, TimerName
 
 _Mask = NDArray[np.bool_]
-#: So many values of open inputs are told apart (see `_values_of`).
+#: The most combinations of values of unconstrained inputs that are distinguished (see `_assignments`).
 _BITS = 64
-#: Deadlines that may be put off for ever: a value may be reported again and again.
+#: Deadlines that may be put off for ever: each report of a value sets its freshness again.
 _MAY_NOT_COME = frozenset({"fresh"})
 _NOBODY = Mover(0)
 
 
 @dataclass(frozen=True)
 class GraphProperty:
-    """Something that holds of the graph as a whole: `broken` gives the situations that break it.
+    """A property of the graph as a whole; `broken` returns the mask of situations that break it.
 
-    One `of_missions` is about charts in which missions begin and end. `{home}` in a text stands for the
+    One `of_missions` applies to charts in which missions begin and end. `{home}` in a text stands for the
     states in which a mission could begin.
     """
 
@@ -61,9 +61,9 @@ class Graph:
         self._sets = np.frombuffer(explored.sets, dtype=np.uint16)
         self._timers = np.frombuffer(explored.timers, dtype=np.uint16)
         may_not_come = np.array([move.timer[0] in _MAY_NOT_COME for move in explored.moves.all], bool)
-        #: The transitions by deadlines that come if nothing else does.
+        #: The transitions by deadlines that fire if nothing else happens.
         self._certain = (self.by(Mover.TIMER) & ~may_not_come[by]) | self.by(Mover.AT_ONCE)
-        self._all, values = _values_of(explored)
+        self._all, values = _assignments(explored)
         self._values = values[by] if len(by) else np.zeros(0, np.uint64)
 
     def situations(self, flags: int) -> _Mask:
@@ -72,16 +72,16 @@ class Graph:
         return found
 
     def by(self, sides: Mover) -> _Mask:
-        """Return the transitions of certain sides."""
+        """Return the transitions of certain movers."""
         found: _Mask = (self._sides & int(sides)) != 0
         return found
 
     def does(self, what: int) -> _Mask:
-        """Return the transitions that do something (see `Does`)."""
+        """Return the transitions with one of these `Does` flags."""
         found: _Mask = (self._does & what) != 0
         return found
 
-    def leads_to(
+    def attractor(
         self,
         goal: _Mask,
         helpful: Mover,
@@ -90,35 +90,34 @@ class Graph:
         values_change: bool = False,
         advances: bool = False,
     ) -> _Mask:
-        """Return the situations from which one of the goal is certainly reached if somebody wants that.
+        """Return the attractor of a goal: the situations from which helpful moves or waiting surely reach it.
 
-        Somebody makes any of the helpful moves, or waits. Which deadline comes next is not up to anybody, as
-        long as each that runs on and on comes at last; nor are the moves `against` it, which may come or not.
-        Where one situation stands for all values of an input it must be so for each of them, unless
-        `values_change` on the way. Then where it is said to be so it is; not everything is said, since it may
-        depend on the value which of two ways leads on at its end.
+        Deadlines fire in any order, under fairness: one that runs on and is never set again fires at last.
+        Moves `against` may be made or not. Where a situation stands for all values of an input, the goal must
+        be reached for each of them, unless `values_change` on the way. The result is then an
+        under-approximation: which of two paths reaches the goal may depend on the value.
 
         Args:
             goal: situations.
-            helpful: whose moves.
-            against: whose moves must not keep from the goal, beside deadlines.
+            helpful: the movers that want the goal.
+            against: the movers, beside deadlines, that must not prevent it.
             values_change: whether live values take any value on the way.
-            advances: whether it is also enough that something is told of a target or of the mission.
+            advances: whether a published outcome or report is a goal, too.
         """
         reached = goal.copy()
-        told = self.does(Does.ADVANCES if advances else 0)
+        advancing = self.does(Does.ADVANCES if advances else 0)
         against |= Mover.TIMER
         while True:
-            reached = self._attracted(reached, helpful, against, values_change, told)
-            stays = self._may_stay(~reached, self.by(against) & ~told)
-            if (stays | reached).all():
+            reached = self._attracted(reached, helpful, against, values_change, advancing)
+            may_stay = self._may_stay(~reached, self.by(against) & ~advancing)
+            if (may_stay | reached).all():
                 return reached
-            reached = ~stays
+            reached = ~may_stay
 
     def _attracted(
-        self, goal: _Mask, helpful: Mover, against: Mover, values_change: bool, told: _Mask
+        self, goal: _Mask, helpful: Mover, against: Mover, values_change: bool, advancing: _Mask
     ) -> _Mask:
-        """Return the situations from which a helpful move leads on to the goal, or all against it do."""
+        """Return the situations from which a helpful move, or every adverse one, leads on to the goal."""
         reached = goal.copy()
         other, helps = self.by(against), self.by(helpful)
         left = np.flatnonzero(other | helps)
@@ -127,7 +126,7 @@ class Graph:
         waits[self.sources[self._certain]] = True
         of = np.where(reached, self._all, np.uint64(0))
         while True:
-            new = reached[self.targets[left]] | told[left]
+            new = reached[self.targets[left]] | advancing[left]
             if not new.any():
                 return reached
             found = left[new]
@@ -140,39 +139,38 @@ class Graph:
             left = left[~reached[self.sources[left]]]
 
     def _may_stay(self, outside: _Mask, against: _Mask) -> _Mask:
-        """Return the situations outside of a goal from which the moves against it need not lead to it."""
+        """Return the situations outside of a goal from which adverse moves may avoid it for ever."""
         inside = against & outside[self.sources] & outside[self.targets]
         stuck = outside.copy()
         stuck[self.sources[self._certain]] = False
-        return self.comes_from(stuck | self._in_fair_circles(inside), inside)
+        return self.can_reach(stuck | self._on_fair_cycles(inside), inside)
 
-    def _in_fair_circles(self, allowed: _Mask) -> _Mask:
-        """Return situations from which moves go round without end, and no deadline that runs is left out.
+    def _on_fair_cycles(self, allowed: _Mask) -> _Mask:
+        """Return the situations from which moves can go round a fair cycle for ever.
 
-        A deadline that runs all the time and is never set anew comes at last, and a budget that is used up
-        again and again is at its end at last. Fair cycles as in Emerson and Lei, Modalities for Model
-        Checking, 1987.
+        In a fair cycle no deadline runs all the time without being set or firing, and no budget is used up
+        again and again. Computed as by Emerson and Lei, Modalities for Model Checking, 1987.
         """
         at = np.flatnonzero(allowed)
-        at = self._inside(at, self.in_circles(at))
+        at = self._inside(at, self.on_cycles(at))
         at = at[~self._spends(at)]
-        circles = self.in_circles(at)
-        names = self._deadlines_in(circles, self._moves.running)
+        cycles = self.on_cycles(at)
+        names = self._deadlines_in(cycles, self._moves.running)
         while True:
-            before = circles
+            before = cycles
             for name in (one for one in names if one[0] not in _MAY_NOT_COME):
-                at = self._inside(at, circles)
-                ends = np.zeros(len(circles), bool)
-                ends[self.sources[at[~self._goes_on(name, at)]]] = True
-                circles = circles & self.comes_from(ends, at)
-            circles = circles & self.in_circles(self._inside(at, circles))
-            if (circles == before).all():
-                return circles
+                at = self._inside(at, cycles)
+                ends = np.zeros(len(cycles), bool)
+                ends[self.sources[at[~self._continues(name, at)]]] = True
+                cycles = cycles & self.can_reach(ends, at)
+            cycles = cycles & self.on_cycles(self._inside(at, cycles))
+            if (cycles == before).all():
+                return cycles
 
     def _spends(self, at: NDArray[np.intp]) -> _Mask:
-        """Return which transitions use up a part of a budget, if no others than these are taken.
+        """Return the transitions that use up a part of a budget, if only transitions in `at` are taken.
 
-        They are by deadlines that were set when the budget ran already, which has run on since.
+        They are by deadlines that were set while the budget ran, and it has run on since.
         """
         spends = np.zeros(len(at), bool)
         sources, targets = self.sources[at], self.targets[at]
@@ -181,7 +179,7 @@ class Graph:
         for budget, move in itertools.product(budgets, timed):
             timer = self._moves.all[move].timer
             fires, runs = self._by[at] == move, self._has(self._moves.spending, budget)
-            goes_on = self._goes_on(budget, at) & self._goes_on(timer, at)
+            goes_on = self._continues(budget, at) & self._continues(timer, at)
             is_set = self._is_set(timer, at)
             since = runs & self._runs(timer)
             while True:
@@ -190,26 +188,26 @@ class Graph:
                     break
                 since[targets[left]] = False
             spends |= fires & since[sources]
-        # Where there is no mission budgets are forgotten.
-        return spends & ~self.comes_from(~self.situations(Is.MISSION), at)[sources]
+        # Without a mission there are no budgets.
+        return spends & ~self.can_reach(~self.situations(Is.MISSION), at)[sources]
 
-    def _goes_on(self, name: TimerName, at: NDArray[np.intp]) -> _Mask:
-        """Return through which transitions a deadline runs on."""
+    def _continues(self, name: TimerName, at: NDArray[np.intp]) -> _Mask:
+        """Return the transitions through which a deadline runs on."""
         running = self._runs(name)
         found: _Mask = running[self.sources[at]] & running[self.targets[at]] & ~self._is_set(name, at)
         return found
 
     def _is_set(self, name: TimerName, at: NDArray[np.intp]) -> _Mask:
-        """Return which transitions set a deadline."""
+        """Return the transitions that set a deadline."""
         found: _Mask = np.array([name in one for one in self._deadlines], bool)[self._sets[at]]
         return found
 
     def _runs(self, name: TimerName) -> _Mask:
-        """Return where a deadline runs."""
+        """Return the situations in which a deadline runs."""
         return self._has(self._moves.running, name)
 
     def _has(self, of: Callable[[int], frozenset[TimerName]], name: TimerName) -> _Mask:
-        """Return where a deadline is one of those that run there and that `of` gives."""
+        """Return the situations in which a deadline is among those that `of` gives."""
         numbers, where = self._numbers
         found: _Mask = np.array([name in of(number) for number in numbers], bool)[where]
         return found
@@ -217,22 +215,22 @@ class Graph:
     def _deadlines_in(
         self, situations: _Mask | NDArray[np.uint32], of: Callable[[int], frozenset[TimerName]]
     ) -> frozenset[TimerName]:
-        """Return the deadlines that run in one of some situations and that `of` gives."""
+        """Return the deadlines that `of` gives in any of some situations."""
         numbers = np.unique(self._timers[situations]).tolist()
         return frozenset[TimerName]().union(*map(of, numbers))
 
     def _inside(self, at: NDArray[np.intp], situations: _Mask) -> NDArray[np.intp]:
-        """Return those of some transitions that lead from one of some situations to one of them."""
+        """Return the transitions that begin and end in some situations."""
         found: NDArray[np.intp] = at[situations[self.sources[at]] & situations[self.targets[at]]]
         return found
 
     @cached_property
     def _numbers(self) -> tuple[list[int], NDArray[np.intp]]:
-        """The numbers of the deadlines that run together, each once, and which of them is where."""
+        """The different sets of running deadlines by number, and each situation's index in them."""
         numbers, where = np.unique(self._timers, return_inverse=True)
         return numbers.tolist(), where
 
-    def comes_from(self, goal: _Mask, allowed: _Mask | NDArray[np.intp]) -> _Mask:
+    def can_reach(self, goal: _Mask, allowed: _Mask | NDArray[np.intp]) -> _Mask:
         """Return the situations from which one of the goal can be reached by allowed transitions."""
         reached = goal.copy()
         sources, targets = self.sources[allowed], self.targets[allowed]
@@ -244,7 +242,7 @@ class Graph:
             left = ~new & ~reached[sources]
             sources, targets = sources[left], targets[left]
 
-    def in_circles(self, allowed: _Mask | NDArray[np.intp]) -> _Mask:
+    def on_cycles(self, allowed: _Mask | NDArray[np.intp]) -> _Mask:
         """Return the situations from which allowed transitions can be taken without end."""
         sources, targets = self.sources[allowed], self.targets[allowed]
         found = np.zeros(len(self._flags), dtype=bool)
@@ -259,17 +257,17 @@ class Graph:
         return found
 
 
-def _values_of(explored: Explored) -> tuple[np.uint64, NDArray[np.uint64]]:
-    """Return all values that open inputs can have together, a bit each, and for which of them each move is.
+def _assignments(explored: Explored) -> tuple[np.uint64, NDArray[np.uint64]]:
+    """Return a bit for each assignment of unconstrained inputs, and each move's assignments.
 
-    That is all, unless values are told before the move. Where they are too many for bits it is then none.
+    A move without reports before it exists in all. With more than `_BITS` assignments, one with them in none.
     """
     every = explored.moves.all
     chosen = {number: frozenset(move.made_of[:-1]) for number, move in enumerate(every) if move.made_of}
     asked = frozenset().union(*chosen.values())
-    inputs = (values.values() for values in explored.moves.told().values())
-    told = [moves for moves in inputs if asked.intersection(moves)]
-    together = [frozenset(moves) for moves in itertools.islice(itertools.product(*told), _BITS + 1)]
+    inputs = (values.values() for values in explored.moves.unconstrained_values().values())
+    asked_inputs = [moves for moves in inputs if asked.intersection(moves)]
+    together = [frozenset(moves) for moves in itertools.islice(itertools.product(*asked_inputs), _BITS + 1)]
     if len(together) > _BITS:
         together = [frozenset()]
     found = np.full(len(every), 2 ** len(together) - 1, np.uint64)
@@ -280,33 +278,33 @@ def _values_of(explored: Explored) -> tuple[np.uint64, NDArray[np.uint64]]:
 
 def _not_home(graph: Graph) -> _Mask:
     helpful = Mover.ANSWER | Mover.REQUEST | Mover.WORLD
-    return ~graph.leads_to(graph.situations(Is.OVER), helpful, values_change=True)
+    return ~graph.attractor(graph.situations(Is.OVER), helpful, values_change=True)
 
 
-def _untold(graph: Graph) -> _Mask:
-    return ~graph.leads_to(graph.situations(Is.TOLD), _NOBODY)
+def _silent(graph: Graph) -> _Mask:
+    return ~graph.attractor(graph.situations(Is.REPORTED), _NOBODY)
 
 
 def _moves_on(graph: Graph) -> _Mask:
     servers = Mover.ANSWER | Mover.FAILURE
-    return ~graph.leads_to(_rests(graph), Mover.ABORT, against=servers)
+    return ~graph.attractor(_rests(graph), Mover.ABORT, against=servers)
 
 
 def _rests(graph: Graph) -> _Mask:
-    """Return where nothing moves, nor will by deadlines and answers alone."""
+    """Return the situations in which nothing moves, nor will by deadlines and answers alone."""
     alone = graph.by(Mover.ANSWER | Mover.FAILURE | Mover.TIMER)
     moves = graph.situations(Is.MOVES)
     moves[graph.sources[alone & graph.does(Does.MOVES)]] = True
-    return ~graph.comes_from(moves, alone)
+    return ~graph.can_reach(moves, alone)
 
 
 def _livelock(graph: Graph) -> _Mask:
-    return ~graph.leads_to(graph.situations(Is.TOLD), Mover.ANSWER, advances=True)
+    return ~graph.attractor(graph.situations(Is.REPORTED), Mover.ANSWER, advances=True)
 
 
-#: The properties of servers that say nothing, and of circles that take no time.
+#: The names of the properties of silent servers, and of cycles that take no time.
 SILENCE, NO_ZENO = "silence_is_told", "no_zeno"
-#: All of them, in the order in which they are told.
+#: All of them, in the order of reports.
 OF_THE_GRAPH = (
     GraphProperty(
         "home_again",
@@ -318,7 +316,7 @@ OF_THE_GRAPH = (
     GraphProperty(
         SILENCE,
         "If servers say nothing, a mission does not wait for ever: it ends, pauses, asks or fails.",
-        _untold,
+        _silent,
         "without answers it may go on for ever: no deadline certainly leads to an end, a pause, a question or"
         " FAULT",
         of_missions=True,
@@ -332,7 +330,7 @@ OF_THE_GRAPH = (
     GraphProperty(
         NO_ZENO,
         "No cycle of deadlines takes zero time.",
-        lambda graph: graph.in_circles(graph.by(Mover.AT_ONCE)),
+        lambda graph: graph.on_cycles(graph.by(Mover.AT_ONCE)),
         "deadlines of 0 s lead to each other without end",
     ),
     GraphProperty(

@@ -1,8 +1,8 @@
-"""The walk through all situations, level by level: those of one depth are expanded together, as arrays.
+"""State-space exploration, breadth first: the situations of one depth are expanded together, as arrays.
 
-What a move does in a situation follows from the slots that the step read. So for all situations of a level
-that are in the same configuration, effects are looked up together, and the machine makes a step only where
-none is known.
+A step's effect follows from the slots that it read. So for all situations of a level in one configuration,
+effects are looked up together, and the machine makes a step only where none is cached. Where a reduction of
+`liveness` turns out to be wrong, the exploration restarts; cached effects stay.
 """
 
 from __future__ import annotations
@@ -17,69 +17,69 @@ from numpy.typing import NDArray
 
 from lupin_verify.situations.explorer import SituationExplorer
 from lupin_verify.situations.found import Breach, Effect, ExplorationProgress, Explored
-from lupin_verify.situations.liveness import Dead, Liveness, Place
-from lupin_verify.situations.memo import Indices, LevelPart, MemoTable, Rows, marks_of
-from lupin_verify.situations.seen import Block, Marks, SeenTable, WaitingLine
+from lupin_verify.situations.liveness import Dead, Liveness, Location
+from lupin_verify.situations.memo import Indices, LevelPart, MemoTable, Rows, zobrist_hashes
+from lupin_verify.situations.seen import Block, Frontier, Hashes, SeenTable
 from lupin_verify.situations.situation import RANKS, Overflow
 from lupin_verify.situations.worlds import Mover, TimerName
 
-#: So many situations are expanded together.
-_TOGETHER = 1 << 15
-#: Of so many breaches of one property, all after as many moves, the one with the fewest faults is told.
+#: The number of situations that are expanded together.
+_BLOCK = 1 << 15
+#: The most breaches of one property, all at one depth, of which the one with the fewest faults is shown.
 _MOST_BREACHES = 1000
-#: Between two looks at the clock and the budget: so many steps of the machine.
+#: How many steps of the machine are between two calls of `stop_reason`.
 _PACE = 512
 
 
 def explore(
     explorer: SituationExplorer,
-    goes_on: Callable[[ExplorationProgress], str] = lambda _: "",
+    stop_reason: Callable[[ExplorationProgress], str] = lambda _: "",
     memo: bool = True,
     live: bool = True,
     open_values: bool = True,
 ) -> Explored:
-    """Look at all situations.
+    """Explore all situations.
 
     Args:
         explorer: makes the steps.
         goes_on: called now and then; returns why to stop, or nothing.
-        memo: whether what a move does is remembered; without, every transition is a step.
-        live: whether what nothing will read is not told apart (see `liveness`).
-        open_values: whether live values are not told apart where they are open (see `liveness`).
+        memo: whether effects are cached; without, every transition is a step.
+        live: whether dead variables are reduced (see `liveness`).
+        open_values: whether unconstrained inputs are not stored (see `liveness`).
 
     Raises:
         TooMany: something grows without end.
     """
     while True:
         try:
-            return LevelWalk(explorer, memo, live, open_values).run(goes_on)
+            return LevelExploration(explorer, memo, live, open_values).run(stop_reason)
         except Overflow:
             explorer.make_room()
 
 
-#: What many effects have in common.
-_SHARED = ("delta", "relevant", "taken", "entered", "fresh", "deadlines", "renamed", "needs", "sets", "aside")
-#: In place of what is left of the value of a slot: a step has set it, whatever it was.
+#: Fields of effects that many have in common: equal values are stored once.
+_SHARED = ("delta", "relevant", "taken", "entered", "fresh", "deadlines", "renamed", "needs", "sets", "lazy")
+#: Instead of a reduced value: the step has written the slot without reading it.
 _SET = -1
 
 
 class Origins(NamedTuple):
-    """Situations from which moves are made: slots by situations, with their numbers and marks.
+    """The sources of moves: slots by situations, with their numbers and hashes.
 
-    Of the slots that are `chosen` the value was open; the moves that are `made` have told them.
+    The `chosen` slots are of unconstrained inputs, each expanded to one value that a move in `made` reports.
     """
 
     depth: int
     numbers: Indices
     rows: Rows
-    low: Marks
-    high: Marks
+    low: Hashes
+    high: Hashes
     chosen: frozenset[int] = frozenset()
     made: tuple[int, ...] = ()
 
 
 class Moved(NamedTuple):
-    """Transitions: the columns of their origins, their moves, what these do, and which slots end."""
+    """Transitions: the columns of their origins, their moves, their effects, and the slots that die."""
 
     columns: Indices
     moves: NDArray[np.uint16]
@@ -92,15 +92,15 @@ class Moved(NamedTuple):
 
 
 class _Stopped(Exception):
-    """It was said that the exploration stops; the text says why."""
+    """`stop_reason` stops the exploration; the text is the reason."""
 
 
-class _MoreIsLive(Exception):
-    """Something was needed that was not live, or a value is not open: the walk begins anew."""
+class _LivenessGrew(Exception):
+    """A step read a dead slot, or an input is constrained: the exploration restarts."""
 
 
 def _groups(rows: Rows, slots: tuple[int, ...]) -> tuple[list[tuple[int, ...]], Indices]:
-    """Return the different values of some slots, and which of them each situation has."""
+    """Return the different tuples of values of some slots, and each situation's index in them."""
     packed = np.zeros(rows.shape[1], np.uint64)
     for number, slot in enumerate(slots):
         if number >= 4 and number % 2 == 0:  # make room for two more values of 16 bits
@@ -111,25 +111,25 @@ def _groups(rows: Rows, slots: tuple[int, ...]) -> tuple[list[tuple[int, ...]], 
 
 
 class _Effects:
-    """All effects, by number, as far as the walk needs them in arrays."""
+    """All effects by number, with arrays of the fields that the exploration needs."""
 
-    def __init__(self, explorer: SituationExplorer, marks: NDArray[np.uint64]) -> None:
+    def __init__(self, explorer: SituationExplorer, hashes: NDArray[np.uint64]) -> None:
         self._explorer = explorer
         self.all: list[Effect] = []
-        #: What effects have, each once, as many have the same.
+        #: Fields of effects, each value once.
         self._shared: dict[Any, Any] = {}
-        self._marks = marks
+        self._hashes = hashes
         self._does, self._cut, self._breaks = (bytearray() for _ in range(3))
         self._low, self._high = array("Q"), array("Q")
         self._starts, self._slots, self._values = array("I", [0]), array("H"), array("H")
         self._before = array("H")
-        #: The slot and the value of an effect that does nothing else, as one number; 0: there is none.
+        #: The slot and the value of an effect that changes only this one, as one number; 0: it does more.
         self._only = array("I")
         self._without: dict[tuple[int, tuple[tuple[int, int], ...]], int] = {}
-        #: Of each effect the number of what it does to deadlines; 0: nothing.
+        #: The number of each effect's change of deadlines; 0: none.
         self._timing = array("I")
         self._timings: dict[Any, int] = {None: 0}
-        #: Sets of deadlines, and of each effect the place of those that it sets.
+        #: Sets of deadlines, and for each effect the index of the set that it sets.
         self.deadlines: list[frozenset[TimerName]] = [frozenset()]
         self._places: dict[frozenset[TimerName], int] = {frozenset(): 0}
         self._fresh = array("H")
@@ -138,10 +138,10 @@ class _Effects:
         self._ranks_after = array("H")
 
     def add(self, effect: Effect, situation: Mapping[int, int]) -> int:
-        """Keep an effect.
+        """Add an effect; return its number.
 
-        Of the slots that the step has read, marks change alike wherever it is taken; of those that it `sets`
-        whatever they were the marks before are left to who takes it.
+        For slots that the step has read, the hash changes by the same bits in every situation. For those that
+        it `sets` without reading, the caller removes the hash of the value before.
         """
         for name in _SHARED:
             value = getattr(effect, name)
@@ -150,8 +150,8 @@ class _Effects:
         low = high = 0
         for slot, value in effect.delta:
             for number in (value,) if slot in effect.sets else (situation[slot], value):
-                low ^= self._marks.item(0, slot, number)
-                high ^= self._marks.item(1, slot, number)
+                low ^= self._hashes.item(0, slot, number)
+                high ^= self._hashes.item(1, slot, number)
             self._slots.append(slot)
             self._values.append(value)
             self._before.append(situation[slot])
@@ -172,7 +172,7 @@ class _Effects:
         return len(self.all) - 1
 
     def without(self, number: int, dead: Dead) -> int:
-        """Return the number of an effect after which some slots do not matter."""
+        """Return the number of an effect with the values of dead slots reduced."""
         effect = self.all[number]
         delta = tuple((slot, dead.left(slot, value)) for slot, value in effect.delta)
         if delta == effect.delta:
@@ -187,12 +187,12 @@ class _Effects:
         return found
 
     def _values_before(self, number: int) -> dict[int, int]:
-        """Return the slots that an effect changes, with what they were."""
+        """Return the slots that an effect changes, with their values before it."""
         begin, end = self._starts[number], self._starts[number + 1]
         return dict(zip(self._slots[begin:end], self._before[begin:end], strict=True))
 
     def ranks_after(self, before: NDArray[np.uint16], effects: NDArray[np.uint32]) -> NDArray[np.uint16]:
-        """Return which deadlines come before which others after transitions, by what that was before."""
+        """Return the order of deadlines after transitions, as numbers, given the one before."""
         timing = np.frombuffer(self._timing, np.uint32)[effects]
         timed = np.flatnonzero(timing)
         at, new = self._pairs.of_pairs(timing[timed].astype(np.uint64), before[timed].astype(np.uint64))
@@ -209,15 +209,15 @@ class _Effects:
         return slot << 16 | value
 
     def changing_only(self, effects: NDArray[np.uint32]) -> NDArray[np.uint32]:
-        """Return which slot effects set to which value if that is all they do (see `only`); 0 otherwise."""
+        """Return the slot and value of effects that change only one (see `only`); 0 for others."""
         return np.frombuffer(self._only, np.uint32)[effects]
 
     def does(self, effects: NDArray[np.uint32]) -> NDArray[np.uint8]:
-        """Return what effects do, from `Does`."""
+        """Return the `Does` flags of effects."""
         return np.frombuffer(self._does, np.uint8)[effects]
 
     def setting(self, effects: NDArray[np.uint32]) -> NDArray[np.uint16]:
-        """Return the places of the deadlines that effects set."""
+        """Return the indices of the sets of deadlines that effects set."""
         return np.frombuffer(self._fresh, np.uint16)[effects]
 
     def cut(self, effects: NDArray[np.uint32]) -> int:
@@ -226,11 +226,11 @@ class _Effects:
     def breaking(self, effects: NDArray[np.uint32]) -> NDArray[np.bool_]:
         return np.frombuffer(self._breaks, np.bool_)[effects]
 
-    def marks(self, effects: NDArray[np.uint32]) -> tuple[Marks, Marks]:
+    def hashes(self, effects: NDArray[np.uint32]) -> tuple[Hashes, Hashes]:
         return np.frombuffer(self._low, np.uint64)[effects], np.frombuffer(self._high, np.uint64)[effects]
 
     def apply(self, rows: Rows, effects: NDArray[np.uint32]) -> None:
-        """Change situations by one effect each."""
+        """Apply one effect to each situation, in place."""
         starts = np.frombuffer(self._starts, np.uint32).astype(np.intp)
         sizes = starts[effects + np.uint32(1)] - starts[effects]
         ends = np.cumsum(sizes)
@@ -240,106 +240,107 @@ class _Effects:
         rows[slots[flat], columns] = values[flat]
 
 
-class Leads:
-    """What effects do where something is not live after them; `used` are those certainly met."""
+class ReducedEffects:
+    """Applies the reductions of `liveness` to effects; `used` are those of transitions that surely exist."""
 
     def __init__(self, live: Liveness, effects: _Effects) -> None:
         self._live = live
         self._effects = effects
-        #: Whether all that steps needed so far was live, and all values were open that were taken to be.
-        self.certain = True
+        #: Whether no step so far read a dead slot, and no assumption of an unconstrained input failed.
+        self.is_exact = True
         self.used: set[int] = set()
         #: Places, each with the slots whose value was chosen there.
-        self._places: dict[tuple[Place, frozenset[int]], int] = {}
-        #: Pairs of a place and an effect; by their numbers four each: what the effect is there, which slots
-        #: end with it, which are asked for, and whether what is aside makes a difference.
+        self._locations: dict[tuple[Location, frozenset[int]], int] = {}
+        #: Pairs of a location and an effect; by their numbers the four rows of `resolve`.
         self._pairs = SeenTable()
         self._found = array("I")
-        self._dead: dict[Place, Dead] = {}
-        #: Slots that are set or end together, each with what is left of its value; the first are none.
+        self._dead: dict[Location, Dead] = {}
+        #: Sets of slots that are written unread or die, each with its reduced value; the first set is empty.
         self._ends: dict[tuple[tuple[int, int], ...], int] = {(): 0}
-        #: Slots of values that are open before effects and make a difference to them, or after them.
+        #: Sets of unconstrained inputs that an effect reads, or whose value is stored after it.
         self._asked: dict[frozenset[int], int] = {frozenset(): 0}
 
     def first(self, rows: Rows) -> Rows:
-        """Return the first situation without what is not live in it."""
-        place = self._live.place(rows[list(self._live.of_place), 0].tolist())
-        dead = self._dead_at(place)
+        """Return the initial situation with its dead slots reduced."""
+        location = self._live.location(rows[list(self._live.location_slots), 0].tolist())
+        dead = self._dead_at(location)
         for slot in dead.slots:
             rows[slot] = dead.left(slot, int(rows[slot, 0]))
         return rows
 
-    def settle(self, origins: Origins, columns: Indices, effects: NDArray[np.uint32]) -> NDArray[np.uint32]:
-        """Return what is told of effects at places, for each transition. Shape: (4, transitions).
+    def resolve(self, origins: Origins, columns: Indices, effects: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Return the reduced effects of transitions at their locations. Shape: (4, transitions).
 
-        What they do, the numbers of the slots that end, and of those that are asked for, and whether what is
-        aside makes a difference.
+        The rows are the effects, the sets of slots that die, the sets of inputs to expand, and whether a lazy
+        read is live.
         """
-        every, of = _groups(origins.rows, self._live.of_place)
-        places = [(self._live.place(values), origins.chosen) for values in every]
-        numbers = np.array([self._places.setdefault(p, len(self._places)) for p in places], np.uint64)
-        placed: Marks = numbers[of[columns]]
-        at, new = self._pairs.of_pairs(placed, effects.astype(np.uint64))
-        names = dict(zip(numbers.tolist(), places, strict=True))
-        for number, effect in zip(placed[new].tolist(), effects[new].tolist(), strict=True):
-            place, chosen = names[number]
-            self._found.extend(self._work_out(place, chosen, effect))
-        if self.certain:
+        every, of = _groups(origins.rows, self._live.location_slots)
+        locations = [(self._live.location(values), origins.chosen) for values in every]
+        numbers = np.array(
+            [self._locations.setdefault(p, len(self._locations)) for p in locations], np.uint64
+        )
+        located: Hashes = numbers[of[columns]]
+        at, new = self._pairs.of_pairs(located, effects.astype(np.uint64))
+        names = dict(zip(numbers.tolist(), locations, strict=True))
+        for number, effect in zip(located[new].tolist(), effects[new].tolist(), strict=True):
+            location, chosen = names[number]
+            self._found.extend(self._compute(location, chosen, effect))
+        if self.is_exact:
             self.used.update(effects[new].tolist())
         return np.frombuffer(self._found, np.uint32).reshape(-1, 4)[at].T
 
-    def close(self, rows: Rows, columns: Indices, slots: Set[int]) -> None:
-        """Take notice that the values of these are not open at places like those of some situations."""
-        held, configuration = (rows[slot, columns].astype(np.uint32) for slot in self._live.of_head)
+    def constrain(self, rows: Rows, columns: Indices, slots: Set[int]) -> None:
+        """Mark inputs as constrained at the locations of some situations."""
+        held, configuration = (rows[slot, columns].astype(np.uint32) for slot in self._live.head_slots)
         for head in np.unique(held << 16 | configuration).tolist():
-            self.certain = self._live.close(divmod(head, 1 << 16), slots) and self.certain
+            self.is_exact = self._live.constrain(divmod(head, 1 << 16), slots) and self.is_exact
 
-    def unchosen(self, asked: NDArray[np.uint32], chosen: frozenset[int]) -> Iterator[tuple[int, Indices]]:
-        """Yield slots whose values are to be chosen first, each with the transitions that ask for it."""
+    def unexpanded(self, asked: NDArray[np.uint32], chosen: frozenset[int]) -> Iterator[tuple[int, Indices]]:
+        """Yield inputs that must be expanded next, each with the transitions that read it."""
         first = np.array([min(slots - chosen, default=-1) for slots in self._asked], np.intp)[asked]
         for slot in np.unique(first[first >= 0]).tolist():
             yield slot, np.flatnonzero(first == slot)
 
-    def leaves_aside(self, situation: Sequence[int], effect: Effect) -> bool:
-        """Say whether what is aside in an effect makes no difference after it."""
-        place = self._live.place(situation[slot] for slot in self._live.of_place)
-        return self._dead_at(self._after(place, effect)).slots >= {slot for slot, _ in effect.aside}
+    def drops_lazy(self, situation: Sequence[int], effect: Effect) -> bool:
+        """Return whether all variables of lazy reads are dead after an effect."""
+        location = self._live.location(situation[slot] for slot in self._live.location_slots)
+        return self._dead_at(self._after(location, effect)).slots >= {slot for slot, _ in effect.lazy}
 
-    def _after(self, place: Place, effect: Effect) -> Place:
-        delta, kept = dict(effect.delta), zip(self._live.of_place, place, strict=True)
-        return self._live.place(delta.get(slot, value) for slot, value in kept)
+    def _after(self, location: Location, effect: Effect) -> Location:
+        delta, kept = dict(effect.delta), zip(self._live.location_slots, location, strict=True)
+        return self._live.location(delta.get(slot, value) for slot, value in kept)
 
-    def _work_out(self, place: Place, chosen: frozenset[int], number: int) -> tuple[int, int, int, bool]:
+    def _compute(self, location: Location, chosen: frozenset[int], number: int) -> tuple[int, int, int, bool]:
         effect = self._effects.all[number]
-        delta, to = dict(effect.delta), self._after(place, effect)
-        self.certain = self._live.takes(place, effect, to) and self.certain
-        for slot in self._live.told.keys() & delta.keys():
-            if delta[slot] and delta[slot] not in self._live.told[slot]:
-                self.certain = self._live.close(None, {slot}) and self.certain
-        dead, before = self._dead_at(to), self._dead_at(place)
-        open_ = self._live.open(place)
-        asked = frozenset(effect.needs & open_ | (open_ - dead.slots - delta.keys()))
+        delta, to = dict(effect.delta), self._after(location, effect)
+        self.is_exact = self._live.add_step(location, effect, to) and self.is_exact
+        for slot in self._live.input_values.keys() & delta.keys():
+            if delta[slot] and delta[slot] not in self._live.input_values[slot]:
+                self.is_exact = self._live.constrain(None, {slot}) and self.is_exact
+        dead, before = self._dead_at(to), self._dead_at(location)
+        unconstrained = self._live.unconstrained(location)
+        asked = frozenset(effect.needs & unconstrained | (unconstrained - dead.slots - delta.keys()))
         were = before.slots - asked - chosen
-        ending = sorted((dead.slots - were | dead.gone - before.gone) - delta.keys())
+        ending = sorted((dead.slots - were | dead.absent - before.absent) - delta.keys())
         ends = [(slot, _SET) for slot in sorted(effect.sets & delta.keys())]
         ends += [(slot, dead.left(slot, 1)) for slot in ending]
         return (
             self._effects.without(number, dead),
             self._ends.setdefault(tuple(ends), len(self._ends)),
             self._asked.setdefault(asked, len(self._asked)),
-            not dead.slots >= {slot for slot, _ in effect.aside},
+            not dead.slots >= {slot for slot, _ in effect.lazy},
         )
 
-    def _dead_at(self, place: Place) -> Dead:
-        found = self._dead.get(place)
+    def _dead_at(self, location: Location) -> Dead:
+        found = self._dead.get(location)
         if found is None:
-            found = self._dead[place] = self._live.dead(place)
+            found = self._dead[location] = self._live.dead(location)
         return found
 
     def ended(
         self, rows: Rows, columns: Indices, ends: NDArray[np.uint32]
     ) -> Iterator[tuple[int, int, Indices, NDArray[np.uint16]]]:
-        """Yield slots that are set or end: what is left, in which transitions, and the values before."""
+        """Yield slots that are written unread or die: reduced value, transitions, values before."""
         order = np.argsort(ends, kind="stable")
         edges = np.searchsorted(ends[order], np.arange(len(self._ends) + 1))
         for slots, begin, end in zip(self._ends, edges, edges[1:], strict=False):
@@ -350,84 +351,84 @@ class Leads:
                 yield slot, left, at[there], values[there]
 
 
-class LevelWalk:
-    """One exploration."""
+class LevelExploration:
+    """One exploration of a chart; restarts until no reduction was wrong, keeping cached effects."""
 
     def __init__(self, explorer: SituationExplorer, memo: bool, live: bool, open_values: bool = True) -> None:
         self._explorer = explorer
         self._memo_on = memo
         table = explorer.table
-        self._marks = marks_of(table.room, explorer.bounds.most_values)
+        self._hashes = zobrist_hashes(table.room, explorer.bounds.most_values)
         self._configuration, self._ranks = table.index["configuration", ""], table.index[RANKS]
-        self._effects = _Effects(explorer, self._marks)
+        self._effects = _Effects(explorer, self._hashes)
         self._memo: dict[tuple[int, int, bool], MemoTable] = {}
         self._flags = MemoTable()
-        #: Of each move whether it is a deadline.
+        #: Whether each move is a deadline.
         self._deadlines = np.zeros(0, np.bool_)
-        told = explorer.moves.told() if open_values else {}
-        self.live = Liveness(explorer.chart, table, told, live)
-        self._goes_on: Callable[[ExplorationProgress], str] = lambda _: ""
+        values = explorer.moves.unconstrained_values() if open_values else {}
+        self.live = Liveness(explorer.chart, table, values, live)
+        self._stop_reason: Callable[[ExplorationProgress], str] = lambda _: ""
         self._steps = 0
         self._begin()
 
     def _begin(self) -> None:
-        """Have seen nothing; what was worked out stays."""
+        """Empty the visited set and the frontier; cached effects and learnt liveness stay."""
         self._seen = SeenTable()
-        self._waiting = WaitingLine()
+        self._waiting = Frontier()
         self._found = Explored(self._explorer.moves, deadlines=self._effects.deadlines)
         self._found.progress.steps = self._steps
-        self._looked_at = 0
+        self._considered = 0
         self.live.begin()
-        self._leads = Leads(self.live, self._effects)
+        self._reduced = ReducedEffects(self.live, self._effects)
 
-    def run(self, goes_on: Callable[[ExplorationProgress], str]) -> Explored:
-        """Look at everything; what is returned of a walk that is stopped is certain."""
-        self._goes_on = goes_on
-        farthest = self._run()
-        while not (farthest.complete or farthest.stopped):
+    def run(self, stop_reason: Callable[[ExplorationProgress], str]) -> Explored:
+        """Explore until complete or stopped; a stopped one returns the largest part without a wrong step."""
+        self._stop_reason = stop_reason
+        largest = self._run()
+        while not (largest.complete or largest.stopped):
             self._begin()
             found = self._run()
-            if found.complete or farthest.progress.situations < found.progress.situations:
-                farthest = found
-            farthest.stopped = found.stopped
-        return farthest
+            if found.complete or largest.progress.situations < found.progress.situations:
+                largest = found
+            largest.stopped = found.stopped
+        return largest
 
     def _run(self) -> Explored:
-        """Look at everything, or until something is needed that is not live."""
+        """Explore until everything is visited, it is stopped, or a reduction turns out to be wrong."""
         situation, self._first = self._explorer.initial()
         self._found.breaches = {name: [Breach(name, 0, -1, text)] for name, text in self._first.breaches}
-        rows = self._leads.first(np.array([situation], np.uint16).T)
+        rows = self._reduced.first(np.array([situation], np.uint16).T)
         every = frozenset(range(len(situation)))
-        low, high = LevelPart(rows, self._marks).key(every, np.arange(1))
+        low, high = LevelPart(rows, self._hashes).key(every, np.arange(1))
         self._seen.numbers(low, high)
-        self._add(0, rows, low, high, [0], [-1])
+        self._enqueue(0, rows, low, high, [0], [-1])
         found = self._found
         try:
             self._count()
             while self._waiting.count:
-                self._look()
-                self._expand(self._together())
+                self._check_stop()
+                self._expand(self._next_block())
             found.complete = True
-        except _MoreIsLive:
+        except _LivenessGrew:
             pass
         except _Stopped as why:
             found.stopped = str(why)
         except KeyboardInterrupt:
             found.stopped = "interrupted"
-        for one in (self._first, *(self._effects.all[number] for number in self._leads.used)):
-            found.take_in(one)
+        for one in (self._first, *(self._effects.all[number] for number in self._reduced.used)):
+            found.add_coverage(one)
         return found
 
-    def _look(self) -> None:
-        why = self._goes_on(self._found.progress)
+    def _check_stop(self) -> None:
+        why = self._stop_reason(self._found.progress)
         if why:
             raise _Stopped(why)
 
-    def _together(self) -> Block:
-        """Take situations of one depth out of the line."""
+    def _next_block(self) -> Block:
+        """Remove blocks of one depth from the frontier, up to `_BLOCK` situations and a block more."""
         blocks = [self._waiting.pop()]
         size = blocks[0].rows.shape[1]
-        while self._waiting.depth == blocks[0].depth and size < _TOGETHER:
+        while self._waiting.depth == blocks[0].depth and size < _BLOCK:
             blocks.append(self._waiting.pop())
             size += blocks[-1].rows.shape[1]
         if len(blocks) == 1:
@@ -448,34 +449,39 @@ class LevelWalk:
         effects = np.concatenate([each[1] for each in every])
         moves = np.repeat(np.array([each[2] for each in every], np.uint16), [len(each[0]) for each in every])
         self._found.progress.expanded += len(numbers)
-        self._go(origins, columns, moves, effects)
+        self._add_moves(origins, columns, moves, effects)
 
     def _parts(self, rows: Rows) -> Iterator[tuple[int, LevelPart]]:
-        """Yield the parts with one configuration each, with their places; such situations are neighbours."""
+        """Yield the parts with one configuration each, with their first columns; rows are sorted by it."""
         edges = np.flatnonzero(np.diff(rows[self._configuration])) + 1
         for begin, end in zip([0, *edges], [*edges, rows.shape[1]], strict=True):
-            yield begin, LevelPart(rows[:, begin:end], self._marks)
+            yield begin, LevelPart(rows[:, begin:end], self._hashes)
 
-    def _choose(self, origins: Origins, columns: Indices, moves: NDArray[np.uint16], slot: int) -> None:
-        """Make some moves anew for each value of a slot that is open and asked for, where there is any."""
+    def _expand_values(
+        self, origins: Origins, columns: Indices, moves: NDArray[np.uint16], slot: int
+    ) -> None:
+        """Make moves again for each value of an unconstrained input that they read, where it has a value."""
         there = origins.rows[slot, columns] > 0
-        for value, tell in ((0, ()), *((value, (move,)) for value, move in self.live.told[slot].items())):
+        for value, report in (
+            (0, ()),
+            *((value, (move,)) for value, move in self.live.input_values[slot].items()),
+        ):
             at = np.flatnonzero(there == (value > 0))
             if not len(at):
                 continue
             kept, of = np.unique(columns[at], return_inverse=True)
             rows = origins.rows[:, kept]
-            change = self._marks[:, slot, rows[slot]] ^ self._marks[:, slot, value][:, None]
+            change = self._hashes[:, slot, rows[slot]] ^ self._hashes[:, slot, value][:, None]
             rows[slot] = value
             low, high = origins.low[kept] ^ change[0], origins.high[kept] ^ change[1]
-            chosen, made = origins.chosen | {slot}, (*origins.made, *tell)
+            chosen, made = origins.chosen | {slot}, (*origins.made, *report)
             those = Origins(origins.depth, origins.numbers[kept], rows, low, high, chosen, made)
-            self._go(those, of, moves[at], self._effects_of(those, of, moves[at]))
+            self._add_moves(those, of, moves[at], self._effects_of(those, of, moves[at]))
 
     def _effects_of(
         self, origins: Origins, columns: Indices, moves: NDArray[np.uint16], whole: bool = False
     ) -> NDArray[np.uint32]:
-        """Return the effects of moves, each in the situation of a column."""
+        """Return the effects of moves, each in the situation of its column."""
         effects = np.zeros(len(columns), np.uint32)
         for begin, part in self._parts(origins.rows):
             inside = np.flatnonzero((columns >= begin) & (columns < begin + part.rows.shape[1]))
@@ -484,51 +490,51 @@ class LevelWalk:
                 effects[at] = self._follow(part, columns[at] - begin, int(move), whole)
         return effects
 
-    def _go(
+    def _add_moves(
         self, origins: Origins, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
     ) -> None:
-        """Take in where some moves lead; `columns` are those of the situations."""
-        self._close(origins.rows, columns, moves, effects)
-        effects, ends, asked = self._settle(origins, columns, moves, effects)
+        """Add the transitions of some moves; `columns` are those of their sources."""
+        self._constrain(origins.rows, columns, moves, effects)
+        effects, ends, asked = self._resolve(origins, columns, moves, effects)
         done = np.ones(len(columns), np.bool_)
-        for slot, at in self._leads.unchosen(asked, origins.chosen):
+        for slot, at in self._reduced.unexpanded(asked, origins.chosen):
             done[at] = False
-            self._choose(origins, columns[at], moves[at], slot)
-        moves = self._told_before(origins, moves[done])
+            self._expand_values(origins, columns[at], moves[at], slot)
+        moves = self._preceded_by(origins, moves[done])
         every = Moved(columns[done], moves, effects[done], ends[done])
         self._found.cut += self._effects.cut(every.effects)
-        self._note_breaches(origins.depth, origins.numbers[every.columns], moves, every.effects)
-        self._take_in(origins, every)
+        self._record_breaches(origins.depth, origins.numbers[every.columns], moves, every.effects)
+        self._add_transitions(origins, every)
 
-    def _settle(
+    def _resolve(
         self, origins: Origins, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
     ) -> NDArray[np.uint32]:
-        """Return what moves do, the slots that end, and those that are asked for. Shape: (3, moves).
+        """Return the effects, the slots that die and the inputs to expand. Shape: (3, moves).
 
         Raises:
-            _MoreIsLive: not everything is live that they need, or open that was taken to be.
+            _LivenessGrew: a step read a dead slot, or an input is constrained.
         """
-        settled = self._leads.settle(origins, columns, effects)
+        settled = self._reduced.resolve(origins, columns, effects)
         partly = np.flatnonzero(settled[3])
         if len(partly):
             effects = self._effects_of(origins, columns[partly], moves[partly], whole=True)
-            settled[:, partly] = self._leads.settle(origins, columns[partly], effects)
-        if not self._leads.certain:
-            raise _MoreIsLive
+            settled[:, partly] = self._reduced.resolve(origins, columns[partly], effects)
+        if not self._reduced.is_exact:
+            raise _LivenessGrew
         return settled[:3]
 
-    def _told_before(self, origins: Origins, moves: NDArray[np.uint16]) -> NDArray[np.uint16]:
-        """Return moves with those that told values before them."""
+    def _preceded_by(self, origins: Origins, moves: NDArray[np.uint16]) -> NDArray[np.uint16]:
+        """Return moves, combined with the reports of values before them."""
         if not origins.made:
             return moves
         every, of = np.unique(moves, return_inverse=True)
-        told = [self._explorer.moves.told_before(origins.made, int(move)) for move in every]
-        return np.array(told, np.uint16)[of]
+        preceded = [self._explorer.moves.preceded_by(origins.made, int(move)) for move in every]
+        return np.array(preceded, np.uint16)[of]
 
-    def _take_in(self, origins: Origins, every: Moved) -> None:
-        """Take in the transitions that matter, and the situations to which they are the first.
+    def _add_transitions(self, origins: Origins, every: Moved) -> None:
+        """Add transitions to the graph, and their new targets to the frontier.
 
-        What changes nothing matters if it is a deadline, or does something.
+        A transition that changes nothing is added only if it is a deadline, or does something.
         """
         ranks = self._effects.ranks_after(origins.rows[self._ranks, every.columns], every.effects)
         low, high = self._change(origins.rows, every, ranks)
@@ -539,20 +545,20 @@ class LevelWalk:
         targets, new = self._seen.numbers(low, high)
         numbers = origins.numbers[every.columns].astype(np.uint32)
         found, progress, does = self._found, self._found.progress, self._effects.does(every.effects)
-        # With values that were told before, another one may be what changes.
+        # With reports of values before it, a transition may lead back to its source.
         kept = (targets != numbers) | self._is_deadline(every.moves) | (does != 0)
         found.sources.frombytes(numbers[kept].tobytes())
         found.targets.frombytes(targets[kept].tobytes())
         found.by.frombytes(every.moves[kept].tobytes())
         found.sets.frombytes(self._effects.setting(every.effects[kept]).tobytes())
         found.does += does[kept].tobytes()
-        progress.transitions += self._looked_at
+        progress.transitions += self._considered
         progress.depth = origins.depth
-        self._looked_at = 0
+        self._considered = 0
         if len(new):
             first = every.at(new)
             rows = self._rows_after(origins.rows, first, ranks[new])
-            self._add(
+            self._enqueue(
                 origins.depth + 1, rows, low[new], high[new], numbers[new].tolist(), first.moves.tolist()
             )
         progress.waiting = self._waiting.count
@@ -564,16 +570,16 @@ class LevelWalk:
         found: NDArray[np.bool_] = self._deadlines[moves]
         return found
 
-    def _change(self, rows: Rows, every: Moved, ranks: NDArray[np.uint16]) -> tuple[Marks, Marks]:
-        """Return what transitions change of the marks of their origins."""
-        low, high = self._effects.marks(every.effects)
-        of_ranks, before = self._marks[:, self._ranks], rows[self._ranks, every.columns]
+    def _change(self, rows: Rows, every: Moved, ranks: NDArray[np.uint16]) -> tuple[Hashes, Hashes]:
+        """Return the change of the hashes of the origins by transitions."""
+        low, high = self._effects.hashes(every.effects)
+        of_ranks, before = self._hashes[:, self._ranks], rows[self._ranks, every.columns]
         low ^= of_ranks[0, before] ^ of_ranks[0, ranks]
         high ^= of_ranks[1, before] ^ of_ranks[1, ranks]
-        for slot, left, at, values in self._leads.ended(rows, every.columns, every.ends):
-            for side, marks in enumerate((low, high)):
-                of = self._marks[side, slot]
-                marks[at] ^= of[values] ^ of[max(left, 0)]  # nothing has 0
+        for slot, left, at, values in self._reduced.ended(rows, every.columns, every.ends):
+            for side, hashes in enumerate((low, high)):
+                of = self._hashes[side, slot]
+                hashes[at] ^= of[values] ^ of[max(left, 0)]  # an empty slot has hash 0
         return low, high
 
     def _rows_after(self, origins: Rows, every: Moved, ranks: NDArray[np.uint16]) -> Rows:
@@ -581,31 +587,31 @@ class LevelWalk:
         rows = origins[:, every.columns]
         self._effects.apply(rows, every.effects)
         rows[self._ranks] = ranks
-        for slot, left, at, _ in self._leads.ended(origins, every.columns, every.ends):
+        for slot, left, at, _ in self._reduced.ended(origins, every.columns, every.ends):
             if left != _SET:
                 rows[slot, at] = left
         return rows
 
-    def _close(
+    def _constrain(
         self, rows: Rows, columns: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
     ) -> None:
-        """Take notice of values that are not open: what is told does not change them, or more than them."""
-        for slot, values in self.live.told.items():
+        """Mark inputs as constrained whose report does not change them, or changes more than them."""
+        for slot, values in self.live.input_values.items():
             for value, move in values.items():
                 at = np.flatnonzero(moves == move)
                 more = self._effects.changing_only(effects[at]) != self._effects.only(slot, value)
-                self._leads.close(rows, columns[at[more]], {slot})
+                self._reduced.constrain(rows, columns[at[more]], {slot})
 
-    def _add(
-        self, depth: int, rows: Rows, low: Marks, high: Marks, parents: list[int], moves: list[int]
+    def _enqueue(
+        self, depth: int, rows: Rows, low: Hashes, high: Hashes, parents: list[int], moves: list[int]
     ) -> None:
-        """Let new situations wait."""
+        """Number new situations and add them to the frontier."""
         explorer, found = self._explorer, self._found
 
         def look(column: int) -> tuple[int, Iterable[int]]:
             return explorer.flags(tuple(rows[:, column].tolist()))
 
-        flags = self._flags.results(LevelPart(rows, self._marks), np.arange(rows.shape[1]), look)
+        flags = self._flags.results(LevelPart(rows, self._hashes), np.arange(rows.shape[1]), look)
         found.flags += flags.astype(np.uint8).tobytes()
         found.timers.frombytes(rows[explorer.moves.slots_of_timers[0]].astype(np.uint16).tobytes())
         found.parents.extend(parents)
@@ -618,16 +624,16 @@ class LevelWalk:
         found.progress.waiting = self._waiting.count
         explorer.keep(rows)
 
-    # -- what is possible, and what it does ---------------------------------------------------------------
+    # -- moves and their effects --------------------------------------------------------------------------
 
     def _possible(self, part: LevelPart) -> Iterator[tuple[int, Indices]]:
-        """Yield the moves that are possible, each with the columns of the situations in which it is."""
+        """Yield the enabled moves, each with the columns of the situations in which it is enabled."""
         moves, rows = self._explorer.moves, part.rows
         sets, of = _groups(rows, moves.slots_of_timers)
         due = [moves.due(numbers) for numbers in sets]
         at_once = np.array([one.at_once for one in due], np.bool_)[of]
-        if at_once.any():  # then nothing can be told
-            self._leads.close(rows, np.flatnonzero(at_once), self.live.told.keys())
+        if at_once.any():  # no value can be reported before such a deadline
+            self._reduced.constrain(rows, np.flatnonzero(at_once), self.live.input_values.keys())
         later = np.flatnonzero(~at_once)
         if len(later):
             yield from ((move, later) for move in moves.everywhere)
@@ -637,7 +643,7 @@ class LevelWalk:
         yield from self._answers(part, later)
 
     def _answers(self, part: LevelPart, later: Indices) -> Iterator[tuple[int, Indices]]:
-        """Yield what servers may say of attempts."""
+        """Yield the answers of servers to attempts, with their columns."""
         moves, rows = self._explorer.moves, part.rows
         found: dict[int, list[Indices]] = {}
         order = rows[moves.slot_of_order][later]
@@ -655,8 +661,8 @@ class LevelWalk:
     def _follow(
         self, part: LevelPart, columns: Indices, move: int, whole: bool = False
     ) -> NDArray[np.uint32]:
-        """Return the effects of a move in some situations, with what is aside in them or as a `whole`."""
-        self._looked_at += 0 if whole else len(columns)
+        """Return the effects of a move in some situations; `whole` ones count lazy reads as reads."""
+        self._considered += 0 if whole else len(columns)
         place = move, int(part.rows[self._configuration, 0]), whole
         known = self._memo.get(place)
         if known is None:
@@ -666,32 +672,32 @@ class LevelWalk:
             situation = tuple(part.rows[:, column].tolist())
             effect = self._explorer.step(situation, move)
             self._count()
-            if effect.aside and (whole or not self._leads.leaves_aside(situation, effect)):
+            if effect.lazy and (whole or not self._reduced.drops_lazy(situation, effect)):
                 effect = effect.whole
             return self._effects.add(effect, dict(enumerate(situation))), effect.needs
 
         return known.results(part, columns, step)
 
     def _count(self) -> None:
-        """Take notice of a step of the machine."""
+        """Count a step of the machine; ask for a reason to stop every `_PACE` steps."""
         self._steps += 1
         self._found.progress.steps = self._steps
         if self._steps % _PACE == 0:
-            self._look()
+            self._check_stop()
 
-    def _note_breaches(
+    def _record_breaches(
         self, depth: int, numbers: Indices, moves: NDArray[np.uint16], effects: NDArray[np.uint32]
     ) -> None:
-        """Keep of each property the breaches after the fewest moves."""
+        """Record each property's breaches at its least depth, up to `_MOST_BREACHES`."""
         breaking = np.flatnonzero(self._effects.breaking(effects))
         if not len(breaking):
             return
         breaking = breaking[np.argsort(numbers[breaking], kind="stable")]
-        told: dict[str, dict[int, str]] = {}
+        breaches: dict[str, dict[int, str]] = {}
         for effect in np.unique(effects[breaking]).tolist():
             for name, text in self._effects.all[effect].breaches:
-                told.setdefault(name, {})[effect] = text
-        for name, texts in told.items():
+                breaches.setdefault(name, {})[effect] = text
+        for name, texts in breaches.items():
             known = self._found.breaches.setdefault(name, [])
             if known and known[0].depth != depth:
                 continue

@@ -1,4 +1,4 @@
-"""Moves of an exploration in words, as stories tell steps."""
+"""Words for the moves of an exploration, as in the printed steps of a run."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Any
 from lupin_engine.chart import Chart
 from lupin_engine.machine import RELEASED, RESUMED
 from lupin_engine.sim import short_name, shorten
-from lupin_verify.situations.relevance import ANY_ORPHAN, is_orphan, kind_of
+from lupin_verify.situations.relevance import ANY_ABANDONED, is_abandoned, kind_of
 from lupin_verify.situations.worlds import LOADED, OF_PROPERTY, WorldMove
 
-#: What a request of any mission carries; it says nothing that the reader needs.
+#: Fields of every request, which are not shown.
 _EVERY_START = ("mission_id", "mission_type", "attempt")
 
 
-def told_move(chart: Chart, move: WorldMove) -> str:
-    """Return what happens in a move."""
+def move_text(chart: Chart, move: WorldMove) -> str:
+    """Return a move in words."""
     if move.event is None:
         return _deadline(chart, *move.timer)
     name, data = move.event.name, move.event.data
@@ -35,7 +35,7 @@ def told_move(chart: Chart, move: WorldMove) -> str:
 
 def _answer(chart: Chart, word: str, data: Mapping[str, Any]) -> str:
     state = _state_of(chart, data["attempt"])
-    if is_orphan(data["attempt"]):
+    if is_abandoned(data["attempt"]):
         return f"{_cancelled(data['attempt'])}: {word}"
     if not state:
         return "a server answers an attempt that ended long ago"
@@ -50,7 +50,7 @@ def _deadline(chart: Chart, kind: str, owner: str, event: str) -> str:
         return f"the time of the property {owner} is over"
     if kind == "fresh":
         return f"input.{owner} is too old"
-    if is_orphan(owner):
+    if is_abandoned(owner):
         return f"{_cancelled(owner)}: its end is not confirmed"
     if not state:
         return f"{kind} of {owner}"
@@ -68,13 +68,15 @@ def _deadline(chart: Chart, kind: str, owner: str, event: str) -> str:
 
 
 def _cancelled(name: str) -> str:
-    """Return an orphan in words."""
+    """Return an abandoned attempt in words."""
     kind = kind_of(name)
-    return "an operation from before the restart" if kind == ANY_ORPHAN else f"{kind[1:]}, cancelled before"
+    return (
+        "an operation from before the restart" if kind == ANY_ABANDONED else f"{kind[1:]}, cancelled before"
+    )
 
 
 def _state_of(chart: Chart, owner: str) -> str:
-    """Return the state that a deadline or an attempt is of; '' where there is none."""
+    """Return the state of a deadline or an attempt; '' where there is none."""
     found = [name for name in chart.states if name and owner.startswith(name)]
     return max(found, key=len, default="")
 

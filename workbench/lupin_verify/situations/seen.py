@@ -1,4 +1,8 @@
-"""Situations by their marks, which are 128 bits by chance for each, many at a time."""
+"""The visited set and the frontier of an exploration, as arrays.
+
+A situation is known by its 128-bit Zobrist hash alone: two with one hash are taken for one, which is so
+improbable (see docs/proof-method.md) that it is not checked.
+"""
 
 from __future__ import annotations
 
@@ -10,35 +14,35 @@ from typing import IO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Marks = NDArray[np.uint64]
+Hashes = NDArray[np.uint64]
 
-#: So many situations wait in memory before the rest waits on disk.
+#: The number of waiting situations in memory; the rest waits in a temporary file.
 IN_MEMORY = 400_000
-#: How full the table may be.
+#: The highest load of the table.
 _FULL = 0.6
 #: Odd numbers that spread pairs over a table.
 _MIXES = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
 
 
 class SeenTable:
-    """Numbers by marks: open addressing, by the lower 64 bits."""
+    """Numbers by hashes: open addressing, by the lower 64 bits."""
 
     def __init__(self, size: int = 1 << 16) -> None:
         self.count = 0
-        self._low: Marks = np.zeros(size, np.uint64)
-        self._high: Marks = np.zeros(size, np.uint64)
-        #: The number and 1; 0: nothing is here.
+        self._low: Hashes = np.zeros(size, np.uint64)
+        self._high: Hashes = np.zeros(size, np.uint64)
+        #: The number plus 1; 0: the entry is empty.
         self._owner: NDArray[np.uint32] = np.zeros(size, np.uint32)
 
-    def numbers(self, low: Marks, high: Marks) -> tuple[NDArray[np.uint32], NDArray[np.intp]]:
-        """Return the numbers of some marks, and which of them are the first ones that were not seen before.
+    def numbers(self, low: Hashes, high: Hashes) -> tuple[NDArray[np.uint32], NDArray[np.intp]]:
+        """Return the numbers of some hashes, and the indices of those that are new, each where it is first.
 
-        The new ones are numbered in their order.
+        New ones are numbered in their order.
         """
         while self.count + len(low) > _FULL * len(self._owner):
             self._grow()
         found, places = self._put(low, high, np.arange(self.count, self.count + len(low), dtype=np.uint32))
-        # What is new got the number of its place in this batch; so numbers are not dense yet.
+        # A new one got the number of its index in this batch, so numbers are not dense yet.
         new = np.flatnonzero(found == np.arange(self.count, self.count + len(low)))
         dense = np.zeros(len(low), np.uint32)
         dense[new] = np.arange(self.count, self.count + len(new))
@@ -48,15 +52,15 @@ class SeenTable:
         self.count += len(new)
         return found, new
 
-    def of_pairs(self, one: Marks, other: Marks) -> tuple[NDArray[np.uint32], NDArray[np.intp]]:
+    def of_pairs(self, one: Hashes, other: Hashes) -> tuple[NDArray[np.uint32], NDArray[np.intp]]:
         """Return the same as `numbers` for pairs of numbers below 2**32."""
         mixed = one * _MIXES[0] ^ other * _MIXES[1]
         return self.numbers(mixed ^ (mixed >> np.uint64(32)), (one << np.uint64(32)) | other)
 
     def _put(
-        self, low: Marks, high: Marks, numbers: NDArray[np.uint32]
+        self, low: Hashes, high: Hashes, numbers: NDArray[np.uint32]
     ) -> tuple[NDArray[np.uint32], NDArray[np.intp]]:
-        """Put in what is not there, with these numbers; return the numbers that are there, and the places."""
+        """Insert hashes that are not there, with these numbers; return the stored numbers and indices."""
         mask = np.uint64(len(self._owner) - 1)
         found = np.zeros(len(low), np.uint32)
         places = (low & mask).astype(np.intp)
@@ -65,7 +69,7 @@ class SeenTable:
             at = places[left]
             empty = self._owner[at] == 0
             if empty.any():
-                # Of those that want the same place the first gets it: what is written last stays.
+                # Of those with the same index the first gets it: the last write stays, so they are reversed.
                 first, where = left[empty][::-1], at[empty][::-1]
                 self._owner[where] = numbers[first] + np.uint32(1)
                 won = self._owner[where] == numbers[first] + np.uint32(1)
@@ -86,17 +90,17 @@ class SeenTable:
 
 
 class Block(NamedTuple):
-    """Situations of one depth that wait: slots by situations, with their marks. `first` is a number."""
+    """Waiting situations of one depth: slots by situations, with hashes. `first` is the first number."""
 
     depth: int
     first: int
     rows: NDArray[np.uint16]
-    low: Marks
-    high: Marks
+    low: Hashes
+    high: Hashes
 
 
-class WaitingLine:
-    """Blocks that wait, first in first out; those that are too many for the memory wait on disk."""
+class Frontier:
+    """A first-in, first-out queue of blocks; beyond `in_memory` situations they wait in a temporary file."""
 
     def __init__(self, in_memory: int = IN_MEMORY) -> None:
         self._in_memory = in_memory
@@ -106,7 +110,7 @@ class WaitingLine:
         self.count = 0
 
     def put(self, block: Block) -> None:
-        """Add one at the end."""
+        """Append a block."""
         size = block.rows.shape[1]
         self.count += size
         if self._held + size <= self._in_memory:
@@ -123,14 +127,14 @@ class WaitingLine:
 
     @property
     def depth(self) -> int | None:
-        """The depth of the first one."""
+        """The depth of the first block; None where there is none."""
         if not self._line:
             return None
         first = self._line[0]
         return first.depth if isinstance(first, Block) else first[1]
 
     def pop(self) -> Block:
-        """Take the first one."""
+        """Remove and return the first block."""
         first = self._line.popleft()
         if isinstance(first, Block):
             self._held -= first.rows.shape[1]

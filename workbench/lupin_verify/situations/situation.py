@@ -1,12 +1,12 @@
-"""Situations: a machine's memory as a tuple of small numbers, and memories that know what of them was read.
+"""Situations, the abstract states of a proof, and memories that track the reads and writes of a step.
 
-A memory is cut into slots: a field, or one entry of a field that is a mapping. What a slot can be is kept
-once and numbered; a situation is the numbers of all slots. What does not decide what a machine does is left
-out of the comparison (see `relevance`): two memories that differ in nothing else are one situation, for which
-the memory stands that was seen first.
+A machine's memory is cut into slots, the state variables: a field, or one entry of a field that is a mapping.
+Each value of a slot is stored once and numbered; a situation is the tuple of the numbers. Values outside the
+cone of influence are not compared (see `relevance`): memories that differ only in them are one situation,
+represented by the first of them.
 
-The time is always 0 here. A deadline is as far away as when it was set, however long ago that is: which
-one fires next is not read off it but chosen (see `worlds`). So clock values appear as differences only.
+The time is always 0 here. A deadline keeps the delay with which it was set; which one fires next is not
+computed from it but chosen (see `worlds`). So clock values appear as differences only.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ from lupin_engine.machine import (
     Traversal,
     claim_of,
 )
-from lupin_verify.situations.relevance import Relevance, is_orphan, kind_of, orphan_kind
+from lupin_verify.situations.relevance import Relevance, abandoned_kind, is_abandoned, kind_of
 
-#: The numbers of all slots; 0: there is nothing.
+#: The numbers of the values of all slots; 0: the slot is empty.
 Situation = tuple[int, ...]
 #: A field of the memory, and the entry in it; '' for the field as a whole, or the order of its entries.
 SlotName = tuple[str, str]
 
-#: What is made new in a step gets numbers from here on, until it has its lasting name.
+#: Attempts of a step get numbers from here on, until they get their canonical names.
 FIRST_NEW = 1_000_000
 
 
@@ -55,39 +55,36 @@ def _owner(one: MemoryField) -> Owner:
 
 
 def _named(is_one: Callable[[MemoryField], bool]) -> tuple[str, ...]:
-    """Return those of the compared fields of the memory of which something is true."""
+    """Return the names of the compared fields of the memory that fulfil a condition."""
     every = (one for one in Memory.schema() if one.compared is not Compare.NOTHING)
     return tuple(one.name for one in every if is_one(one))
 
 
-#: Mappings of which every entry is a slot; of the ordered ones the order of the entries is one, too.
+#: Mappings: each entry is a slot; for ordered ones, the order of the entries is one, too.
 ORDERED = _named(lambda one: one.kind is FieldKind.ORDERED)
 UNORDERED = _named(lambda one: one.kind is FieldKind.BY_KEY)
 #: Sets of names, each a slot; whether there is any is one, too.
 NAMES = _named(lambda one: one.kind is FieldKind.NAMES)
 WHOLE = _named(lambda one: one.kind is FieldKind.WHOLE)
-#: Those of them that are lists.
+#: Whole fields that are lists.
 LISTS = _named(lambda one: one.kind is FieldKind.WHOLE and one.empty is list)
-#: Fields of which entries may be dead: those that are kept under names of the chart. Others tell which moves
-#: there are.
-MORTAL = _named(lambda one: one.kind in (FieldKind.BY_KEY, FieldKind.ORDERED) and one.owner is not None)
-#: What a reload of the same missions empties, what it compares anew, and what it leaves as it is.
-DROPPED = _named(lambda one: one.name in MORTAL and _owner(one).goes_on is GoesOn.NONE)
-COMPARED = _named(lambda one: one.name in MORTAL and one.owner in (INPUTS, LEVELS))
-THROUGH = tuple(name for name in MORTAL if name not in (*DROPPED, *COMPARED))
-#: Those of which entries that are not live are empty. Others are not: with a live value that is not known,
-#: say, a machine goes other ways than with any that is.
-FADING = _named(
-    lambda one: one.name in MORTAL and one.life in (Life.MISSION, Life.USE) and _owner(one).of_states
+#: Fields of which entries may be dead: those with names of the chart as keys. Others decide the moves.
+#: exist. moves.
+MAY_BE_DEAD = _named(lambda one: one.kind in (FieldKind.BY_KEY, FieldKind.ORDERED) and one.owner is not None)
+#: Fields that a reload of the same missions empties, computes again, and leaves as they are.
+DROPPED = _named(lambda one: one.name in MAY_BE_DEAD and _owner(one).goes_on is GoesOn.NONE)
+RECOMPUTED = _named(lambda one: one.name in MAY_BE_DEAD and one.owner in (INPUTS, LEVELS))
+CARRIED_OVER = tuple(name for name in MAY_BE_DEAD if name not in (*DROPPED, *RECOMPUTED))
+#: Fields of which a dead entry becomes empty. Elsewhere it keeps a value, because presence alone matters: an
+#: unknown live value, for example, leads to other steps than any known one.
+PRESENCE_MAY_BE_DEAD = _named(
+    lambda one: one.name in MAY_BE_DEAD and one.life in (Life.MISSION, Life.USE) and _owner(one).of_states
 )
-#: What is no part of a memory: which deadlines certainly come before others, what is known to be false, and
-#: what the properties of authors remember.
-RANKS, CALM, WATCHED = ("ranks", ""), ("calm", ""), ("watched", "")
-#: The claims of attempts, which follow from these: few steps need more of them.
+#: Slots beside the memory: the order of deadlines, conditions known to be false, and the authors' monitors.
+RANKS, KNOWN_FALSE, WATCHED = ("ranks", ""), ("calm", ""), ("watched", "")
+#: The claims of attempts. They follow from the attempts, but most steps read only the claims.
 CLAIMS = ("claims", "")
-#: What a field is where there is nothing; what is not compared begins with it in every step. So does what
-#: was told before the mission, of which a registry may leave out whatever it likes: what counts of a report
-#: can be any list all the same.
+#: The value of an empty field; fields that are not compared have it at the beginning of every step.
 _EMPTY: Mapping[str, Callable[[], Any]] = {
     **{one.name: one.empty for one in Memory.schema()},
     "next_id": lambda: FIRST_NEW,
@@ -96,30 +93,30 @@ _IDLE = tuple(one.name for one in Memory.schema() if one.compared is Compare.NOT
 
 
 class Overflow(Exception):
-    """There are more slots than room was left for: the exploration begins again with more."""
+    """There are more slots than room: the exploration restarts with more."""
 
 
 class TooMany(Exception):
-    """A slot has so many values that it grows without end."""
+    """A slot has more values than the bound: it probably grows without end."""
 
     def __init__(self, slot: SlotName, count: int, last: Any) -> None:
-        what, told = ".".join(filter(None, slot)), shortened(repr(last), 200)
-        super().__init__(f"{what} grows: it has had {count} values, the last one {told}")
+        what, last_text = ".".join(filter(None, slot)), shortened(repr(last), 200)
+        super().__init__(f"{what} grows: it has had {count} values, the last one {last_text}")
         self.slot = slot
         self.count = count
         self.last = last
 
 
 class SlotTable:
-    """The slots of one chart and what each of them can be."""
+    """The slots of one chart, and the numbered values of each."""
 
     def __init__(self, relevance: Relevance, room: int, most: int) -> None:
         """Make a table without slots.
 
         Args:
-            relevance: what of a memory decides anything.
-            room: how many slots there may be.
-            most: how many values of one slot are no growth without end.
+            relevance: the cone of influence.
+            room: the most slots.
+            most: the most values of one slot.
         """
         self.relevance = relevance
         self.room = room
@@ -127,13 +124,13 @@ class SlotTable:
         self.index: dict[SlotName, int] = {}
         self.names: list[SlotName] = []
         #: The slots whose values may be dead (see `liveness`).
-        self.mortal: set[int] = set()
-        #: The slots of inputs of which all values are known beforehand.
+        self.may_be_dead: set[int] = set()
+        #: The slots of inputs that may be unconstrained: all their values are known beforehand.
         self.reported: frozenset[int] = frozenset()
         self._numbers: list[dict[Hashable, int]] = []
         self._values: list[list[Any]] = []
         whole = ((name, "") for name in (*WHOLE, *ORDERED, *NAMES))
-        for slot_name in (*whole, RANKS, CALM, WATCHED, CLAIMS):
+        for slot_name in (*whole, RANKS, KNOWN_FALSE, WATCHED, CLAIMS):
             self.slot(slot_name)
         keyed = (one for one in Memory.schema() if one.name in (*UNORDERED, *NAMES))
         self.keys = {one.name: tuple(sorted(_owner(one).names(relevance.chart))) for one in keyed}
@@ -142,13 +139,17 @@ class SlotTable:
                 self.slot((field, key))
 
     def slot(self, name: SlotName) -> int:
-        """Return the index of a slot."""
+        """Return the index of a slot; add it where it is new.
+
+        Raises:
+            Overflow: there is no room for it.
+        """
         found = self.index.get(name)
         if found is None:
             found = self.index[name] = len(self.names)
             self.names.append(name)
-            if name[1] and name[0] in MORTAL:
-                self.mortal.add(found)
+            if name[1] and name[0] in MAY_BE_DEAD:
+                self.may_be_dead.add(found)
             self._numbers.append({})
             self._values.append([None])
         if found >= self.room:
@@ -156,10 +157,10 @@ class SlotTable:
         return found
 
     def number(self, slot: int, value: Any) -> int:
-        """Return the number of a value of a slot.
+        """Return the number of a value of a slot; values that are equal in the cone have one number.
 
         Raises:
-            TooMany: it has more values than are told apart.
+            TooMany: it has more values than the bound.
         """
         name = self.names[slot]
         key = self.relevance.key(name, value)
@@ -177,7 +178,7 @@ class SlotTable:
         return len(self._numbers[self.index[name]])
 
     def value(self, slot: int, number: int) -> Any:
-        """Return a value that nobody else changes."""
+        """Return a copy of a value."""
         kept = self._values[slot][number]
         return pickle.loads(kept) if type(kept) is bytes else _copied(kept)
 
@@ -185,19 +186,19 @@ class SlotTable:
         """Return all values that a slot had so far."""
         return [self.value(slot, number) for number in range(1, len(self._values[slot]))]
 
-    def is_kept(self, slot: int, number: int, value: Any) -> bool:
-        """Say whether a value is the same as one that is kept."""
+    def is_same(self, slot: int, number: int, value: Any) -> bool:
+        """Return whether a value equals the stored one of a number."""
         kept = self._values[slot][number]
         return kept is value or (type(kept) is type(value) and bool(kept == value))
 
     def get(self, situation: Situation, name: SlotName) -> Any:
-        """Return what a slot is in a situation; None where there is nothing."""
+        """Return the value of a slot in a situation; None where it is empty."""
         number = situation[self.slot(name)]
         return self.value(self.index[name], number) if number else None
 
 
 def _copied(value: Any) -> Any:
-    """Return a value for somebody who may change it; values of the language are never changed themselves."""
+    """Return a copy of a value, one level deep; values of the language are immutable."""
     copy = _COPIES.get(type(value))
     return value if copy is None else copy(value)
 
@@ -215,21 +216,21 @@ _COPIES: Mapping[type, Callable[[Any], Any]] = {
 
 
 class TrackedMemory(Memory):
-    """The memory of a situation; what is read is looked up when it is first asked for, and remembered.
+    """The memory of a situation, read on demand; it records the read set and the write set of a step.
 
-    A step depends on the slots in `values`, of which it has taken the value, and in `presence`, of which it
-    has only looked whether there is anything. What it has `written` it has written whatever was there.
-    Variables that are `aside` were set, each to a value that was made of a slot that nothing else has read;
-    once one of them is read, so is that slot.
+    The step depends on the values of the slots in `values`, and on the presence of those in `presence`. Slots
+    in `written` were written; where they are not in `values`, without being read. `lazy` has variables that
+    were set to a value computed from an input that nothing else has read: reading the variable reads the
+    input.
     """
 
-    __slots__ = ("aside", "presence", "situation", "table", "values", "written")
+    __slots__ = ("lazy", "presence", "situation", "table", "values", "written")
 
     def __init__(self, table: SlotTable, situation: Situation) -> None:
-        # Nothing of the fields is set here: what is not set is looked up.
+        # No field is set here: `__getattr__` looks up those that are not set.
         self.table = table
         self.situation = situation
-        self.aside: dict[str, tuple[Any, int]] = {}
+        self.lazy: dict[str, tuple[Any, int]] = {}
         self.values: set[int] = set()
         self.presence: set[int] = set()
         self.written: set[int] = set()
@@ -243,44 +244,44 @@ class TrackedMemory(Memory):
         return found
 
     def fetch(self, slot: int) -> Any:
-        """Return what a slot is, and remember that it was read."""
+        """Return the value of a slot, and record it as read."""
         self.values.add(slot)
         number = self.situation[slot]
         return self.table.value(slot, number) if number else None
 
     def has(self, slot: int) -> bool:
-        """Say whether a slot is anything, and remember that somebody wants to know that."""
+        """Return whether a slot has a value, and record its presence as read."""
         self.presence.add(slot)
         return self.situation[slot] != 0
 
     @property
     def reads(self) -> frozenset[int]:
-        """What the step depends on: slots, and after them the presence of slots."""
+        """The read set of the step: slots, and from `table.room` on the presence of slots."""
         room = self.table.room
         return frozenset(self.values).union(slot + room for slot in self.presence - self.values)
 
-    def put_aside(self, variables: Iterable[str], slot: int) -> None:
-        """Let variables that were set just now be made of an input that nothing else has read."""
+    def read_lazily(self, variables: Iterable[str], slot: int) -> None:
+        """Take back the read of an input by the `set` just done, until one of its variables is read."""
         self.values.discard(slot)
         self.presence.add(slot)
         dict.pop(self.inputs, self.table.names[slot][1])
         for name in variables:
-            self.aside[name] = dict.pop(self.context, name), slot
+            self.lazy[name] = dict.pop(self.context, name), slot
 
-    def take_back(self, variable: str) -> Any:
-        """Return what a variable was set to, and remember that what it was made of was read."""
-        value, slot = self.aside.pop(variable)
+    def read_now(self, variable: str) -> Any:
+        """Return the value of a lazy variable, and record its input as read."""
+        value, slot = self.lazy.pop(variable)
         self.values.add(slot)
         dict.__setitem__(self.context, variable, value)
         return value
 
     @property
     def claims(self) -> list[ResourceClaim]:
-        """The claims of all attempts, of which only those are looked up that the step has looked at."""
+        """The claims of all attempts; attempts that the step has not read keep their stored claims."""
         entries = self.attempts
         assert isinstance(entries, TrackedDict)
         before: tuple[ResourceClaim, ...] = self.fetch(self.table.index[CLAIMS]) or ()
-        found = {claim.attempt: claim for claim in before if claim.attempt not in entries.gone}
+        found = {claim.attempt: claim for claim in before if claim.attempt not in entries.removed}
         for name, attempt in dict.items(entries):
             claim = claim_of(attempt)
             if claim is None:
@@ -289,11 +290,11 @@ class TrackedMemory(Memory):
             if name not in found:
                 entries.in_order()
             found[name] = claim
-        # Where nobody has asked for the order, none has come, gone, or got another name.
+        # Where the order was not read, no attempt was added, removed or renamed.
         return [found[name] for name in (entries.order or found) if name in found]
 
     def is_any_engaged(self, holds: Iterable[str]) -> bool:
-        """Say whether one of some holds is engaged: where no other one is, no matter which."""
+        """Return whether one of some holds is engaged, without reading which, where no other one is."""
         holds = tuple(holds)
         others = self._other_holds(holds)
         if self.held and len(others) < len(holds) and not any(name in self.held for name in others):
@@ -301,20 +302,20 @@ class TrackedMemory(Memory):
         return bool(self.held) and super().is_any_engaged(holds)
 
     def is_any_beside(self, holds: Container[str]) -> bool:
-        """Say whether a hold is engaged that is not among some, which are not looked at."""
+        """Return whether a hold other than these is engaged, without reading these."""
         others = self._other_holds(holds)
         every = len(others) == len(self.table.keys["held"])
         return bool(self.held) and (every or any(name in self.held for name in others))
 
     def engaged_beside(self, holds: Container[str]) -> list[str]:
-        """Return the engaged holds that are not among some, which are not looked at."""
+        """Return the engaged holds other than these, without reading these."""
         return [name for name in self._other_holds(holds) if name in self.held] if self.held else []
 
     def _other_holds(self, holds: Container[str]) -> list[str]:
         return [name for name in self.table.keys["held"] if name not in holds]
 
     def release(self, holds: Iterable[str]) -> list[str]:
-        """Release some holds, of which it makes no difference which were engaged; so all are returned."""
+        """Release holds without reading which were engaged; return all of them."""
         names = list(holds)
         for name in names:
             self.held.remove(name)
@@ -322,21 +323,21 @@ class TrackedMemory(Memory):
 
     @property
     def target(self) -> str:
-        """Nothing: which target a display shows leads to nothing, so it is not read."""
+        """Nothing: only displays use the target."""
         return ""
 
     def plain(self) -> Memory:
-        """Return a memory of the machine's own kind, of which nothing is tracked.
+        """Return an untracked memory for a reload of the missions.
 
-        What goes `THROUGH` a reload entry by entry is not read by that, only whether it is there; nor what is
-        `COMPARED` anew, since with the same missions the result is the same. What is `DROPPED` is left out.
+        Of entries that are `CARRIED_OVER` only the presence counts as read; so for `RECOMPUTED` ones, because
+        the same missions give the same result. `DROPPED` fields are left out.
         """
         unread = TrackedMemory(self.table, self.situation)
         found = {name: getattr(self, name) for name in (*WHOLE, *_IDLE)}
         found |= {name: list(getattr(self, name)) for name in (*LISTS, *NAMES)}
         try:
             for name in (*ORDERED, *UNORDERED):
-                of = unread if name in (*THROUGH, *COMPARED) else self
+                of = unread if name in (*CARRIED_OVER, *RECOMPUTED) else self
                 found[name] = {} if name in DROPPED else dict(getattr(of, name).items())
         finally:
             self.presence |= unread.presence | unread.values
@@ -344,9 +345,10 @@ class TrackedMemory(Memory):
 
     @contextmanager
     def unread(self, field: str, keys: Iterable[str], whatever: Any = None) -> Iterator[None]:
-        """Let a step have entries whose values make no difference to it, so that they do not count as read.
+        """Provide entries to a step whose values do not influence it, without recording them as read.
 
-        Afterwards they are as they were; where `whatever` stood for them, those are that the step has left.
+        `whatever`, where given, stands for each. Afterwards the entries are removed again; with `whatever`
+        those are kept that the step has written.
         """
         entries = getattr(self, field)
         lent: dict[str, Any] = {}
@@ -361,30 +363,30 @@ class TrackedMemory(Memory):
             if whatever is None or dict.get(entries, key) is value:
                 dict.pop(entries, key, None)
 
-    def take_over(self, other: Memory, whole: bool = False) -> None:
-        """Become what another memory is: one that goes on from this one, or on the `whole` another one."""
+    def assign(self, other: Memory, whole: bool = False) -> None:
+        """Take over the fields of another memory: a successor of this one, or a `whole` new one."""
         for name in (*WHOLE, *NAMES):
             setattr(self, name, getattr(other, name))
         for name in (*ORDERED, *UNORDERED):
-            if whole or name not in (*THROUGH, *COMPARED):
+            if whole or name not in (*CARRIED_OVER, *RECOMPUTED):
                 getattr(self, name).replaced(getattr(other, name))
 
-    def looked_at_timers(self) -> list[list[Timer]]:
-        """Return the deadlines that run, and those that are stopped, as far as the step looked at them."""
+    def accessed_timers(self) -> list[list[Timer]]:
+        """Return the running and the stopped deadlines, as far as the step has read them."""
         found = [object.__getattribute__(self, name) for name in ("timers", "frozen") if self.is_set(name)]
         return [one for one in found if not (isinstance(one, TrackedList) and one.is_unread)]
 
-    def is_looked_at(self, name: str) -> bool:
-        """Say whether entries of a field were looked at, put in or taken out."""
+    def is_accessed(self, name: str) -> bool:
+        """Return whether entries of a field were read, added or removed."""
         entries = object.__getattribute__(self, name) if self.is_set(name) else {}
         return (
             not isinstance(entries, TrackedDict)
-            or bool(entries.gone)
+            or bool(entries.removed)
             or any(True for _ in dict.items(entries))
         )
 
     def is_set(self, name: str) -> bool:
-        """Say whether a field was looked at or written."""
+        """Return whether a field was read or written."""
         try:
             object.__getattribute__(self, name)
         except AttributeError:
@@ -392,7 +394,7 @@ class TrackedMemory(Memory):
         return True
 
     def changes(self) -> Iterator[tuple[int, int]]:
-        """Yield the slots that are not as they were, each with what it is now."""
+        """Yield the changed slots with their new numbers."""
         index = self.table.index
         for name in WHOLE:
             if not self.is_set(name):
@@ -410,13 +412,13 @@ class TrackedMemory(Memory):
         for name in (*ORDERED, *UNORDERED):
             if self.is_set(name):
                 yield from self._entry_changes(name, object.__getattribute__(self, name))
-        for name, (value, _) in self.aside.items():
+        for name, (value, _) in self.lazy.items():
             yield from self.change(index["context", name], value)
 
     def _entry_changes(self, name: str, entries: dict[str, Any]) -> Iterator[tuple[int, int]]:
         if not isinstance(entries, TrackedDict):  # put in place of the whole field
             entries = TrackedDict(self, name).replaced(entries)
-        for key in entries.gone:
+        for key in entries.removed:
             yield from self.change(self.table.slot((name, key)), None)
         for key, value in dict.items(entries):
             yield from self.change(self.table.slot((name, key)), value)
@@ -432,10 +434,10 @@ class TrackedMemory(Memory):
             yield from self.change(index[field, ""], bool(names) or None)
 
     def change(self, slot: int, value: Any) -> Iterator[tuple[int, int]]:
-        """Yield a slot with what it is now, unless it is known to be as it was."""
+        """Yield a written slot with its new number, unless it was read and is unchanged."""
         self.written.add(slot)
         old = self.situation[slot]
-        is_same = bool(old) and self.table.is_kept(slot, old, value)
+        is_same = bool(old) and self.table.is_same(slot, old, value)
         number = old if is_same else 0 if value is None else self.table.number(slot, value)
         known = slot in self.values or (slot in self.presence and old == 0)
         if number != old or not known:
@@ -443,14 +445,14 @@ class TrackedMemory(Memory):
 
 
 class TrackedNames:
-    """The names in a field, each a slot, with one more that says whether there is any."""
+    """A field that is a set of names: each name is a slot, and so is whether there is any."""
 
     def __init__(self, memory: TrackedMemory, field: str) -> None:
         self._memory = memory
         self._field = field
-        #: Those that were put in or taken out.
+        #: Names that were added or removed.
         self.known: dict[str, bool] = {}
-        #: All that are there, once that was asked.
+        #: All present names, once read.
         self._all: list[str] | None = None
 
     def _has(self, name: str) -> bool:
@@ -476,11 +478,11 @@ class TrackedNames:
         return self._all
 
     def append(self, name: str) -> None:
-        """Put one in."""
+        """Add a name."""
         self._set(name, True)
 
     def remove(self, name: str) -> None:
-        """Take one out."""
+        """Remove a name."""
         self._set(name, False)
 
     def _set(self, name: str, is_there: bool) -> None:
@@ -488,7 +490,7 @@ class TrackedNames:
 
 
 class TrackedList(list[Any]):
-    """A field that is a list, which is looked up when more is asked than whether there is anything."""
+    """A field that is a list; its truth value reads its presence only, anything else its value."""
 
     __slots__ = ("_memory", "_slot", "is_unread")
 
@@ -506,7 +508,7 @@ class TrackedList(list[Any]):
         return self._memory.has(self._slot) if self.is_unread else super().__len__() > 0
 
     def clear(self) -> None:
-        """Take everything out, whatever there was."""
+        """Remove all elements without reading them."""
         self.is_unread = False
         super().clear()
 
@@ -544,32 +546,32 @@ for _name in (
 
 
 class TrackedDict(dict[str, Any]):
-    """The entries of a field; each is looked up when it is first asked for.
+    """A field that is a mapping; each entry is read on demand.
 
-    `gone` are entries that were there before; `order` the keys in their order, once that was looked at.
+    `removed` are keys of the situation that were removed; `order` is the list of keys, once it was read.
     """
 
-    __slots__ = ("_all", "_field", "_memory", "gone", "order")
+    __slots__ = ("_all", "_field", "_memory", "order", "removed")
 
     def __init__(self, memory: TrackedMemory, field: str) -> None:
         super().__init__()
         self._memory = memory
         self._field = field
         self._all = False
-        self.gone: set[str] = set()
+        self.removed: set[str] = set()
         self.order: list[str] | None = None
 
     def replaced(self, by: Mapping[str, Any]) -> TrackedDict:
-        """Put other entries in place of all."""
+        """Replace all entries."""
         self.clear()
         self.update(by)
         return self
 
-    def _is_aside(self, key: object) -> bool:
-        return self._field == "context" and key in self._memory.aside
+    def _is_lazy(self, key: object) -> bool:
+        return self._field == "context" and key in self._memory.lazy
 
     def in_order(self) -> list[str]:
-        """Return the keys in their order, which is read with that."""
+        """Return the keys in their order, and record the order as read."""
         if self._field in UNORDERED:
             known = self._memory.table.keys[self._field]
             return [key for key in known if key in self]
@@ -586,9 +588,9 @@ class TrackedDict(dict[str, Any]):
             self._all = True
 
     def __missing__(self, key: str) -> Any:
-        if self._is_aside(key):
-            return self._memory.take_back(key)
-        if key in self.gone or self._all or not key:
+        if self._is_lazy(key):
+            return self._memory.read_now(key)
+        if key in self.removed or self._all or not key:
             raise KeyError(key)
         found = self._memory.fetch(self._memory.table.slot((self._field, key)))
         if found is None:
@@ -597,37 +599,37 @@ class TrackedDict(dict[str, Any]):
         return found
 
     def get(self, key: str, default: Any = None) -> Any:
-        """Return an entry, or what is given instead."""
+        """Return an entry, or the default."""
         try:
             return self[key]
         except KeyError:
             return default
 
     def __contains__(self, key: object) -> bool:
-        if super().__contains__(key) or self._is_aside(key):
+        if super().__contains__(key) or self._is_lazy(key):
             return True
-        if key in self.gone or self._all or not key:
+        if key in self.removed or self._all or not key:
             return False
         return self._memory.has(self._memory.table.slot((self._field, str(key))))
 
     def __setitem__(self, key: str, value: Any) -> None:
         if self._field in ORDERED and key not in self:
             self.in_order().append(key)
-        if self._is_aside(key):
-            del self._memory.aside[key]
+        if self._is_lazy(key):
+            del self._memory.lazy[key]
         super().__setitem__(key, value)
-        self.gone.discard(key)
+        self.removed.discard(key)
 
     def __delitem__(self, key: str) -> None:
         if key not in self:
             raise KeyError(key)
         super().pop(key, None)
-        self.gone.add(key)
+        self.removed.add(key)
         if self._field in ORDERED:
             self.in_order().remove(key)
 
     def pop(self, key: str, *default: Any) -> Any:
-        """Take an entry out."""
+        """Remove and return an entry."""
         if key not in self:
             if default:
                 return default[0]
@@ -637,35 +639,35 @@ class TrackedDict(dict[str, Any]):
         return found
 
     def setdefault(self, key: str, default: Any = None) -> Any:
-        """Return an entry; where there is none, put one there."""
+        """Return an entry; add it where there is none."""
         if key not in self:
             self[key] = default
         return self[key]
 
     def update(self, other: Any = (), **more: Any) -> None:  # type: ignore[override]
-        """Put entries in."""
+        """Add or replace entries."""
         for key, value in dict(other, **more).items():
             self[key] = value
 
     def rename(self, named: Mapping[str, str]) -> None:
-        """Give entries other names; their order stays."""
+        """Rename entries; their order stays."""
         keys = self.in_order()
         moved = {new: super(TrackedDict, self).pop(old) for old, new in named.items()}
-        self.gone |= {old for old in named if not is_new(old)}
-        self.gone -= moved.keys()
+        self.removed |= {old for old in named if not is_new(old)}
+        self.removed -= moved.keys()
         super().update(moved)
         keys[:] = [named.get(key, key) for key in keys]
         self._all = False
 
     def clear(self) -> None:
-        """Take all entries out."""
+        """Remove all entries."""
         known = self._memory.table.keys.get(self._field)
         if known is None:
             for key in list(self.in_order()):
                 del self[key]
-        else:  # whatever there was
+        else:  # without reading them
             super().clear()
-            self.gone.update(known)
+            self.removed.update(known)
             self._all = True
 
     def __iter__(self) -> Iterator[str]:
@@ -699,7 +701,7 @@ def _whole(memory: TrackedMemory, name: str) -> Any:
     return _EMPTY[name]() if found is None else found
 
 
-#: What stands for a field that is asked for.
+#: Makes the tracked value of a field at its first read.
 _FIELDS: Mapping[str, Callable[[TrackedMemory, str], Any]] = {
     **dict.fromkeys(WHOLE, _whole),
     **dict.fromkeys(LISTS, lambda memory, name: TrackedList(memory, memory.table.index[name, ""])),
@@ -709,15 +711,15 @@ _FIELDS: Mapping[str, Callable[[TrackedMemory, str], Any]] = {
 }
 
 
-# -- lasting names ---------------------------------------------------------------------------------------
+# -- canonical names -------------------------------------------------------------------------------------
 
 
-def settle_names(memory: TrackedMemory) -> dict[str, str]:
-    """Give attempts, invocations and deadlines their lasting names; return what was renamed.
+def canonical_names(memory: TrackedMemory) -> dict[str, str]:
+    """Give attempts, invocations and deadlines their canonical names; return new names by old ones.
 
-    An invocation is named by what it serves; its attempt that somebody waits for has number 0. One that
-    nobody waits for is an orphan (see `is_orphan`). So what came before does not show. Deadlines are numbered
-    in their order.
+    So situations do not differ by how many attempts there were before. An invocation is named by its state,
+    its current attempt has number 0, an abandoned one is named by its class (see `is_abandoned`). Deadlines
+    are numbered in their order.
     """
     entries, invocations = memory.attempts, memory.invocations
     assert isinstance(entries, TrackedDict)
@@ -736,19 +738,19 @@ def settle_names(memory: TrackedMemory) -> dict[str, str]:
     for field in ("timers", "frozen"):
         timers = getattr(memory, field)
         if renamed or not (isinstance(timers, TrackedList) and timers.is_unread):
-            timers[:] = _lasting(timers, named)
+            timers[:] = _canonical_timers(timers, named)
     return named
 
 
 def _attempt_names(memory: TrackedMemory, entries: TrackedDict) -> dict[str, str]:
-    """Return the new names of attempts."""
+    """Return the canonical names of attempts that have another one."""
     invocations = [one for _, one in dict.items(memory.invocations)]
     current = {one.attempt for one in invocations}
     named: dict[str, str] = {}
     taken: set[str] | None = None
-    changed = {name for name in entries.gone if is_orphan(name)}
-    orphans: dict[str, str] = {}
-    # Whoever has the name that a new attempt gets needs another one.
+    changed = {name for name in entries.removed if is_abandoned(name)}
+    abandoned: dict[str, str] = {}
+    # An attempt that has the name of a new one needs another name.
     passed_on = {f"{one.invocation}#0" for name, one in dict.items(entries) if name in current} - current
     for name in passed_on:
         entries.get(name)
@@ -758,24 +760,24 @@ def _attempt_names(memory: TrackedMemory, entries: TrackedDict) -> dict[str, str
             if name != f"{attempt.invocation}#0":
                 named[name] = f"{attempt.invocation}#0"
         elif unwanted and not is_waited_for(memory, attempt):
-            orphans[name] = orphan_kind(attempt)
-        elif name in passed_on or is_orphan(name) or (unwanted and (name.endswith("#0") or is_new(name))):
+            abandoned[name] = abandoned_kind(attempt)
+        elif name in passed_on or is_abandoned(name) or (unwanted and (name.endswith("#0") or is_new(name))):
             taken = set(entries.in_order()) if taken is None else taken
             count = next(n for n in range(1, len(taken) + 2) if f"{attempt.invocation}#{n}" not in taken)
             named[name] = f"{attempt.invocation}#{count}"
             taken.add(named[name])
-    moved = {name for name, kind in orphans.items() if kind_of(name) != kind}
-    changed |= {name for name in moved if is_orphan(name)}
-    for kind in {kind_of(name) for name in changed} | {orphans[name] for name in moved}:
-        named |= _orphan_names(memory, entries, orphans, kind)
+    moved = {name for name, kind in abandoned.items() if kind_of(name) != kind}
+    changed |= {name for name in moved if is_abandoned(name)}
+    for kind in {kind_of(name) for name in changed} | {abandoned[name] for name in moved}:
+        named |= _abandoned_names(memory, entries, abandoned, kind)
     return named
 
 
-def _orphan_names(
-    memory: TrackedMemory, entries: TrackedDict, orphans: Mapping[str, str], kind: str
+def _abandoned_names(
+    memory: TrackedMemory, entries: TrackedDict, abandoned: Mapping[str, str], kind: str
 ) -> dict[str, str]:
-    """Return the new names of the orphans of one kind: numbers from 1 on, in the order of their deadlines."""
-    every = [name for name in entries.in_order() if orphans.get(name, kind_of(name)) == kind]
+    """Return the new names of abandoned attempts of one class: numbered from 1 on, by their deadlines."""
+    every = [name for name in entries.in_order() if abandoned.get(name, kind_of(name)) == kind]
     owners = [owner for _, _, cancel, (owner, _) in memory.timers if cancel == "cancel"]
     every.sort(key=lambda name: owners.index(name) if name in owners else len(owners))
     named = {name: f"{kind}#{n}" for n, name in enumerate(every, 1)}
@@ -783,20 +785,20 @@ def _orphan_names(
 
 
 def is_waited_for(memory: TrackedMemory, attempt: Attempt) -> bool:
-    """Say whether somebody waits for what a cancelled attempt gives."""
+    """Return whether an invocation waits for the result of a cancelled attempt."""
     invocation = memory.invocations.get(attempt.invocation)
     return invocation is not None and invocation.cut is not None and invocation.cut.attempt == attempt.id
 
 
 def is_new(name: str) -> bool:
-    """Say whether a name is one that an attempt gets when it is made."""
+    """Return whether a name is the engine's own, before `canonical_names`."""
     return name[:1] == "a" and name[1:].isdigit()
 
 
-def _lasting(timers: list[Timer], named: Mapping[str, str]) -> list[Timer]:
-    """Return deadlines with their lasting names, in order of time and then of setting, numbered by that.
+def _canonical_timers(timers: list[Timer], named: Mapping[str, str]) -> list[Timer]:
+    """Return deadlines with canonical names, sorted by delay and order of setting, and numbered.
 
-    A time of day may come at any time, on no date in particular.
+    A time of day may come at any time: it has one fixed delay and date.
     """
     found = []
     for due, _, kind, (owner, event) in timers:
@@ -808,5 +810,5 @@ def _lasting(timers: list[Timer], named: Mapping[str, str]) -> list[Timer]:
     return [(due, number, kind, about) for number, (due, kind, about) in enumerate(found, 1)]
 
 
-#: How far away every time of day is, in seconds, and the date that it is on.
+#: The delay of every time of day, in seconds, and its date.
 _AT, _ANY_DATE = 3600.0, "2026-01-01"

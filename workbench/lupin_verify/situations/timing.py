@@ -1,9 +1,9 @@
-"""From a way through situations to a run: times at which everything can happen in that order.
+"""Concretises a path of situations as a timed run of a machine: finds times that fit its order.
 
-A way says which deadline fires next, not when the others were set. Of the times t that fit, the earliest are
-taken: each move comes a little after the one before it, a deadline exactly when it is due, and everything
-else before what is due then. These are conditions t(j) >= t(i) + w; what a hold adds to a deadline is taken
-from the times found so far, until nothing changes.
+The times are the earliest solution of difference constraints t(j) >= t(i) + w: each move is a little after
+the one before, a deadline fires exactly when it is due, and all else precedes deadlines that have not fired.
+The length of a hold, which delays a deadline, is taken from the last solution, up to `_ROUNDS` times. There
+may be no solution, or none is found in these rounds; then there is no run.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from lupin_verify.situations.worlds import (
     running,
 )
 
-#: Between two things that happen, in seconds.
+#: The time between two moves, in seconds.
 GAP = 0.01
-#: How often the times are worked out anew.
+#: How often the times are computed.
 _ROUNDS = 12
-#: A deadline is due when the clock shows this much more, for sums of floats.
+#: The tolerance of a deadline, for sums of floats.
 _CERTAINLY = 1e-6
 
 _Condition = tuple[int, int, float]
@@ -37,9 +37,9 @@ _Condition = tuple[int, int, float]
 
 @dataclass
 class Deadline:
-    """A deadline along a way: set at a move, `delay` long; after the moves `waits` it has not fired.
+    """A deadline along a path: set at the move `armed` with a `delay`; it has not fired at the moves `waits`.
 
-    `stops` are the moves between which a hold stops it; `fired` is the move that it is.
+    `stops` are the moves between which a hold stops it; `fired` is the move at which it fires.
     """
 
     armed: int
@@ -50,14 +50,14 @@ class Deadline:
 
 
 class TimedRun(NamedTuple):
-    """The steps of a machine, and the time of the last move of its way, which may be no step of its own."""
+    """The steps of a machine, and the time of the last move, which may be a property's deadline, no step."""
 
     steps: list[Step]
     ends: float
 
 
 def timed_run(explorer: SituationExplorer, moves: Sequence[int]) -> TimedRun | None:
-    """Return the run of a machine that goes the way of some moves; None where no times fit."""
+    """Return the run of a machine along some moves; None where no times are found, or it does otherwise."""
     way = explorer.walk(moves)
     made = [explorer.moves.all[number] for number in moves]
     deadlines = list(_deadlines(explorer, way, made))
@@ -75,7 +75,7 @@ def timed_run(explorer: SituationExplorer, moves: Sequence[int]) -> TimedRun | N
 def _deadlines(
     explorer: SituationExplorer, way: Sequence[tuple[Situation, Effect]], made: Sequence[WorldMove]
 ) -> Iterator[Deadline]:
-    """Yield every deadline along a way."""
+    """Yield every deadline along a path."""
     along: dict[TimerName, Deadline] = {}
     for number, (situation, effect) in enumerate(way):
         armed = _by_name(running(explorer.table, situation))
@@ -95,7 +95,7 @@ def _deadlines(
 
 
 def _end(one: Deadline, number: int, fired: bool) -> None:
-    """Note of a deadline that a step is the first without it."""
+    """Record that a deadline has ended before a step."""
     if fired:
         one.fired = number
     elif not _is_stopped(one):
@@ -107,7 +107,7 @@ def _is_stopped(one: Deadline) -> bool:
 
 
 def _go_on(one: Deadline, number: int, frozen: bool, armed: bool) -> None:
-    """Note of a deadline that there is at a step whether a hold stops it there."""
+    """Record that a deadline exists at a step, running or stopped by a hold."""
     stopped = _is_stopped(one)
     if frozen and not stopped:
         one.stops.append([number])
@@ -124,7 +124,7 @@ def _by_name(timers: Sequence[Timer] | None) -> dict[TimerName, float]:
 def _earliest(
     deadlines: Sequence[Deadline], made: Sequence[WorldMove], before: list[float]
 ) -> list[float] | None:
-    """Return the earliest times that fit, with holds as long as they were in the times before."""
+    """Return the earliest solution, with the lengths of holds of the times before; None without one."""
     gaps = [0.0 if move.event is None else GAP for move in made]
     conditions: list[_Condition] = [(index, index + 1, gap) for index, gap in enumerate(gaps)]
     for one in deadlines:
@@ -158,7 +158,7 @@ def _run(
     made: Sequence[WorldMove],
     times: Sequence[float],
 ) -> list[Step] | None:
-    """Run a way on a machine of its own; None where something else happens."""
+    """Run the moves on a new machine at their times; None where a step takes other transitions."""
     machine = Machine(explorer.world)
     steps = [machine.start(0.0, None if explorer.world.calendar is None else MORNING)]
     names: dict[str, str] = {}
@@ -166,7 +166,7 @@ def _run(
     for move, time, (_, effect) in zip(made, times[1:], way[1:], strict=True):
         before = set(machine.memory.attempts)
         if move.timer[0] == OF_PROPERTY:
-            break  # nothing happens then
+            break  # the machine makes no step then
         passed = list(_pass(machine, time))
         if any(step.taken for step in passed):
             return None
@@ -184,13 +184,13 @@ def _run(
 
 
 def _rename(names: dict[str, str], effect: Effect, begun: Sequence[str]) -> None:
-    """Take over what attempts are called after a step that has begun some."""
+    """Map the canonical names of attempts to the machine's after a step that has begun some."""
     new = iter(begun)
     names.update({to: next(new, "") if is_new(old) else names[old] for old, to in effect.renamed})
 
 
 def _pass(machine: Machine, until: float) -> Iterator[Step]:
-    """Let deadlines come that the way does not know: of attempts for which nobody waits any more."""
+    """Fire deadlines that the path does not have: those of abandoned attempts."""
     while (due := machine.next_deadline) is not None and due < until - _CERTAINLY:
         step = machine.advance(due)
         if step is not None:

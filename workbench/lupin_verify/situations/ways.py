@@ -1,4 +1,4 @@
-"""The way to a situation that is told: of the shortest ways one with the fewest faults."""
+"""Chooses the paths of counterexamples: of the shortest paths one with the fewest faults."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from lupin_engine.machine import RESUMED
 from lupin_verify.situations.found import Breach, Explored
 from lupin_verify.situations.worlds import Mover, WorldMove
 
-#: Deadlines that come because somebody says nothing.
+#: Deadlines that fire because a server or sensor is silent.
 _OF_SILENCE = ("timeout", "cancel", "fresh")
 
 
 def is_fault(move: WorldMove) -> bool:
-    """Say whether a move is something that goes wrong: a failure, silence, or a crash."""
+    """Return whether a move is a fault: a failure, silence, or a crash."""
     crash = move.event is not None and move.event.name == RESUMED
     return bool(move.side & Mover.FAILURE) or move.timer[0] in _OF_SILENCE or crash
 
 
 class ShortestWays:
-    """The ways from the beginning to all situations of an explored graph."""
+    """Shortest paths, in moves, from the initial situation to all of an explored graph."""
 
     def __init__(self, explored: Explored) -> None:
         self._wrong = np.array([is_fault(move) for move in explored.moves.all], dtype=np.int32)
@@ -37,7 +37,7 @@ class ShortestWays:
         self._choose(explored)
 
     def _choose(self, explored: Explored) -> None:
-        """Take of the ways to each situation the one with the fewest faults, level by level."""
+        """Choose for each situation the shortest path with the fewest faults, level by level."""
         sources = np.frombuffer(explored.sources, dtype=np.uint32)
         targets = np.frombuffer(explored.targets, dtype=np.uint32)
         by = np.frombuffer(explored.by, dtype=np.uint16)
@@ -54,7 +54,7 @@ class ShortestWays:
             self._parents[reached], self._moves[reached] = sources[chosen], by[chosen]
 
     def to(self, situation: int) -> list[int]:
-        """Return the moves of the way to a situation."""
+        """Return the moves of the path to a situation, with the reports of values that precede a move."""
         found: list[int] = []
         while situation:
             found[:0] = self._each(int(self._moves[situation]))
@@ -69,6 +69,6 @@ class ShortestWays:
         return int(self.faults[breach.situation] + (self._wrong[breach.move] if breach.move >= 0 else 0))
 
     def nearest(self, situations: Sequence[int]) -> list[int]:
-        """Return situations, the nearest to the beginning first, of these those with the fewest faults."""
+        """Return situations by depth, of one depth those with the fewest faults first."""
         found = np.array(situations)
         return [int(one) for one in found[np.lexsort((self.faults[found], self.depths[found]))]]

@@ -1,10 +1,10 @@
-"""What may come next in a situation: all that servers, sensors, clocks and people can do at any moment.
+"""The environment of a proof: enumerates the moves of servers, sensors, clocks and people in a situation.
 
-A server that was asked may accept, end in any result of the declared classes or in any declared code, end
-by itself, or say nothing until the deadline. After a cancel it may still accept, end, or say nothing; and
-anybody may speak of an attempt that is long over. Live values take any value of their classes, every request
-comes at any time, and the process may be restarted. Of the deadlines that are set any may be the next, but
-for those before which another one certainly comes.
+A server may accept, end in any result of the declared classes or in any declared code, end by itself, or be
+silent until the deadline. After a cancel it may still accept, end, or be silent; and an answer to an attempt
+that is over may come. Live values take any value of their classes, every request comes at any time, and the
+process may be restarted. Any running deadline may be the next, except after one that is due earlier by the
+order of deadlines (`ranks_after`).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from lupin_engine.plugin import RESTARTED, is_builtin
 from lupin_engine.properties import Remembered
 from lupin_engine.sim import label_of
 from lupin_verify.situations.classes import Classes
-from lupin_verify.situations.relevance import ANY_ORPHAN, is_orphan
+from lupin_verify.situations.relevance import ANY_ABANDONED, is_abandoned
 from lupin_verify.situations.situation import (
     RANKS,
     WATCHED,
@@ -56,36 +56,36 @@ _Entry = TypeVar("_Entry", str, ResourceClaim)
 TimerName = tuple[str, str, str]
 #: Two deadlines of which the first certainly comes before the second: by at least so many seconds.
 Rank = tuple[TimerName, TimerName, float]
-#: Deadlines that are in no order: a time of day, and the end of a freshness, which each report puts off.
+#: Deadlines without an order: a time of day, and the end of a freshness, which each report puts off.
 _UNRANKED = frozenset({"at", "fresh"})
 
-#: What properties remember, by their names.
+#: The states of the properties' monitors, by name.
 Watched = tuple[tuple[str, Remembered], ...]
-#: The missions are loaded anew, as they are; where one is under way, that waits for its end.
+#: The same missions are reloaded; during a mission that waits for its end.
 LOADED = Event("loaded")
-#: The kind of the deadlines of properties; each comes after what is due at the same moment.
+#: The kind of the deadlines of properties; each fires after all others that are due at the same moment.
 OF_PROPERTY, _LAST = "property", sys.maxsize
-#: To so many digits differences of deadlines are kept.
+#: The digits of differences of deadlines.
 _DIGITS = 9
 
 
 class Mover(enum.IntFlag):
-    """Whose move it is."""
+    """Who makes a move."""
 
     ANSWER = 1  #: a server accepts, or ends well
     FAILURE = 2  #: a server ends in a code, or by itself
     TIMER = 4
     REQUEST = 8
     ABORT = 16
-    WORLD = 32  #: a live value, an event, a restart, or what changes nothing
-    AT_ONCE = 64  #: a deadline without any time
+    WORLD = 32  #: a live value, an event, a restart, or a stray answer
+    AT_ONCE = 64  #: a deadline of 0 s
 
 
 @dataclass(frozen=True)
 class WorldMove:
-    """Something that happens: an event, or the deadline of a kind, an owner and an event of its own.
+    """A move of the environment: an event, or a deadline that fires.
 
-    One that is `made_of` several moves, by their numbers, is the last of them; before it values are told.
+    A combined move, `made_of` several by their numbers, is the last of them after reports of values.
     """
 
     side: Mover
@@ -94,39 +94,39 @@ class WorldMove:
     made_of: tuple[int, ...] = ()
 
     @property
-    def tells_value(self) -> bool:
-        """Whether it tells a live value."""
+    def reports_value(self) -> bool:
+        """Whether it reports a live value."""
         return self.event is not None and self.event.name == "value"
 
 
 class Due(NamedTuple):
-    """The deadlines that may be the next, as moves; what is due `at_once` comes before everything else."""
+    """The deadlines that may be the next, as moves; one that is due `at_once` precedes everything else."""
 
     at_once: bool
     moves: tuple[int, ...]
 
 
 class WorldMoves:
-    """All moves of one chart, numbered when they are first possible."""
+    """All moves of one chart, numbered when they are first enabled."""
 
     def __init__(self, table: SlotTable, classes: Classes, owed: int, restarts: bool) -> None:
-        """Begin with those that are possible everywhere.
+        """Begin with the moves that are enabled everywhere.
 
         Args:
             table: the slots of the chart.
-            classes: what servers, sensors and people may say.
-            owed: how many attempts of one operation may wait for their end beside the current one.
-            restarts: whether the process may end, and another one goes on.
+            classes: the representative values of answers, live values and requests.
+            owed: how many abandoned attempts of one operation may still be answered.
+            restarts: whether the process may end and be continued by another, and missions be reloaded.
         """
         self._table = table
         self._classes = classes
         self.owed = owed
         self.all: list[WorldMove] = []
         self._numbers: dict[tuple[Any, ...], int] = {}
-        #: The slots that say which deadlines may be the next, and the one that says which attempts there are.
+        #: The slots that decide which deadlines may be the next, and the slot of the names of the attempts.
         self.slots_of_timers = tuple(table.index[name] for name in (("timers", ""), RANKS, WATCHED))
         self.slot_of_order = table.index["attempts", ""]
-        #: The moves that are possible wherever no deadline is due at once.
+        #: The moves that are enabled wherever no deadline is due at once.
         self.everywhere = tuple(self._number((name,), move) for name, move in self._always(restarts))
         self._of_attempt: dict[tuple[int, int], tuple[int, ...]] = {}
         self._of_timers: dict[tuple[int, ...], Due] = {}
@@ -153,26 +153,26 @@ class WorldMoves:
             yield "released", WorldMove(Mover.WORLD, Event(RELEASED, {"hold": RESTARTED}))
             yield "loaded", WorldMove(Mover.WORLD, LOADED)
 
-    def told_before(self, values: tuple[int, ...], number: int) -> int:
-        """Return the number of a move before which values are told, by the numbers of the moves."""
+    def preceded_by(self, values: tuple[int, ...], number: int) -> int:
+        """Return the number of a move combined with reports of values before it, given by their numbers."""
         if not values:
             return number
         made_of = (*values, number)
         return self._number(("made of", made_of), replace(self.all[number], made_of=made_of))
 
     def each(self, number: int) -> tuple[int, ...]:
-        """Return the moves that one stands for."""
+        """Return the moves of a combined move, or the move itself."""
         return self.all[number].made_of or (number,)
 
-    def told(self) -> dict[int, dict[int, int]]:
-        """Return the inputs of values that never grow old and are told to nothing else.
+    def unconstrained_values(self) -> dict[int, dict[int, int]]:
+        """Return the slots of inputs that may be unconstrained: one for its live value, and never stale.
 
-        Of the slot of each the numbers that it may have, each with the number of the move that tells it.
+        Each has the numbers of its values with the numbers of the moves that report them.
         """
         found: dict[int, dict[int, int]] = {}
         for number in self.everywhere:
             event = self.all[number].event
-            if event is None or not self.all[number].tells_value:
+            if event is None or not self.all[number].reports_value:
                 continue
             specs = [i for i in self._table.relevance.chart.inputs.values() if i.value == event.data["name"]]
             if len(specs) == 1 and specs[0].freshness is None:
@@ -181,7 +181,7 @@ class WorldMoves:
                 found.setdefault(slot, {}).setdefault(value, number)
         return {slot: values for slot, values in found.items() if len(values) > 1}
 
-    # -- what is possible where -----------------------------------------------------------------------
+    # -- enabled moves --------------------------------------------------------------------------------
 
     def due(self, numbers: tuple[int, ...]) -> Due:
         """Return the deadlines that may be the next, by the values of `slots_of_timers`."""
@@ -191,19 +191,19 @@ class WorldMoves:
         return found
 
     def running(self, timers: int) -> frozenset[TimerName]:
-        """Return the deadlines of the chart that run, by the value of their slot."""
+        """Return the running deadlines of the chart, by the value of their slot."""
         slot = self.slots_of_timers[0]
         armed = self._table.value(slot, timers) if timers else ()
         return frozenset((kind, *about) for _, _, kind, about in armed)
 
     def spending(self, timers: int) -> frozenset[TimerName]:
-        """Return the budgets that run and are not at their end, but those that begin anew."""
+        """Return the running budgets that are not used up, without those that an entry resets."""
         armed = self._table.value(self.slots_of_timers[0], timers) if timers else ()
         found = ((kind, *about) for due, _, kind, about in armed if kind == "budget" and due > 0.0)
         return frozenset(name for name in found if not self._is_of_a_part(name[1]))
 
     def _is_of_a_part(self, state: str) -> bool:
-        """Say whether a state is inside of one that uses a mission, which begins anew with each entry."""
+        """Return whether a state is in an embedded submachine, whose budgets each entry resets."""
         states = self._table.relevance.chart.states
         around = states[state].parent
         return around is not None and (states[around].use is not None or self._is_of_a_part(around))
@@ -214,7 +214,7 @@ class WorldMoves:
         return tuple(self._table.slot(("attempts", name)) for name in names)
 
     def answers(self, slot: int, number: int) -> tuple[int, ...]:
-        """Return what a server may say of the attempt in a slot."""
+        """Return the possible answers to the attempt in a slot, as moves."""
         found = self._of_attempt.get((slot, number))
         if found is None:
             found = self._of_attempt[slot, number] = self._answers(self._table.value(slot, number))
@@ -241,32 +241,32 @@ class WorldMoves:
         )
 
     def _answers(self, attempt: Attempt) -> tuple[int, ...]:
-        """Return what a server may say of an attempt."""
+        """Return the possible answers to an attempt, as moves."""
         found = []
-        for key, side, event in self._said(attempt):
+        for key, side, event in self._possible_answers(attempt):
             found.append(self._number((attempt.id, *key), WorldMove(side, event)))
         return tuple(found)
 
-    def _said(self, attempt: Attempt) -> Iterator[tuple[tuple[Any, ...], Mover, Event]]:
-        """Yield what a server may say of an attempt."""
-        if is_orphan(attempt.id) and attempt.phase is not Phase.WAITING:
+    def _possible_answers(self, attempt: Attempt) -> Iterator[tuple[tuple[Any, ...], Mover, Event]]:
+        """Yield the possible answers to an attempt."""
+        if is_abandoned(attempt.id) and attempt.phase is not Phase.WAITING:
             yield ("accepted",), Mover.ANSWER, events.accepted(attempt.id)
             yield ("done",), Mover.ANSWER, events.done(attempt.id, {})
             yield ("failed",), Mover.ANSWER, events.failed(attempt.id, CANCELLED_CODE)
             yield ("cancelled",), Mover.ANSWER, events.cancelled(attempt.id)
         elif attempt.phase is not Phase.WAITING:
-            yield from self._said_of_known(attempt)
+            yield from self._answers_of_known(attempt)
 
-    def _said_of_known(self, attempt: Attempt) -> Iterator[tuple[tuple[Any, ...], Mover, Event]]:
+    def _answers_of_known(self, attempt: Attempt) -> Iterator[tuple[tuple[Any, ...], Mover, Event]]:
         if attempt.phase is not Phase.ACCEPTED:
             yield ("accepted",), Mover.ANSWER, events.accepted(attempt.id)
         speaks = attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED)
         results = self._classes.results(attempt.operation, attempt.arguments)
-        gives = self._classes.gives(attempt.operation)
+        gives = self._classes.gives_result(attempt.operation)
         for number, result in enumerate(results if speaks or gives else results[:1]):
             yield ("done", number), Mover.ANSWER, events.done(attempt.id, result)
-        told = self._classes.told(attempt.operation, attempt.arguments) if speaks else ()
-        for number, event in enumerate(told):
+        reports = self._classes.reports(attempt.operation, attempt.arguments) if speaks else ()
+        for number, event in enumerate(reports):
             yield ("told", number), Mover.ANSWER, event
         codes = self._classes.codes(attempt.operation)
         for code in codes if speaks else codes[:1]:
@@ -276,37 +276,43 @@ class WorldMoves:
         for number, result in enumerate(results if gives and not speaks else ()):
             yield ("gave", number), Mover.ANSWER, events.cancelled(attempt.id, result)
 
-    # -- carrying a move out ----------------------------------------------------------------------------
+    # -- executing a move -------------------------------------------------------------------------------
 
     def carry_out(self, machine: Machine, memory: TrackedMemory, move: WorldMove) -> Step | None:
-        """Make the step; None where the bounds leave it out."""
+        """Make the step of a move; None where it is beyond the bounds.
+
+        Beyond them are a second event of one name or time of day in a hold, and a success before the live
+        values that the operation sets are known.
+        """
         if move.event is None:
             return self._fire(machine, memory, move.timer)
         name = move.event.name
         if name in machine.chart.catalog.events and any(e.name == name for e in memory.deferred):
-            return None  # of events with one name, whatever their data, one waits for the release
-        if name == "attempt.done" and not self._is_told(memory, move.event.data["attempt"]):
+            return None  # at most one event of a name is deferred during a hold
+        if name == "attempt.done" and not self._is_reported(memory, move.event.data["attempt"]):
             return None
         if name == RESUMED:
             label, stages = label_of(machine.chart, memory.configuration), machine.chart.profile.stages
             held = label not in stages.without_mission
             return machine.handle(replace(move.event, data={**move.event.data, "held": held}), 0.0)
         if name == "value":
-            told = [i.name for i in machine.chart.inputs.values() if i.value == move.event.data["name"]]
-            with memory.unread("inputs", told, _BEFORE):
+            inputs = [i.name for i in machine.chart.inputs.values() if i.value == move.event.data["name"]]
+            with memory.unread("inputs", inputs, _BEFORE):
                 return machine.handle(move.event, 0.0)
         return machine.handle(move.event, 0.0)
 
-    def _is_told(self, memory: TrackedMemory, attempt: str) -> bool:
-        """Say whether the live values are known that an operation leaves behind when it ends well."""
-        found = None if is_orphan(attempt) else memory.attempts.get(attempt)
-        told = self._classes.tells(found.operation, found.arguments) if found is not None else ()
-        return all(name in memory.inputs for name in told)
+    def _is_reported(self, memory: TrackedMemory, attempt: str) -> bool:
+        """Return whether all live values are known that the operation of an attempt sets."""
+        found = None if is_abandoned(attempt) else memory.attempts.get(attempt)
+        reported = (
+            self._classes.reported_inputs(found.operation, found.arguments) if found is not None else ()
+        )
+        return all(name in memory.inputs for name in reported)
 
     def _fire(self, machine: Machine, memory: TrackedMemory, wanted: TimerName) -> Step | None:
         kind, owner, event = wanted
         if kind == "at" and any(waiting.name == WAITS for waiting in memory.deferred):
-            return None  # of times of day one waits for the release
+            return None  # at most one time of day is deferred during a hold
         timers = memory.timers
         found = next(t for t in timers if (t[2], *t[3]) == wanted)
         timers.remove(found)
@@ -317,35 +323,35 @@ class WorldMoves:
         return machine.advance(0.0)
 
     def is_within_bounds(self, name: str) -> bool:
-        """Say whether no more attempts of one operation wait for their end than the bounds say."""
+        """Return whether an attempt's number is within the bound of abandoned attempts."""
         kind, number, count = name.rpartition("#")
-        return not number or kind == ANY_ORPHAN or int(count) <= self.owed + 1
+        return not number or kind == ANY_ABANDONED or int(count) <= self.owed + 1
 
 
-#: What a live value was before another one is told: something else, told at the same time.
+#: Stands for the value of an input before a report: another value, reported at the same time.
 _BEFORE = Reported(object(), 0.0)
 
 
 def running(table: SlotTable, situation: Situation) -> list[Timer]:
-    """Return the deadlines that run in a situation, those of properties with them."""
+    """Return the running deadlines of a situation, with those of properties."""
     timers: list[Timer] = table.get(situation, ("timers", "")) or []
     return [*timers, *deadlines_of(table.get(situation, WATCHED) or ())]
 
 
 def deadlines_of(watched: Watched) -> list[Timer]:
-    """Return what properties wait for as deadlines."""
+    """Return the deadlines of properties."""
     due = [(state[0], name) for name, state in watched if state and state[0] < math.inf]
     return [(seconds, _LAST, OF_PROPERTY, (name, "")) for seconds, name in due]
 
 
-def forget_unwanted(memory: TrackedMemory, owed: int) -> None:
-    """Of attempts that nobody waits for and that keep nothing from beginning, remember the newest only.
+def drop_abandoned(memory: TrackedMemory, owed: int) -> None:
+    """Remove abandoned attempts that hold no resource, but the newest `owed`.
 
-    All that can come of one is a late answer, and that is about no other. The engine itself gives none.
+    Only a late answer can come to one, and it concerns no other. Built-in operations give none.
     """
     for name in list(_were_waited_for(memory)):
         memory.attempts.get(name)
-    # Of those that the step has not looked at nothing has changed.
+    # Attempts that the step has not read are unchanged.
     inert = _inert(memory, dict.values(memory.attempts))
     if inert and owed:
         inert = _inert(memory, memory.attempts.values())
@@ -357,26 +363,26 @@ def forget_unwanted(memory: TrackedMemory, owed: int) -> None:
 
 
 def _inert(memory: TrackedMemory, attempts: Iterable[Attempt]) -> list[str]:
-    """Return those of some attempts of which at most a late answer comes."""
+    """Return the attempts to which only a late answer can come."""
     over = (a for a in attempts if a.phase is Phase.LOST or (a.phase is Phase.CANCELLING and not a.uses))
     return [attempt.id for attempt in over if not is_waited_for(memory, attempt)]
 
 
 def _were_waited_for(memory: TrackedMemory) -> Iterator[str]:
-    """Yield the attempts that the invocations have waited for that a step has looked at."""
+    """Yield the cancelled attempts that an invocation waited for before the step, of those it has read."""
     invocations = memory.invocations
     assert isinstance(invocations, TrackedDict)
-    for name in (*dict.keys(invocations), *invocations.gone):
+    for name in (*dict.keys(invocations), *invocations.removed):
         before = memory.fetch(memory.table.slot(("invocations", name)))
         if before is not None and before.cut is not None:
             yield before.cut.attempt
 
 
 def in_order(memory: TrackedMemory) -> None:
-    """Put entries in the same order wherever the machine does not look at it.
+    """Sort entries whose order the machine ignores, into a canonical order.
 
-    Of invocations only those of the elements of one state have an order. Answers of elements that wait for a
-    release one after the other have none, if nothing is kept of them (see `Relevance.keeps_nothing`).
+    Invocations are ordered within one state only. Adjacent deferred answers of elements of one state are
+    unordered if nothing is stored from them (see `Relevance.keeps_nothing`).
     """
     invocations, answers = memory.invocations, memory.deferred
     if not (isinstance(answers, TrackedList) and answers.is_unread):
@@ -387,10 +393,10 @@ def in_order(memory: TrackedMemory) -> None:
         invocations.order.sort(key=lambda name: name.partition("[")[0])
 
 
-def settled_claims(memory: TrackedMemory) -> tuple[ResourceClaim, ...]:
-    """Put attempts in the same order wherever the machine does not look at it; return their claims.
+def canonical_claims(memory: TrackedMemory) -> tuple[ResourceClaim, ...]:
+    """Sort attempts and their claims into a canonical order; return the claims.
 
-    Of attempts that stand beside each other only one that waits looks at those before it.
+    Only a waiting attempt depends on those before it, so those between two waiting ones are sorted.
     """
     attempts, claims = memory.attempts, memory.claims
     assert isinstance(attempts, TrackedDict)
@@ -401,7 +407,7 @@ def settled_claims(memory: TrackedMemory) -> tuple[ResourceClaim, ...]:
 
 
 def _sorted_between(entries: Iterable[_Entry], stays: Callable[[_Entry], bool]) -> list[_Entry]:
-    """Return entries where those that stay are in their places, and what is between them is sorted."""
+    """Return entries with the runs between those that stay sorted."""
     return [one for keeps, run in groupby(entries, stays) for one in (run if keeps else sorted(run))]
 
 
@@ -410,20 +416,20 @@ def _attempt_of(event: Event) -> str:
 
 
 def _element_of(event: Event, states: Set[str]) -> str:
-    """Return the state whose element an answer is of, if it is one of these states; '' otherwise."""
+    """Return the state of the element that an answer belongs to, if it is one of these; '' otherwise."""
     state, is_element, _ = _attempt_of(event).partition("[")
     return state if is_element and event.name == ANSWERED and state in states else ""
 
 
 class Deadlines(NamedTuple):
-    """The deadlines that run after a step, and those that a hold stops, as far as they are in an order."""
+    """The running deadlines after a step, and those that a hold stops; only those that have an order."""
 
     armed: tuple[Timer, ...]
     frozen: tuple[Timer, ...]
 
 
 def rankable(chart: Chart, timers: Iterable[Timer]) -> Iterator[Timer]:
-    """Yield the deadlines of which is known how far away they were when they were set."""
+    """Yield the deadlines with a known delay: not times of day, freshness, or retries with jitter."""
     for timer in timers:
         _, _, kind, (owner, _) = timer
         state = owner.removeprefix("i:").partition("[")[0] if kind == "retry" else ""
@@ -437,7 +443,7 @@ def _has_jitter(state: State) -> bool:
 
 
 def _left_of_properties(ranks: Iterable[Rank]) -> dict[TimerName, float]:
-    """Return how much is left at least of the deadlines of properties."""
+    """Return the least time left of each property's deadline."""
     left: dict[TimerName, float] = {}
     for _, late, lead in ranks:
         if late[0] == OF_PROPERTY:
@@ -446,7 +452,7 @@ def _left_of_properties(ranks: Iterable[Rank]) -> dict[TimerName, float]:
 
 
 def _lead(late: TimerName, least: float, early: float) -> float:
-    """Return how much later a deadline is at least that has so much left, where that is kept of it."""
+    """Return by how much a deadline is later at least; 0 unless it is a property's."""
     return round(least - early, _DIGITS) if late[0] == OF_PROPERTY else 0.0
 
 
@@ -456,20 +462,19 @@ def ranks_after(
     fresh: frozenset[TimerName],
     renamed: Mapping[str, str],
 ) -> frozenset[Rank]:
-    """Return which deadlines certainly come before which others after a step.
+    """Return the partial order of deadlines after a step: pairs of which the first fires before the second.
 
-    One that is set now comes after every other that was set for as long or less: that one's time runs
-    already. Of those that are set in the same step the shorter comes first. Deadlines that a hold stops
-    come later by as long as it lasts than those that it does not stop. A budget may be used up in part, and a
-    tick may come sooner if the one before was late, so these come after nothing. How much later is kept of
-    the deadlines of properties alone: at a step that much is left of one at least, and what is set then for
-    no longer comes before it, too. So the times of states that follow each other are added up.
+    A deadline that is set now is after every running one of the same delay or less. Of those set in one step
+    the shorter is first. A deadline that a hold stops is never before one that it does not stop. A budget may
+    be used up in part, and a tick may be early after a late one, so these are after nothing. Only for
+    deadlines of properties the least lead is stored: a deadline that is set later for no longer than the lead
+    is before it, too. So delays of successive states add up.
 
     Args:
-        before: the same before the step; so the step itself does not depend on it.
-        deadlines: those that there are now.
+        before: the order before the step; the step itself does not depend on it.
+        deadlines: the deadlines after the step.
         fresh: those of them that the step has set.
-        renamed: the attempts that have another name now.
+        renamed: the attempts with another name.
     """
     named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in _both(*deadlines)]
     stops = {name: stopped for name, _, stopped in named}
@@ -492,14 +497,14 @@ def ranks_after(
 
 
 def name_after(timer: TimerName, renamed: Mapping[str, str]) -> TimerName:
-    """Return what a deadline is called once attempts are renamed; `GONE` if another has its owner's name."""
+    """Return a deadline's name after attempts are renamed; `GONE` if another attempt got its owner's name."""
     kind, owner, event = timer
     if owner in renamed.values() and owner not in renamed:
         return GONE
     return kind, renamed.get(owner, owner), event
 
 
-#: In place of the name of a deadline whose owner is gone.
+#: The name of a deadline whose owner is gone.
 GONE: TimerName = ("", "", "")
 
 
