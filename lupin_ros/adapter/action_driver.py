@@ -1,7 +1,8 @@
-"""Attempts at action servers: every goal ends in exactly one report, whatever happens to the server.
+"""Runs attempts as goals of action servers: each attempt gets exactly one report of its end.
 
-A driver chooses the goal and interprets its end. This module cancels goals that nobody waits for any more,
-and tolerates servers that disappear from discovery for a moment.
+A driver chooses the goal and interprets its end. This module cancels abandoned goals, cancels goals of other
+clients at a server of ours, and tolerates servers that disappear from discovery for up to `SERVER_GRACE_S`;
+then the attempt has failed, and its goal may go on.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ OWN_GOALS = 100
 
 
 class _OthersGoals:
-    """The goals of other clients at a server of ours, as that publishes them: they end before ours begins.
+    """Cancels goals of other clients at a server of ours before a goal of ours is sent.
 
     Somebody may have driven the robot by hand while the mission was held.
     """
@@ -57,11 +58,11 @@ class _OthersGoals:
         ros.subscribe(GoalStatusArray, f"{name}/_action/status", Qos.LATCHED, self._on_status)
 
     def own(self, key: str) -> None:
-        """Know the goal with a key as one of ours."""
+        """Record the goal with a key as ours."""
         self._own.append(goal_id(self._name, key))
 
     def ended(self, then: Callable[[], None]) -> None:
-        """Call `then` once there are none: at once, or when cancelled; after 3 s ours replaces them."""
+        """Call `then` when there are none: at once, or after cancels; after 3 s in any case."""
         if not self._others:
             then()
             return
@@ -98,7 +99,7 @@ class _OthersGoals:
             then()
 
     def close(self) -> None:
-        """Wait for nothing any more."""
+        """Stop cancelling, and drop waiting calls."""
         self._asking.stop()
         self._waiting.clear()
 
@@ -120,9 +121,9 @@ class ActionServer:
         return self._caller.ready()
 
     def missing(self) -> list[str]:
-        """Name it while it cannot be reached, or the goals that it had are not yet cancelled.
+        """Return its name while it is not reachable, or its earlier goals are not yet cancelled.
 
-        A goal of an orchestrator that crashed would otherwise go on, with nobody who knows of it.
+        A goal of an orchestrator that crashed would otherwise go on unobserved.
         """
         reached = self._cancel_all is None or self._cancel_all.ready()
         if not (self.ready and reached):
@@ -147,7 +148,7 @@ class ActionServer:
         self._clears = self._is_cleared
 
     def when_free(self, then: Callable[[], None]) -> None:
-        """Call `then` when no goal of another client is under way at a server of ours."""
+        """Call `then` when no goal of another client is active at a server of ours."""
         if self._others is None:
             then()
         else:
@@ -163,7 +164,7 @@ class ActionServer:
         return self._caller.send(goal, key=key, **callbacks)
 
     def adopt(self, key: str, **callbacks: Callable[..., None]) -> Goal:
-        """Follow a goal of a process that is gone; see `ActionCaller.adopt`."""
+        """Follow a goal of an earlier process; see `ActionCaller.adopt`."""
         self._own(key)
         return self._caller.adopt(key, **callbacks)
 
@@ -178,12 +179,12 @@ class ActionServer:
 
 @dataclass(frozen=True)
 class ActionOperation:
-    """How an operation reads the answers of its server.
+    """The interpretation of a server's answers to an operation.
 
-    `outcome` says what the end of a goal means (an `action_msgs/GoalStatus` and the result; also 0, of a
-    server that no longer knows it), `told` what its feedback tells people, `cut_short` what the result of
-    a goal that was cancelled as asked comes to, where it comes to anything. `refused` is what people are told
-    where the server refuses to cancel; '' names the server.
+    `outcome` reads the end of a goal (an `action_msgs/GoalStatus` and the result; also 0, of a server that no
+    longer knows it), `told` returns the progress text of a feedback, `cut_short` the done data of a goal that
+    was cancelled as requested, or None. `refused` is the text where the server refuses to cancel; '' names
+    the server.
     """
 
     server: ActionServer
@@ -195,7 +196,7 @@ class ActionOperation:
     refused: str = ""
 
     def failed(self, code: str, state: str) -> Failed:
-        """Return that the server is in some state."""
+        """Return a failure whose text names the server and its state."""
         return Failed(code, f"action server {self.server.name} is {state}")
 
 
@@ -207,22 +208,22 @@ class _GoalAttempt:
     goal: Goal | None = None
     cancelling: bool = False
     out_of_sight: float = 0.0  # seconds since the server was last seen
-    told: str = ""
+    progress: str = ""
 
 
 class ActionAttempts:
-    """The attempts of one driver; see `plugin.contract.Driver` for what `start` and `cancel` promise."""
+    """The attempts of one driver; `plugin.contract.Driver` has the contract of `start` and `cancel`."""
 
     def __init__(self, ros: RosNode, outlet: Outlet) -> None:
         self._ros = ros
         self._outlet = outlet
         self._running: dict[str, _GoalAttempt] = {}
-        #: Goals that nobody waits for, but that a server may still execute.
+        #: Abandoned goals that a server may still execute.
         self._lost: dict[str, _GoalAttempt] = {}
         self._watching = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._watch)
 
     def start(self, attempt: str, operation: ActionOperation, goal: Any) -> None:
-        """Send a goal; to nobody it would be lost without a word."""
+        """Send a goal; the attempt fails at once without a server."""
         if not operation.server.ready:
             self._fail(attempt, operation.failed(operation.unavailable, "not there"))
             return
@@ -233,7 +234,7 @@ class ActionAttempts:
     def _send(self, attempt: str, goal: Any) -> None:
         made = self._running.get(attempt)
         if made is None:
-            return  # it has ended while goals of others were waited for
+            return  # it has ended while goals of others were being cancelled
         made.goal = made.operation.server.send(
             goal,
             self._key(attempt),
@@ -245,9 +246,9 @@ class ActionAttempts:
         made.goal.refused = partial(self._on_refused, attempt)
 
     def recover(self, attempt: str, operation: ActionOperation, *, adopt: bool) -> None:
-        """Follow the goal that a process which is gone has sent for an attempt; have it ended unless `adopt`.
+        """Follow the goal that an earlier process has sent for an attempt; cancel it unless `adopt`.
 
-        Its end is reported as that of any other. Its server may have to be found first.
+        Its end is reported as that of any other. Its server may be discovered up to `RECOVERY_GRACE_S` later.
         """
         made = self._running[attempt] = _GoalAttempt(operation, cancelling=not adopt)
         made.out_of_sight = SERVER_GRACE_S - RECOVERY_GRACE_S
@@ -265,11 +266,11 @@ class ActionAttempts:
         return f"{self._ros.lineage}/{attempt}"
 
     def runs(self, attempt: str) -> bool:
-        """Say whether an attempt has not ended."""
+        """Return whether an attempt has not ended."""
         return attempt in self._running
 
     def cancel(self, attempt: str) -> None:
-        """Ask that an attempt ends; a goal not yet accepted is left to be cancelled when it is."""
+        """Cancel an attempt; a goal that is not accepted yet is cancelled when it is."""
         running = self._running.get(attempt)
         if running is None:
             return
@@ -307,10 +308,10 @@ class ActionAttempts:
         running = self._running.get(attempt)
         if running is None:
             return
-        told = running.operation.told(feedback)
-        if told and told != running.told:
-            running.told = told
-            self._outlet.progress(attempt, told)
+        progress = running.operation.told(feedback)
+        if progress and progress != running.progress:
+            running.progress = progress
+            self._outlet.progress(attempt, progress)
 
     def _on_ended(self, attempt: str, status: int, result: Any) -> None:
         self._lost.pop(attempt, None)
@@ -329,8 +330,8 @@ class ActionAttempts:
     def _on_refused(self, attempt: str) -> None:
         running = self._running.get(attempt)
         if running is not None:
-            told = f"action server {running.operation.server.name} refuses to stop, and may go on"
-            self._outlet.cancel_refused(attempt, running.operation.refused or told)
+            refusal = f"action server {running.operation.server.name} refuses to stop, and may go on"
+            self._outlet.cancel_refused(attempt, running.operation.refused or refusal)
 
     def _fail(self, attempt: str, failed: Failed) -> None:
         self._outlet.failed(attempt, failed.code, failed.detail)

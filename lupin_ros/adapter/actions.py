@@ -1,9 +1,9 @@
 """Action clients and servers over rclpy whose goals survive an interrupted connection.
 
-rclpy leaves the future of a result pending for ever when the result was sent while the link was down. A
-`Goal` therefore asks again when a server (re-)appears. A cancel request is repeated until the server accepts
-it or the goal has ended: neither silence nor a refusal is an end.
-A client that is closed has its goals cancelled, and stays until that is answered: see `ActionCaller.close`.
+rclpy leaves the future of a result pending for ever when the result was sent while the link was down, so a
+`Goal` asks again when a server (re-)appears. A cancel request is repeated until the server accepts it or the
+goal has ended: neither silence nor a refusal is an end. Closing a client cancels its goals, and waits for the
+answers up to `CANCEL_LIMIT_S`; a goal whose server does not answer may go on.
 """
 
 from __future__ import annotations
@@ -26,21 +26,20 @@ from lupin_ros.adapter.qos import Qos
 
 #: Period of the check of the servers while a goal is active, in seconds; there is none otherwise.
 WATCH_PERIOD_S = 1.0
-#: How often a server that has appeared is asked for a result: before both have found each other an answer is
-#: lost, which its middleware calls "client will not receive response".
+#: How often a newly found server is asked for a result: an answer is lost while it has not found the client.
 ASKS = 3
 #: Seconds between two cancel requests, while the server refuses; while it does not answer, twice as many.
 CANCEL_PERIOD_S = 0.5
-#: So many of them wait for their answers at the most: a server may take longer than that.
+#: The most cancel requests that wait for answers: a server may take longer than their period.
 MOST_CANCELS = 8
 #: How long a closed client, and the end of a node, waits for the answers of its cancels, in seconds.
 CANCEL_LIMIT_S = 2.0
 
-#: How long a server keeps the result of a goal that has ended, in seconds: its client may have been cut off,
-#: or be started again. With rclpy's 900 every status message tells of all goals of a quarter of an hour.
+#: How long a server keeps the result of an ended goal, in seconds, for a client that was cut off or
+#: restarted. With rclpy's 900 every status message has all goals of a quarter of an hour.
 RESULT_KEPT_S = 120
 
-#: What the ids of goals with a key are made in.
+#: The namespace of the ids of goals with a key.
 _GOALS = uuid.UUID("6c7570696e20676f616c20696473202e")
 
 #: The status of goals that a server works on.
@@ -54,7 +53,7 @@ def goal_id(action: str, key: str) -> bytes:
 
 
 def _nothing(*_: object) -> None:
-    """Tell nobody."""
+    """Report nothing."""
 
 
 class ActionCaller:
@@ -75,12 +74,12 @@ class ActionCaller:
         )
         self._goals: list[Goal] = []
         self._servers: frozenset[bytes] = frozenset()
-        self._watch = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._look)
+        self._watch = Repeater(ros.steady_timer, WATCH_PERIOD_S, self._check_servers)
         self._limit: TimerHandle | None = None
         self.closed = self.released = False
 
     def ready(self) -> bool:
-        """Say whether a server is matched; a dead one counts for up to 3 s (the discovery lease)."""
+        """Return whether a server is matched; a dead one counts for up to 3 s (the discovery lease)."""
         return bool(self.client.server_is_ready())
 
     def send(
@@ -108,9 +107,9 @@ class ActionCaller:
         return sent
 
     def adopt(self, key: str, feedback: Callable[[Any], None], ended: Callable[[int, Any], None]) -> Goal:
-        """Follow a goal that a process which is gone has sent with a `key`, as if it had been sent here.
+        """Follow a goal that an earlier process has sent with a `key`, as if it had been sent here.
 
-        Its end is told as for `send`; status 0 where the server does not know it.
+        Its end is reported as for `send`; status 0 where the server does not know it.
 
         Raises:
             RuntimeError: the client is closed.
@@ -138,10 +137,10 @@ class ActionCaller:
                 self.ros.post(self.release)  # rclpy is still working with the client
 
     def close(self) -> None:
-        """Have every goal cancelled and release the client; no callback follows.
+        """Cancel every goal and release the client; no callback follows.
 
-        The client stays until each cancel is answered or its goal's end is told, at most `CANCEL_LIMIT_S`. A
-        goal that is accepted meanwhile is cancelled, too. Closing twice does no harm.
+        The client stays until each cancel is answered or its goal has ended, at most `CANCEL_LIMIT_S`. A goal
+        that is accepted meanwhile is cancelled, too. Closing twice does no harm.
         """
         if self.closed:
             return
@@ -168,11 +167,11 @@ class ActionCaller:
             goal.drop()
         self.client.destroy()
 
-    def _look(self) -> None:
+    def _check_servers(self) -> None:
         before, self._servers = self._servers, self._matched_servers()
         appeared = bool(self._servers - before)
         for goal in list(self._goals):
-            goal.look(appeared)
+            goal.restore(appeared)
 
     def _matched_servers(self) -> frozenset[bytes]:
         # The identity of the status publisher tells a restarted server from the one that took the goal.
@@ -196,10 +195,10 @@ class Goal:
     ) -> None:
         self._caller = caller
         self._client = caller.client
-        self._tell_accepted = accepted
-        self._tell_feedback = feedback
-        self._tell_ended = ended
-        self._tell_rejected = rejected
+        self._report_accepted = accepted
+        self._report_feedback = feedback
+        self._report_ended = ended
+        self._report_rejected = rejected
         #: Called once where the server refuses to cancel the goal.
         self.refused: Callable[[], None] = _nothing
         self._id = UUID(uuid=list(goal_id(caller.name, key) if key else uuid.uuid4().bytes))
@@ -215,9 +214,9 @@ class Goal:
         self._abandoned = False
 
     def cancel(self) -> None:
-        """Ask the server to end the goal, again and again until it accepts that.
+        """Request a cancel, repeated until the server accepts it.
 
-        Nothing happens before the goal is accepted: the caller cancels when `accepted` comes.
+        Before the goal is accepted this does nothing: the caller cancels when `accepted` comes.
         """
         if self._accepted and not self._over:
             self._cancels.start()
@@ -236,8 +235,8 @@ class Goal:
         if self._caller.ready():
             self._ask_result()
 
-    def look(self, server_appeared: bool) -> None:
-        """Repair what an outage may have lost; called while the goal is active."""
+    def restore(self, server_appeared: bool) -> None:
+        """Ask again for a result that an outage may have lost; called periodically."""
         finished = self._handle.status in _TERMINAL
         if server_appeared:
             self._asks_left = ASKS
@@ -247,9 +246,9 @@ class Goal:
         self._result_overdue = finished
 
     def abandon(self) -> None:
-        """Have the goal ended, accepted or not, and tell nobody of it any more."""
-        self._tell_accepted, self._tell_feedback = self.cancel, _nothing
-        self._tell_rejected = self._tell_ended = self.refused = _nothing
+        """Cancel the goal, accepted or not, and make no callback any more."""
+        self._report_accepted, self._report_feedback = self.cancel, _nothing
+        self._report_rejected = self._report_ended = self.refused = _nothing
         self._abandoned = True
         self._cancels.start()
         if not self._cancelling:
@@ -275,20 +274,20 @@ class Goal:
             self._handle = handle  # this one is kept up to date by the status topic
             self._accept()
         else:
-            self._end(self._tell_rejected)
+            self._end(self._report_rejected)
 
     def _accept(self) -> None:
         if self._accepted:
             return
         self._accepted = True
         self._ask_result()
-        self._tell_accepted()
+        self._report_accepted()
 
     def _on_feedback(self, message: Any) -> None:
         if self._over:
             return
         self._accept()  # feedback may overtake the answer to the goal request
-        self._tell_feedback(message.feedback)
+        self._report_feedback(message.feedback)
 
     def _ask_result(self) -> None:
         future = self._client._get_result_async(self._handle)
@@ -299,20 +298,20 @@ class Goal:
         if self._over:
             return
         if not self._accepted and response.status == GoalStatus.STATUS_UNKNOWN:
-            self._end(self._tell_rejected)
+            self._end(self._report_rejected)
             return
         if not self._accepted:
             self._accepted = True
-            self._tell_accepted()
-        self._end(lambda: self._tell_ended(int(response.status), response.result))
+            self._report_accepted()
+        self._end(lambda: self._report_ended(int(response.status), response.result))
 
-    def _end(self, tell: Callable[[], None]) -> None:
+    def _end(self, report: Callable[[], None]) -> None:
         self._over = True
         self._cancels.stop()
         self._caller.forget(self)
         # rclpy forgets the feedback callback only with the result, so a rejected goal would leave it behind.
         self._client._feedback_callbacks.pop(bytes(self._id.uuid), None)
-        tell()
+        report()
 
     def _repeat_cancel(self) -> None:
         self._unanswered = self._unanswered + 1 if self._cancelling else 0
@@ -337,12 +336,12 @@ class Goal:
             return
         self._cancels.stop()
         if self._abandoned:
-            self._settle(answer.return_code)
+            self._end_abandoned(answer.return_code)
         elif answer.return_code != CancelGoal.Response.ERROR_NONE:
             self._ask_result()  # the goal is unknown or has ended: the result says which
 
     def _is_refusal(self, answer: CancelGoal.Response) -> bool:
-        """Say whether the server refuses; one of rclpy only leaves the goal out of those that it cancels."""
+        """Return whether the server refuses; one of rclpy only leaves the goal out."""
         ids = [bytes(info.goal_id.uuid) for info in answer.goals_canceling]
         left_out = answer.return_code == CancelGoal.Response.ERROR_NONE and bytes(self._id.uuid) not in ids
         return left_out or bool(answer.return_code == CancelGoal.Response.ERROR_REJECTED)
@@ -353,17 +352,18 @@ class Goal:
             self._caller.ros.log.warning("the server refuses to cancel the goal", action=self._caller.name)
             self.refused()
 
-    def _settle(self, code: int) -> None:
+    def _end_abandoned(self, code: int) -> None:
         # A server may look at the cancel before it takes the goal: then the acceptance has it sent again.
         if self._accepted or code != CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
             self._end(_nothing)
 
 
 class ActionHost:
-    """The server of one action; timers execute its goals, never a callback.
+    """The server of one action; its owner executes goals by timers, never in a callback.
 
-    `admit(goal)` says whether a goal is taken; `started(served)` hands it over; `cancelled(served)` tells
-    that a client wants its end, which the owner then brings about with one of the endings of `served`.
+    `admit(goal)` returns whether a goal is accepted; `started(served)` hands it over; `cancelled(served)` is
+    called when a client cancels it, and the owner then ends it with a method of `served`. A goal is rejected
+    or aborted where these raise.
     """
 
     def __init__(
@@ -379,7 +379,7 @@ class ActionHost:
         self._ros = ros
         self._kind = kind
         self._admit = admit
-        #: Says whether cancels are refused.
+        #: Returns whether cancels are refused.
         self.refuses: Callable[[], bool] = lambda: False
         self._started = started
         self._cancelled = ros.guarded(cancelled)
@@ -428,7 +428,7 @@ class ActionHost:
         served = self._served.get(bytes(handle.goal_id.uuid))
         if served is None or self.refuses():
             return CancelResponse.REJECT
-        # rclpy marks the goal as cancelling only after this callback: tell the owner afterwards.
+        # rclpy marks the goal as cancelling only after this callback: call the owner afterwards.
         self._ros.post(lambda: self._cancelled(served))
         return CancelResponse.ACCEPT
 

@@ -30,7 +30,7 @@ class ServiceCaller:
         self._under_way: set[ServiceCall] = set()
 
     def ready(self) -> bool:
-        """Say whether a server is matched; a dead one counts for up to 3 s (the discovery lease)."""
+        """Return whether a server is matched; a dead one counts for up to 3 s (the discovery lease)."""
         return bool(self.client.service_is_ready())
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""The environment that a process needs before it can import rclpy.
+"""Prepares the environment variables that a process needs before it can import rclpy.
 
 ROS 2 comes from one of two places. As Python wheels inside the virtual environment, which set up their own
 library path at the start of Python; or from apt, through a sourced `setup.bash`. The two do not mix: Python

@@ -1,4 +1,4 @@
-"""What the parts of the adapter need of their node, timers that run only while they are needed, and turns."""
+"""The interface of a node to the adapter's parts, timers that can be restarted, and long work in slices."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class TimerHandle(Protocol):
 
 
 class Host(Protocol):
-    """The node's side of an action or of a comparison with peers; see `ros.adapter.RosNode`."""
+    """The methods of `RosNode` that the adapter's parts use."""
 
     node: Any
     log: Any
@@ -67,29 +67,29 @@ class Repeater:
             timer.cancel()
 
 
-#: How many are done in one turn of the node's thread; messages and timers have theirs in between.
+#: How many calls are made in one turn of the node's thread; messages and timers are handled between turns.
 SLICE = 25
 
 
 class Slices:
-    """Does many small things of one step, such as telling of a thousand targets that are closed at once.
+    """Makes many short calls in order, such as publishing a thousand outcomes, without blocking the thread.
 
-    In the order in which they are added: the first ones at once, the rest in the turns that follow.
+    The first `SLICE` are made at once, the rest in the following turns. After an exception the others follow.
     """
 
     def __init__(self, post: Callable[[Callable[[], None]], None]) -> None:
-        """`post` has something done in the next turn of the thread."""
+        """`post` makes a call in the next turn of the thread."""
         self._post = post
         self._waiting: deque[Iterator[Callable[[], None]]] = deque()
         self._room = SLICE
         self._posted = False
 
     def add(self, act: Callable[[], None]) -> None:
-        """Do something, now or soon."""
+        """Make a call, now or in a later turn."""
         self.add_each((act,))
 
     def add_each(self, acts: Iterable[Callable[[], None]]) -> None:
-        """Do some things; what makes them is asked for each when its turn comes."""
+        """Make calls; the iterable is advanced when the turn of each comes."""
         self._waiting.append(iter(acts))
         if not self._posted:
             self._posted = True
@@ -98,11 +98,11 @@ class Slices:
 
     @property
     def is_done(self) -> bool:
-        """Whether nothing waits."""
+        """Whether no call waits."""
         return not self._waiting
 
     def finish(self) -> None:
-        """Do all that waits: there will be no other turn."""
+        """Make all waiting calls now, because there will be no other turn."""
         while (act := self._take()) is not None:
             act()
 
@@ -110,7 +110,7 @@ class Slices:
         self._room, self._posted = SLICE, False
         try:
             self._go_on()
-        finally:  # what raises has had its turn, and the rest has the next one
+        finally:  # a call that raises is not repeated; the rest follows
             if self._waiting:
                 self._posted = True
                 self._post(self._next_turn)

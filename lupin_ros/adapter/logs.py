@@ -1,5 +1,6 @@
-"""Logging: structured events as lines of the node's logger and of a file, callbacks whose exceptions end up
-there, and lines that are not repeated.
+"""Logs structured events to the node's logger and a file, exceptions of callbacks too, and counts repeats.
+
+A text of which there are more than `MOST` different lines in `COUNT_S` seconds is rate-limited, too.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from lupin_engine.errors import shortened
 
 @contextlib.contextmanager
 def _hidden(*names: str) -> Iterator[None]:
-    """Let imports fail of what is not imported yet."""
+    """Let imports of these modules fail, unless they are imported already."""
     hidden = [name for name in names if name not in sys.modules]
     sys.modules.update(dict.fromkeys(hidden))  # type: ignore[arg-type]
     try:
@@ -38,9 +39,9 @@ with _hidden("rich", "colorama", "better_exceptions"):
 if TYPE_CHECKING:
     from structlog.typing import EventDict, FilteringBoundLogger
 
-#: How many letters a line may have: some of them are others' words. A traceback is not cut.
+#: The most letters of a line, as some are others' words. A traceback is not cut.
 MAX_LINE = 4000
-#: Equal lines are counted for so many seconds, and so many different ones of a text are told meanwhile.
+#: Equal lines are counted for so many seconds, in which so many different ones of a text are logged.
 COUNT_S, MOST = 10.0, 200
 #: Details by which lines do not differ.
 _IDS = frozenset({"command_id", "age"})
@@ -63,32 +64,32 @@ def guarded(callback: Callable[..., Any], log: FilteringBoundLogger) -> Callable
 
 
 class WarnOnce:
-    """Warnings that may come with every message: each is told once, and not more than `most` of them."""
+    """Warnings that may come with every message: each is logged once, and not more than `most` of them."""
 
     def __init__(self, log: FilteringBoundLogger, most: int = 100) -> None:
         self._log = log
         self._most = most
-        self._told: set[tuple[str, ...]] = set()
+        self._logged: set[tuple[str, ...]] = set()
 
     def __call__(self, text: str, **details: str) -> None:
         """Warn, unless that was done before in the same words and with the same details."""
         warning = (text, *details.values())
-        if warning not in self._told and len(self._told) < self._most:
-            self._told.add(warning)
+        if warning not in self._logged and len(self._logged) < self._most:
+            self._logged.add(warning)
             self._log.warning(text, **details)
 
 
 @dataclass
 class _Counted:
-    """Lines of one text since a moment: which were told, and how many were not."""
+    """Lines of one text since a time: the hashes of those logged, and how many were only counted."""
 
     since: float
-    told: set[int] = field(default_factory=set)
+    logged: set[int] = field(default_factory=set)
     more: int = 0
 
 
 class _RecordFile(RotatingFileHandler):
-    """A file of records; one that cannot be written changes nothing, for the console says the same."""
+    """A file of records; a failed write is ignored, because the console has the same lines."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802
         """Go on."""
@@ -106,7 +107,7 @@ class NodeLog:
         self._now = now
         self._counted: dict[tuple[str, str], _Counted] = {}
         self._file: _RecordFile | None = None
-        #: What every line of the file says besides, such as the mission that is under way.
+        #: Fields of every line of the file, such as the id of the mission.
         self.about: dict[str, Any] = {}
         self.log: FilteringBoundLogger = structlog.wrap_logger(
             _RosSink(node.get_logger()),
@@ -124,26 +125,26 @@ class NodeLog:
         self._file = _RecordFile(path, maxBytes=size, backupCount=files, delay=True, encoding="utf-8")
 
     def flush(self) -> None:
-        """Tell how many lines were not told; to be called every `COUNT_S` seconds."""
+        """Log the counts of repeated lines; must be called every `COUNT_S` seconds."""
         for key, counted in list(self._counted.items()):
             if self._now() - counted.since >= COUNT_S:
-                self._tell_more(key)
+                self._log_repeats(key)
 
     def close(self) -> None:
-        """Tell what was counted, and close the file."""
+        """Log the counts, and close the file."""
         for key in list(self._counted):
-            self._tell_more(key)
+            self._log_repeats(key)
         if self._file is not None:
             with contextlib.suppress(OSError):  # what a full disk did not take is lost
                 self._file.close()
 
-    def _tell_more(self, key: tuple[str, str]) -> None:
+    def _log_repeats(self, key: tuple[str, str]) -> None:
         counted = self._counted.pop(key)
         if counted.more:
             level, text = key
             seconds = max(1.0, self._now() - counted.since)
-            told = f"{text}: {counted.more} times more in {seconds:.0f} s"
-            getattr(self.log, level)(told, **{_UNCOUNTED: True})
+            logged = f"{text}: {counted.more} times more in {seconds:.0f} s"
+            getattr(self.log, level)(logged, **{_UNCOUNTED: True})
 
     def _count(self, _: Any, level: str, event: EventDict) -> EventDict:
         if event.pop(_UNCOUNTED, False):
@@ -151,17 +152,17 @@ class NodeLog:
         key = level, str(event.get("event", ""))
         counted = self._counted.get(key)
         if counted is not None and self._now() - counted.since >= COUNT_S:
-            self._tell_more(key)
+            self._log_repeats(key)
             counted = None
         if counted is None:
             if len(self._counted) >= MOST:
-                self._tell_more(next(iter(self._counted)))
+                self._log_repeats(next(iter(self._counted)))
             counted = self._counted[key] = _Counted(self._now())
         line = hash(repr([(name, value) for name, value in event.items() if name not in _IDS]))
-        if line in counted.told or len(counted.told) >= MOST:
+        if line in counted.logged or len(counted.logged) >= MOST:
             counted.more += 1
             raise structlog.DropEvent
-        counted.told.add(line)
+        counted.logged.add(line)
         return event
 
     def _record(self, _: Any, level: str, event: EventDict) -> EventDict:

@@ -1,4 +1,4 @@
-"""Who publishes, subscribes, serves and calls what: the live map of a ROS domain, as plain data.
+"""Reads the graph of a ROS domain: who publishes, subscribes, serves and calls which name, as plain data.
 
 Read off the DDS topics that every endpoint announces. A service is a pair of them (`rq…Request`, `rr…Reply`,
 in the names that rmw gives them), an action three services and two topics; who sends requests is its client.
@@ -84,7 +84,7 @@ def interfaces(node: Any, without: Iterable[str] = (), *, parts: bool = False) -
     Args:
         node: any node; discovery must have had its time.
         without: full names of nodes to leave out, such as the one that looks.
-        parts: also tell the services and topics that actions are made of: some only cancel.
+        parts: also return the services and topics of actions: some clients only cancel.
     """
     hidden = frozenset(without)
     channels = {
@@ -148,7 +148,7 @@ def _requests(channels: Mapping[str, _DdsTopic]) -> Iterator[tuple[str, _DdsTopi
 
 
 def _asked(kind: Kind, name: str, requests: _DdsTopic, ending: str) -> Iterator[Interface]:
-    """Describe what is asked with requests: its servers read them, its clients write them."""
+    """Yield the interface of a topic of requests: servers read it, clients write it."""
     ends = [*requests.readers, *requests.writers]
     if not ends:
         return
@@ -182,19 +182,19 @@ def _definitions(ends: Iterable[Any]) -> Iterator[str]:
         if str(end.topic_type_hash) != "INVALID":  # an older ROS 2, which announces none
             users.setdefault((type_name(end), str(end.topic_type_hash)), set()).add(node_name(end))
     if len(users) > 1:
-        told = "; ".join(
+        found = "; ".join(
             f"{', '.join(sorted(nodes))}: {type_} {hash_}" for (type_, hash_), nodes in users.items()
         )
-        yield f"different definitions ({told}): build both sides from the same interface packages"
+        yield f"different definitions ({found}): build both sides from the same interface packages"
 
 
 def _unmatched(channel: _DdsTopic) -> Iterator[str]:
     """Return pairs with incompatible QoS: a reader that requires more than the writer offers gets nothing."""
-    told = set()
+    found = set()
     for writer, reader in product(channel.writers, channel.readers):
         fit, reason = qos_check_compatible(writer.qos_profile, reader.qos_profile)
         why = reason.replace("ERROR: ", "").strip(";").replace(";", ", ").lower()
         text = f"{node_name(reader)} hears nothing of {node_name(writer)}: {why}"
-        if fit == QoSCompatibility.ERROR and text not in told:
-            told.add(text)
+        if fit == QoSCompatibility.ERROR and text not in found:
+            found.add(text)
             yield text

@@ -8,17 +8,17 @@ Each work-around lives in this package, for this reason:
 * a deadline on every call (`calls`), then `remove_pending_request`: an answer may never come;
 * results asked for again (`actions`): rclpy leaves the future pending when a result was lost in an outage;
 * requests refused by the middleware's timestamp (`executor`): those sent in an outage arrive after it;
-* a node leaves only when its cancels are answered (`actions`): goals would go on with nobody watching;
-* own signal handlers (`process`): rclpy's shut the context down before anybody can say good-bye;
+* a node leaves only when its cancels are answered (`actions`): goals would go on unobserved;
+* own signal handlers (`process`): rclpy's shut the context down before the `on_stop` callbacks;
 * `ExternalShutdownException` ends a spin quietly: the context may be shut down from elsewhere;
 * the end of the spin closes executor, node and context: a leaking server steals the requests of the next;
 * a limit on that (`process`): Fast DDS deadlocks in about 1 of 700 ends when several nodes leave at once;
-* a profile of our own (`dds`): finding a peer takes up to 2.4 s and noticing its death 20 s without, and
-  everybody on the network is answered;
+* a profile of our own (`dds`): without it finding a peer takes up to 2.4 s and detecting its death 20 s, and
+  every participant on the network is answered;
 * no second wake-up after each callback, and a wait set that is kept (`executor`, `wait_set`): rclpy's take
   two thirds of an idle node's processor time;
-* references to what is gone are dropped (`executor`): rclpy keeps one for each timer that there has been;
-* results of goals are kept for two minutes (`actions`): rclpy keeps and tells those of fifteen;
+* dead references are dropped (`executor`): rclpy keeps one for each timer that was ever made;
+* results of goals are kept for two minutes (`actions`): rclpy keeps and publishes those of fifteen;
 * posting wakes the executor: nothing else makes it look for work of other threads;
 * timers run on the monotonic clock (on ROS time with `use_sim_time`): a stepped wall clock moves no deadline;
 * declared parameter types, integers accepted for doubles (`parameters`): rclpy refuses `60` for a double;
@@ -26,8 +26,8 @@ Each work-around lives in this package, for this reason:
 * a node that stood still for longer than others remember it ends itself (`process`): Fast DDS may never
   match the two again;
 * bytes counted before a message is read (`qos`): a list of thousands keeps a stop waiting for a second;
-* diagnostics of every node (`vitals`): one that hangs is on the network all the same;
-* servers counted (`peers`): two of one name are otherwise both obeyed.
+* diagnostics of every node (`vitals`): a hanging one stays in the graph;
+* servers counted (`peers`): two of one name would both carry out every request.
 """
 
 from __future__ import annotations
@@ -126,21 +126,18 @@ def enclave_of(node: str) -> str:
 
 
 def _enclave_arguments(node: str, given: Sequence[str]) -> list[str]:
-    """Return the ROS arguments that say so, where SROS2 is switched on and nobody says otherwise."""
+    """Return the ROS arguments of that enclave, where SROS2 is on and no other is given."""
     said = {"-e", "--enclave"}.intersection(given) or os.environ.get("ROS_SECURITY_ENCLAVE_OVERRIDE")
     return [] if said or not is_secured() else ["--ros-args", "--enclave", enclave_of(node)]
 
 
 def is_secured() -> bool:
-    """Say whether SROS2 is switched on."""
+    """Return whether SROS2 is switched on."""
     return os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true"
 
 
 def begin(context: Context, arguments: Sequence[str]) -> None:
-    """Begin a context with ROS arguments.
-
-    What rcl would write into a file of its own, which never ends, is said on the console as well.
-    """
+    """Begin a context with ROS arguments, without rcl's own log file, which would grow without limit."""
     rclpy.init(
         args=["--ros-args", "--disable-external-lib-logs", "--", *arguments],
         context=context,
@@ -199,7 +196,7 @@ class RosNode:
 
     Everything is called on the thread that spins, except `post` and `stop`. Parameters are declared with
     type, range and documentation; values given on the command line are checked before anything else.
-    Where they depend on what is given (a mission brings its own), `parameters` is a function of that.
+    `parameters` may be a function of the given values, because a mission has its own.
 
     Raises:
         UsageError: ROS cannot read the arguments.
@@ -208,7 +205,7 @@ class RosNode:
 
     #: The context of all nodes of this process, where they share one.
     _shared: ClassVar[Context | None] = None
-    #: Called in place of every spin by who only wants to know what nodes declare; the node ends then.
+    #: Called instead of every spin, to read the interfaces that a node declares; the node ends then.
     rehearsed: ClassVar[Callable[[RosNode], None] | None] = None
 
     def __init__(
@@ -232,9 +229,9 @@ class RosNode:
         self._posted: deque[Callable[[], object]] = deque()
         self._wakeup = self.node.create_guard_condition(self._run_posted)
         self._closed = self._stopping = False
-        #: What the ids of goals are made of: who goes on with another process's work has the same.
+        #: The seed of the ids of goals; a process that resumes another's work has the same.
         self.lineage = uuid.uuid4().hex
-        #: The topic by which those who work for this node hear that it is there; '' for none.
+        #: The topic by which servers of this node's goals see that it is alive; '' for none.
         self.lifeline = ""
         self._stop_callbacks: list[Callable[[], None]] = []
         self._callers: list[ActionCaller] = []
@@ -243,7 +240,7 @@ class RosNode:
         self._vitals: Vitals | None = None
         self._failures: deque[float] = deque(maxlen=MAX_FAILURES_PER_SECOND)
         self._stood_still: float | None = None
-        self._told_findings: frozenset[str] = frozenset()
+        self._logged_findings: frozenset[str] = frozenset()
         self._seen_rivals: frozenset[str] = frozenset()
         #: Topics whose last message was too large.
         self._refused: set[str] = set()
@@ -286,9 +283,9 @@ class RosNode:
     ) -> None:
         """Allow changes at run time: `callback` gets the new values (checked, base units) by name.
 
-        It returns None to take them or a text that says why not. Without any callback every change is
-        refused, because a value that is only read at the start would seem to have been set. ROS may still
-        refuse what was taken: `stored` gets values that count from now on.
+        It returns None to accept them, or why not. Without any callback every change is refused, because a
+        value that is only read at the start would seem to have been set. ROS may still refuse accepted
+        values: `stored` gets those that ROS has stored.
         """
         self._declared.on_change(callback, stored and self.guarded(stored))
 
@@ -297,10 +294,10 @@ class RosNode:
         self._declared.set(name, value)
 
     def values_with(self, specs: Declared) -> dict[str, Any]:
-        """Return what parameters would be after `declare_anew`; nothing changes.
+        """Return the values after a `declare_anew`, without changing anything.
 
         Raises:
-            LupinError: a value was given that one of them may not have, or ROS has no such type.
+            LupinError: a given value is not allowed, or ROS has no such type.
         """
         return self._declared.values_with(specs)
 
@@ -321,8 +318,8 @@ class RosNode:
     def elapsed(self) -> float:
         """Return seconds on the clock of the timers: for durations, not to be shown or sent.
 
-        It never goes back. Simulated time that does goes on from here: what was a second ago is still a
-        second ago. So does time that is heard of for the first time: nobody has waited since 1970.
+        It never goes back: where simulated time jumps back, or is received for the first time, the clock goes
+        on from its last value.
         """
         clock = self._timer_clock()
         if clock is self._steady:
@@ -374,7 +371,7 @@ class RosNode:
     ) -> Subscription:
         """Call `callback` with every message of `topic`, until the node's `destroy_subscription`.
 
-        One of more than `most` bytes, by default what `qos` says of its kind, is refused and reported.
+        One of more than `most` bytes, by default `qos.most_bytes`, is refused and reported.
         """
         limit, guard = most or most_bytes(kind), self.guarded(callback)
         if limit is None:
@@ -407,8 +404,8 @@ class RosNode:
     ) -> Subscription:
         """Call `callback` with the bytes of every message, as CDR, and with the times of its transport.
 
-        These are `source_timestamp` and `received_timestamp`, in nanoseconds of the wall clock. See
-        `qos.heard_profile` for what other nodes publish.
+        These are `source_timestamp` and `received_timestamp`, in nanoseconds of the wall clock.
+        `qos.heard_profile` makes a profile that matches the publishers of other nodes.
         """
         guard = self.guarded(callback)
 
@@ -431,10 +428,10 @@ class RosNode:
         """Answer requests with `callback(request, response)`, which returns the response.
 
         A request that was sent more than `stale_after` seconds ago is not carried out: its caller has
-        given up. Where that depends on the request, `stale_after` judges it (see `StaleAfter`). It is
-        answered with `refuse(response, reason)`, in case the caller waits all the same and only the clocks
-        disagree; without `refuse` not at all. When the callback fails nothing is answered, because an empty
-        response may mean success; the caller's deadline tells it.
+        given up. Where that depends on the request, `stale_after` is a function (see `StaleAfter`). It is
+        answered with `refuse(response, reason)`, in case the caller still waits and only the clocks disagree;
+        without `refuse` not at all. When the callback raises nothing is answered, because an empty response
+        may mean success; the caller's deadline reports it.
         """
         self._serve(kind, name, callback, Serving(stale_after, refuse, later=False))
 
@@ -447,9 +444,9 @@ class RosNode:
         stale_after: StaleAfter = None,
         refuse: Callable[[Any, str], Any] | None = None,
     ) -> None:
-        """Answer requests whenever it suits: `callback(request, response, answer)`, then `answer(response)`.
+        """Answer requests asynchronously: `callback(request, response, answer)`, then `answer(response)`.
 
-        For answers that depend on others. `answer` is called once, now or later; see `serve` for the rest.
+        `answer` must be called once, now or later; see `serve` for the rest.
         """
         self._serve(kind, name, callback, Serving(stale_after, refuse, later=True))
 
@@ -492,19 +489,19 @@ class RosNode:
         return list(self._channels)
 
     def watch_channels(self, channels: Sequence[str]) -> None:
-        """Compare the types of these DDS topics with those of the peers, as of all that the node makes."""
+        """Compare the types of these DDS topics with the peers', as for the node's own."""
         self._channels.update(dict.fromkeys(channels))
 
     def _check_peers(self) -> None:
         self._executor.events_too = True
         rivals = frozenset(rival_servers(self))
         found = frozenset(peer_mismatches(self)) | (rivals & self._seen_rivals)
-        for finding in sorted(found - self._told_findings):
+        for finding in sorted(found - self._logged_findings):
             self.log.error(finding)
-        self._told_findings, self._seen_rivals = found, rivals
+        self._logged_findings, self._seen_rivals = found, rivals
 
     def trouble(self, about: str, problem: str) -> None:
-        """Tell of a trouble with every report on /diagnostics from now on; '' when it is over."""
+        """Report a trouble on /diagnostics from now on; '' when it is over."""
         if self._vitals is None:
             return
         self._vitals.troubles.pop(about, None)
@@ -535,12 +532,12 @@ class RosNode:
         `CANCEL_LIMIT_S`. Returns cleanly in all these cases.
 
         Raises:
-            StoodStill: the process did, and others may have forgotten the node; it has ended as on `stop`.
+            StoodStill: the process stood still, others may have forgotten the node; it ended as on `stop`.
             Exception: the node keeps failing outside its callbacks (see MAX_FAILURES_PER_SECOND).
         """
         with signals_call(self.stop), self._watching() as limit, contextlib.ExitStack() as end:
             end.callback(self.leave)
-            end.callback(self._say_goodbye)
+            end.callback(self._shut_down)
             if RosNode.rehearsed is not None:
                 RosNode.rehearsed(self)
                 return
@@ -566,24 +563,24 @@ class RosNode:
         with standstill_calls(end, limit, partial(time.clock_gettime, which)):
             yield limit
 
-    def _say_goodbye(self) -> None:
+    def _shut_down(self) -> None:
         for callback in self._stop_callbacks:
             self.guarded(callback)()
         if self._context.ok():
             if self._vitals is not None:
                 self.guarded(self._vitals.end)()
-            self.guarded(self._have_goals_ended)()
+            self.guarded(self._cancel_goals)()
             self.guarded(self._deliver)()
 
-    def _have_goals_ended(self) -> None:
-        """Cancel the goals of all clients, and wait for the answers; nothing new is begun meanwhile."""
+    def _cancel_goals(self) -> None:
+        """Cancel the goals of all clients, and wait for the answers; other callbacks are not called."""
         for caller in self._callers:
             caller.close()
         self._executor.answers_only = True
         self.work_until(lambda: all(caller.released for caller in self._callers), CANCEL_LIMIT_S)
 
     def _deliver(self) -> None:
-        """Wait until subscribers have what was published last, such as the end of a motion."""
+        """Wait until subscribers have acknowledged the last messages, such as the end of a motion."""
         end = time.monotonic() + DELIVERY_LIMIT_S
         for publisher in self.node.publishers:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
@@ -626,7 +623,7 @@ class RosNode:
         self.post(lambda: None)
 
     def leave(self) -> None:
-        """Close, as the last thing that this process does with ROS: a hanging teardown ends the process."""
+        """Close, as the last use of ROS in this process: a hanging teardown ends the process."""
         with ends_the_process_after(TEARDOWN_LIMIT_S):
             self.close()
 

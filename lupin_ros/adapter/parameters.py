@@ -52,7 +52,7 @@ def ros_type(name: str, kind: Type) -> RosParameter.Type:
 
 
 def descriptor(spec: Parameter) -> ParameterDescriptor:
-    """Return what `ros2 param describe` shows: documentation, unit and range or choice."""
+    """Return the descriptor that `ros2 param describe` shows: documentation, unit and range or choice."""
     kind, unit = spec.type, _unit(spec.type)
     described = ParameterDescriptor(description=f"{spec.doc} [{unit}]" if unit else spec.doc)
     if kind.values:
@@ -74,19 +74,19 @@ def descriptor(spec: Parameter) -> ParameterDescriptor:
 
 
 def _unit(kind: Type) -> str:
-    """Return what the numbers are in; of a record, which travels as a list, field by field."""
+    """Return the unit of a number; of a record, which is sent as a list, each field's."""
     fields = (f"{name} {field.unit}".rstrip() for name, field in kind.fields.items())
     return ", ".join(fields) if kind.kind == "record" else kind.unit
 
 
 def read(name: str, spec: Parameter, value: Any) -> Any:
-    """Return what ROS delivered for `spec` as plain checked data in base units.
+    """Return a value from ROS as plain checked data in base units.
 
     Integers are taken for numbers, `60 s` in text for a number with that unit, a list of three numbers for
     a pose; None or an empty list mean "not given" where the default is None.
 
     Raises:
-        ValueError: wrong type or out of range; the text names parameter, value and what is allowed.
+        ValueError: wrong type or out of range; the text names parameter, value and allowed values.
     """
     if spec.default is None and _is_nothing(spec, value):
         return None
@@ -99,7 +99,7 @@ def read(name: str, spec: Parameter, value: Any) -> Any:
 def to_ros(name: str, spec: Parameter, value: Any) -> RosParameter:
     """Return checked data as a ROS parameter.
 
-    The type is always said: rclpy takes an empty list for a byte array.
+    The type is always given: rclpy takes an empty list for a byte array.
     """
     kind = ros_type(name, spec.type)
     if isinstance(value, Mapping):
@@ -162,9 +162,9 @@ def _hint(kind: Type, value: Any) -> str:
 
 #: Parameters by name.
 Declared = Mapping[str, Parameter]
-#: Gets new values by name; returns None to take them or a text that says why not.
+#: Gets new values by name; returns None to accept them, or why not.
 OnChange = Callable[[Mapping[str, Any]], str | None]
-#: Hears of values that ROS has stored.
+#: Gets values that ROS has stored.
 Stored = Callable[[Mapping[str, Any]], None]
 
 #: Parameters that ROS itself reads from the command line.
@@ -172,7 +172,7 @@ _ROS_OWN = ("use_sim_time", "start_type_description_service")
 
 
 class DeclaredParameters:
-    """What `RosNode` knows of its parameters; see there for what the methods promise."""
+    """The declared parameters of a `RosNode`, which documents the methods."""
 
     def __init__(
         self,
@@ -202,7 +202,7 @@ class DeclaredParameters:
         }
 
     def on_change(self, callback: OnChange, stored: Stored | None = None) -> None:
-        """Allow changes at run time if `callback` accepts them; `stored` hears of those that were made."""
+        """Allow changes at run time if `callback` accepts them; `stored` gets those that were made."""
         self._on_change.append(callback)
         if stored is not None:
             self._hear_of_stored.append(stored)
@@ -212,7 +212,7 @@ class DeclaredParameters:
         self._node.set_parameters([to_ros(name, self._specs[name], value)])
 
     def values_with(self, specs: Declared) -> dict[str, Any]:
-        """Return what parameters would be after `declare_anew`; nothing changes."""
+        """Return the values after a `declare_anew`, without changing anything."""
         for name, spec in specs.items():
             ros_type(name, spec.type)
         kept = {name: value for name, value in self.values().items() if specs.get(name) == self._specs[name]}
@@ -267,7 +267,7 @@ class DeclaredParameters:
     # --- while the node runs
 
     def _retyped(self, change: RosParameter) -> RosParameter:
-        """Return an integer given for a double as a double; what cannot be read stays as it is."""
+        """Return an integer given for a double as a double; a value that cannot be read is unchanged."""
         spec = self._specs.get(change.name)
         if spec is None:
             return change

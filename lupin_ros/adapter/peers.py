@@ -1,8 +1,9 @@
-"""Peers that are incompatible with this node, detected from what DDS announces of them.
+"""Detects incompatible peers and second servers from the DDS endpoints that others announce.
 
 Two processes with different definitions of a message match each other; one direction then delivers nothing,
-the other truncated objects, and nobody warns. The announced type hashes are the only sign. Two servers of one
-service both carry out every request, and the caller hears one of them: here the second answerer is the sign.
+the other truncated objects, without a warning. Only the announced type hashes show it. Two servers of one
+service both carry out every request, and the caller gets one answer; the second publisher of answers shows
+it.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 from lupin_ros.adapter.host import Host
 from lupin_ros.adapter.network import NAMELESS, UNKNOWN, node_name, type_name
 
-#: What an action's server tells of its goals.
+#: The suffix of an action's status topic.
 _STATUS = "/_action/status"
 
 
@@ -44,9 +45,9 @@ def peer_mismatches(ros: Host) -> list[str]:
 
 
 def is_listened_to(ros: Host, topic: str, server: str) -> bool:
-    """Say whether all nodes that serve a service, or an action by `NAME/_action/send_goal`, hear a topic.
+    """Return whether all servers of a service or action (`NAME/_action/send_goal`) subscribe to a topic.
 
-    Both are full names. A node that is not discovered as a whole yet does not.
+    Both are full names. A node that is not fully discovered yet does not.
     """
     _, replies = service_channels(server)
     serving = {node_name(e) for e in ros.node.get_publishers_info_by_topic(replies, no_mangle=True)}
@@ -57,7 +58,7 @@ def is_listened_to(ros: Host, topic: str, server: str) -> bool:
 def rival_servers(ros: Host) -> list[str]:
     """Return the services and actions of this node that another node offers as well.
 
-    A node that crashed stays visible for some seconds: believe only what is found twice.
+    A node that crashed stays visible for some seconds: rely only on a finding of two checks.
     """
     me = (ros.node.get_name(), ros.node.get_namespace())
     return [finding for channel in ros.channels() for finding in _rivals(ros.node, channel, me)]
@@ -75,7 +76,7 @@ def _rivals(node: Any, channel: str, me: tuple[str, str]) -> Iterator[str]:
 
 
 def _served(channel: str) -> str:
-    """Return the service or action of which only the servers publish this channel; '' for other channels."""
+    """Return the service or action whose servers publish this channel; '' for other channels."""
     kind, name = channel[:2], channel[2:]
     if kind == "rr" and "/_action/" not in name:
         return name.removesuffix("Reply")
@@ -94,7 +95,7 @@ def _channel_findings(node: Any, channel: str, me: tuple[str, str]) -> Iterator[
     for peer in _others(endpoints, me):
         if _announces(peer) == _announces(mine) or not _is_known(peer):
             continue
-        finding = _told(channel, mine, peer)
+        finding = _finding_text(channel, mine, peer)
         if finding not in seen:
             seen.add(finding)
             yield finding
@@ -113,7 +114,7 @@ def _announces(endpoint: Any) -> tuple[str, str]:
     return endpoint.topic_type, str(endpoint.topic_type_hash)
 
 
-def _told(channel: str, mine: Any, peer: Any) -> str:
+def _finding_text(channel: str, mine: Any, peer: Any) -> str:
     return (
         f"{_ros_name(channel)}: node {node_name(peer)} uses another definition: "
         f"here {type_name(mine)} {mine.topic_type_hash}, there {type_name(peer)} {peer.topic_type_hash}; "

@@ -1,10 +1,10 @@
-"""What a node does to its process: signals and its end.
+"""Signals and the end of a node's process; a process that stood still; nodes that share a process.
 
 A node that was started by `lupin run`, or by a test, does not outlive it. The supervisor holds the writing
 end of the child's standard input and never writes. However the supervisor ends, `kill -9` included, the
-kernel closes that end, and a thread of the child reads the end of the file. The child is then told to stop as
-an operator would (SIGTERM: goals are cancelled, the robot stops) and killed when it has not ended in time. A
-SIGKILL from the kernel on the parent's death would be shorter and would leave a real robot driving.
+kernel closes that end, and a thread of the child reads the end of the file. The child then gets a SIGTERM, as
+from an operator (goals are cancelled, the robot stops), and is killed after `GRACE_S`. A SIGKILL from the
+kernel on the parent's death would be shorter and would leave a real robot driving.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from lupin_engine.errors import LupinError
 #: Set for the processes that a supervisor starts.
 SUPERVISED = "LUPIN_SUPERVISED"
 
-#: Seconds between being told to stop and being killed, once the supervisor is gone.
+#: Seconds between the SIGTERM and the SIGKILL, once the supervisor is gone.
 GRACE_S = 5.0
 
-#: Seconds between two looks at whether the process stood still.
+#: The period of the check for a standstill, in seconds.
 LOOK_S = 0.25
-#: Who waits for Python's lock wakes every 5 ms to ask for it: in a process that stands still nobody does.
+#: A thread that waits for Python's lock wakes every 5 ms, except in a process that stands still.
 _WAKES = 10
 
 _LEAVING = threading.Lock()
@@ -40,24 +40,24 @@ _STDERR = 2
 
 
 class StoodStill(LupinError):
-    """The process stood still, and other nodes may have forgotten it: it is to be started again."""
+    """The process stood still for so long that others may have forgotten it; it must be started again."""
 
     exit_code = 75  # EX_TEMPFAIL: the same again may succeed
 
 
 class _Ending:
-    """The end of nodes that share a process: each is told to stop, now or as soon as it spins."""
+    """Stops the nodes that share a process: those that spin, and later ones as soon as they spin."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._stops: list[Callable[[], None]] = []
-        self._is_told = False
+        self._is_stopped = False
 
     @contextlib.contextmanager
     def calls(self, stop: Callable[[], None]) -> Iterator[None]:
         with self._lock:
             self._stops.append(stop)
-            late = self._is_told
+            late = self._is_stopped
         if late:
             stop()
         try:
@@ -66,9 +66,9 @@ class _Ending:
             with self._lock:
                 self._stops.remove(stop)
 
-    def tell(self) -> None:
+    def stop_all(self) -> None:
         with self._lock:
-            self._is_told = True
+            self._is_stopped = True
             stops = list(self._stops)
         for stop in stops:
             stop()
@@ -78,24 +78,24 @@ _ENDING = _Ending()
 
 
 def run_together(nodes: Mapping[str, Callable[[], int]]) -> int:
-    """Run nodes on threads of their own; when one has ended, or a signal came, all are told to stop.
+    """Run nodes on threads of their own; when one ends, or at a signal, stop all.
 
-    Returns the first exit code that is not 0. What one raised first is raised here. Nodes that have not
-    stopped `GRACE_S` after another end with the process, code 1: to be started again together.
+    Returns the first exit code that is not 0. The first exception of a node is raised here. Where nodes have
+    not stopped in `GRACE_S`, the process exits with code 1, to be started again as a whole.
     """
     ended: SimpleQueue[int | BaseException] = SimpleQueue()
 
     def run(node: Callable[[], int]) -> None:
         try:
             ended.put(node())
-        except BaseException as problem:  # whatever it was, the others must not go on without it
+        except BaseException as problem:  # the others must not go on without this node
             ended.put(problem)
 
-    with signals_call(_ENDING.tell):
+    with signals_call(_ENDING.stop_all):
         for name, node in nodes.items():
             threading.Thread(target=run, args=(node,), name=name, daemon=True).start()
         results = [ended.get()]
-        _ENDING.tell()
+        _ENDING.stop_all()
         with contextlib.suppress(Empty):
             while len(results) < len(nodes):
                 results.append(ended.get(timeout=GRACE_S))
@@ -150,13 +150,13 @@ def signals_call(stop: Callable[[], None]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def standstill_calls(
-    tell: Callable[[float], None], limit: float, clock: Callable[[], float]
+    report: Callable[[float], None], limit: float, clock: Callable[[], float]
 ) -> Iterator[None]:
-    """Call `tell`, on another thread, when the process has stood still for more than `limit` seconds.
+    """Call `report`, on another thread, when the process has stood still for more than `limit` seconds.
 
     It gets the seconds, and is called once at most. `clock` is in seconds and never goes back. A call that
-    holds Python's lock for as long is no standstill: the threads of the middleware, which tell others that
-    this node is there, do without it.
+    holds Python's lock for as long is no standstill: the threads of the middleware, which announce this node
+    to others, do without it.
     """
     over = threading.Event()
 
@@ -165,7 +165,7 @@ def standstill_calls(
         while not over.wait(LOOK_S):
             now, wakes = clock(), _wakes()
             if now - before > limit and wakes - woken < _WAKES:
-                tell(now - before)
+                report(now - before)
                 return
             before, woken = now, wakes
 
@@ -179,7 +179,7 @@ def standstill_calls(
 
 
 def _wakes() -> int:
-    """Return how often this thread has waited for something until now."""
+    """Return the number of voluntary context switches of this thread."""
     return resource.getrusage(resource.RUSAGE_THREAD).ru_nvcsw
 
 

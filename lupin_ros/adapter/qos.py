@@ -1,13 +1,11 @@
-"""How topics travel: the quality-of-service profiles, and how large a message may be.
+"""Quality-of-service profiles of topics and services, and limits on the size of messages.
 
-The profiles are declared once, so that two ends cannot disagree.
+The profiles are declared once, so that two ends cannot disagree: a TRANSIENT_LOCAL subscriber never matches a
+VOLATILE publisher, and nothing reports it.
 
-A TRANSIENT_LOCAL subscriber never matches a VOLATILE publisher, and says nothing about it; that is why a
-topic is created with one of these names and never with a profile of its own.
-
-Reading a message holds the thread on which a stop waits for its turn: rclpy makes Python objects of all of it
-before anybody can look. That takes about 20 us for each message or text in a list, and 0.6 ms for a megabyte
-of numbers or of one text. Lists and texts have no bound on the wire, so the bytes are counted first.
+Deserialising a message blocks the thread that a stop needs: rclpy makes Python objects of all of it. That
+takes about 20 us for each message or text in a list, and 0.6 ms for a megabyte of numbers or of one text.
+Lists and texts have no bound on the wire, so the bytes are counted first.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ from typing import Any
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-#: Messages kept for who listens to whatever there is, until it takes them.
+#: The queue of a subscriber to any topic, in messages.
 HEARD_DEPTH = 1000
 #: Requests kept per service. The default of 10 is shared by all clients and loses the rest silently.
 SERVICE_DEPTH = 1000
@@ -34,7 +32,7 @@ _NUMBER = re.compile(r"u?int\d+|float|double|boolean|octet|byte|char")
 
 
 class Qos(enum.Enum):
-    """Names of the profiles; `profile()` is what rclpy wants."""
+    """Names of the profiles; `profile()` makes rclpy's."""
 
     LATCHED = "latched"  #: reliable, transient local, depth 1: a state that late joiners must see
     BACKLOG = "backlog"  #: reliable, transient local, depth 50: observations
@@ -64,10 +62,10 @@ _PROFILES = {
 
 
 def heard_profile(offered: Sequence[QoSProfile], depth: int = HEARD_DEPTH) -> QoSProfile:
-    """Return the profile with which a subscriber hears all publishers of a topic, and what they keep.
+    """Return a profile of a subscriber that matches all publishers of a topic, with latched messages.
 
-    It asks for what every one of them offers: one that asks for more is not matched. `depth` is how many
-    messages are kept until they are taken.
+    It requests no more than every publisher offers, as a publisher that offers less is not matched. It is
+    latched only if all are. `depth` is the length of the queue.
     """
     reliable = all(offer.reliability == ReliabilityPolicy.RELIABLE for offer in offered)
     latched = all(is_latched(offer) for offer in offered)
@@ -75,7 +73,7 @@ def heard_profile(offered: Sequence[QoSProfile], depth: int = HEARD_DEPTH) -> Qo
 
 
 def is_latched(profile: QoSProfile) -> bool:
-    """Say whether late subscribers get what was published before."""
+    """Return whether late subscribers get messages that were published before."""
     return bool(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -89,14 +87,14 @@ def _profile(reliable: bool, latched: bool, depth: int) -> QoSProfile:
 
 
 def asks_more(asked: QoSProfile, wanted: QoSProfile) -> bool:
-    """Say whether a subscriber asks for more than it wants, and may not be matched for that."""
+    """Return whether a subscriber requests more than it wants, and may not be matched for that."""
     reliable = ReliabilityPolicy.RELIABLE
     more_reliable = asked.reliability == reliable and wanted.reliability != reliable
     return bool(more_reliable) or (is_latched(asked) and not is_latched(wanted))
 
 
 def offers_text(offered: Iterable[QoSProfile]) -> str:
-    """Return what publishers offer as rosbag2 writes it down: YAML, each once."""
+    """Return the offered profiles as rosbag2 writes them: YAML, each once."""
     return "\n".join(dict.fromkeys(_offer_text(profile) for profile in offered))
 
 
@@ -123,7 +121,7 @@ def _span_text(span: Duration) -> str:
 
 @cache
 def most_bytes(kind: Any) -> int | None:
-    """Return how many bytes a message of a kind may have; None for one that has no list and no text."""
+    """Return the limit of a message type in bytes; None for one without lists and texts."""
     elements = list(_unbounded(kind()))
     if not elements:
         return None

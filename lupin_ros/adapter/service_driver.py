@@ -1,4 +1,4 @@
-"""A driver whose operations are one service call each; a plugin adds what to ask and what an answer means."""
+"""A driver whose operations are one service call each; a plugin gives the request and reads the answer."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from lupin_engine.plugin import Outlet
 from lupin_ros.adapter.host import TimerHandle
 from lupin_ros.adapter.node import CallFailure, ServiceCall, ServiceCaller
 
-#: When a call counts as lost, in seconds. The mission's own timeout is shorter and cancels the attempt; this
-#: one is for a mission that says `timeout: never`.
+#: The deadline of a call, in seconds. A mission's own timeout is shorter and cancels the attempt; this one is
+#: for a mission with `timeout: never`.
 CALL_DEADLINE_S = 60.0
 
 
@@ -33,9 +33,9 @@ class Failed:
 
 @dataclass(frozen=True)
 class ServiceOperation:
-    """How an operation becomes a call: its request from the arguments, its outcome from them and the answer.
+    """An operation as a call: `request` makes it from the arguments, `outcome` reads these and the answer.
 
-    `deadline` is when the call counts as lost, in seconds.
+    After `deadline` seconds without an answer the attempt has failed.
     """
 
     service: ServiceCaller
@@ -45,7 +45,7 @@ class ServiceOperation:
 
 
 class ServiceDriver:
-    """See `plugin.contract.Driver` for what every call promises."""
+    """Runs attempts as service calls; `plugin.contract.Driver` has the contract of each method."""
 
     def __init__(self, plugin: str, outlet: Outlet, operations: Mapping[str, ServiceOperation]) -> None:
         """Make the driver of `plugin` with its operations by local name."""
@@ -55,7 +55,7 @@ class ServiceDriver:
         self._calls: dict[str, ServiceCall | TimerHandle] = {}
 
     def missing(self) -> list[str]:
-        """Name the services that cannot be reached."""
+        """Return the services that are not reachable."""
         services = {operation.service.name: operation.service for operation in self._operations.values()}
         return [f"service {name}" for name, service in services.items() if not service.ready()]
 
@@ -65,7 +65,7 @@ class ServiceDriver:
             raise ValueError(f"{self._plugin} has no operation {operation!r}")
         wanted = self._operations[operation]
         request = wanted.request(arguments)
-        self._outlet.accepted(attempt)  # a service has no word for it: what was sent is taken
+        self._outlet.accepted(attempt)  # services do not acknowledge: a sent request counts as accepted
         self._ask(attempt, wanted, arguments, request)
 
     def _ask(

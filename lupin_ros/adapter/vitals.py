@@ -1,7 +1,7 @@
-"""How a node is, once a second on /diagnostics: a standard DiagnosticArray, which many ROS tools show.
+"""Publishes diagnostics of a node once a second on /diagnostics, as a standard DiagnosticArray.
 
-Of its process: processor time, memory, how long it is up. Of its machine: the same, and the disk on which the
-user's state is kept. Of each of its topics: how often it has published in the last second.
+It has processor time, memory and uptime of the process; the same and the free disk of the machine; and the
+publishing rate of each topic. It warns when memory or disk runs out, and of the node's own troubles.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from rclpy.publisher import Publisher
 from lupin_engine.plugin import user_folder
 from lupin_ros.adapter.qos import Qos
 
-#: Where ROS tools look for diagnostics.
+#: The standard topic of diagnostics.
 DIAGNOSTICS_TOPIC = "/diagnostics"
 #: Seconds between two reports.
 REPORT_S = 1.0
 #: Less than this share of the machine's memory, or less than so many bytes of its disk, is a warning.
 LITTLE_MEMORY, LITTLE_DISK = 0.05, 1e9
-#: What the last report of a node says that ends as it should.
+#: The text of the last report of a node that ends properly.
 ENDED = "ended"
 
 _PROC = Path("/proc")
@@ -35,7 +35,7 @@ _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
 class CountedPublisher(Publisher):
-    """A publisher that knows how often it has published."""
+    """A publisher that counts its messages."""
 
     sent = 0
 
@@ -46,9 +46,9 @@ class CountedPublisher(Publisher):
 
 
 class Vitals:
-    """The reports of one node; `report` is to be called every `REPORT_S`, `end` when it ends as it should.
+    """The reports of one node; call `report` every `REPORT_S`, and `end` when it ends properly.
 
-    The publisher is made with the first report: a program that is over before that is nobody's concern.
+    The publisher is made with the first report: shorter programs have none.
     """
 
     def __init__(self, node: Node, started: float) -> None:
@@ -61,11 +61,11 @@ class Vitals:
         self._at, self._used, self._machine = started, time.process_time(), machine_ticks()
         self._sent: dict[str, int] = {}
         self._ended = False
-        #: What the node itself has to say of its troubles, by what they are about.
+        #: The node's own troubles, by their subject.
         self.troubles: dict[str, str] = {}
 
     def report(self, now: float) -> None:
-        """Tell how the node is, at a time of a clock that never goes back, in seconds."""
+        """Publish a report; `now` is of a steady clock, in seconds."""
         memory, disk = _machine_memory(), shutil.disk_usage(self._disk)
         values = {
             "pid": f"{os.getpid()}",
@@ -79,13 +79,13 @@ class Vitals:
         }
         warnings = [*self.troubles.values(), *shortages(memory, disk.free)]
         level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
-        self._tell(level, "; ".join(warnings) or "running", values)
+        self._publish(level, "; ".join(warnings) or "running", values)
 
     def end(self) -> None:
-        """Tell that the node ends as it should: nobody is to look for it. Once is enough."""
+        """Publish that the node ends properly, so that it is not missed; twice does no harm."""
         if self._publisher is not None and not self._ended:
             self._ended = True
-            self._tell(DiagnosticStatus.STALE, ENDED, {})
+            self._publish(DiagnosticStatus.STALE, ENDED, {})
 
     def _shares(self, now: float) -> dict[str, str]:
         """Return the shares of processor time since the last report, and the rates of the topics, in Hz."""
@@ -101,23 +101,23 @@ class Vitals:
             **{f"{topic} (Hz)": f"{rate:.1f}" for topic, rate in sorted(rates.items())},
         }
 
-    def _tell(self, level: bytes, message: str, values: Mapping[str, str]) -> None:
+    def _publish(self, level: bytes, message: str, values: Mapping[str, str]) -> None:
         if self._publisher is None:
             self._publisher = self._node.create_publisher(
                 DiagnosticArray, DIAGNOSTICS_TOPIC, Qos.EVENT.profile()
             )
-        told = DiagnosticArray()
-        told.header.stamp = self._node.get_clock().now().to_msg()
+        array = DiagnosticArray()
+        array.header.stamp = self._node.get_clock().now().to_msg()
         name = self._node.get_fully_qualified_name()
         pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
-        told.status = [
+        array.status = [
             DiagnosticStatus(level=level, name=name, message=message, hardware_id=self._host, values=pairs)
         ]
-        self._publisher.publish(told)
+        self._publisher.publish(array)
 
 
 def sent_by(publishers: Iterable[Any]) -> dict[str, int]:
-    """Return how often each topic was published by those publishers that count, by name."""
+    """Return the number of messages of each topic, by the publishers that count."""
     found: dict[str, int] = {}
     for each in publishers:
         if isinstance(each, CountedPublisher):
@@ -126,7 +126,7 @@ def sent_by(publishers: Iterable[Any]) -> dict[str, int]:
 
 
 def shortages(memory: Mapping[str, int], disk_free: float) -> Iterable[str]:
-    """Yield what a machine is about to run out of; memory in kB by the kernel's names, disk in bytes."""
+    """Yield warnings of low memory and disk; memory in kB by the kernel's names, disk in bytes."""
     total, free = memory.get("MemTotal", 0), memory.get("MemAvailable", 0)
     if free < LITTLE_MEMORY * total:
         yield f"the memory of this machine is nearly used up: {free / 1e3:.0f} MB are left"

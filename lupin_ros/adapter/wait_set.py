@@ -1,7 +1,7 @@
-"""What a node waits for, put into a wait set that is kept until there is something else to wait for.
+"""A wait set that is kept until a node's entities change.
 
-rclpy makes a wait set at each wake-up, and enters and asks every entity: 0.9 ms for a node with 80 of them,
-most of what a quiet node costs.
+rclpy makes one at each wake-up, and enters and asks every entity: 0.9 ms for a node with 80 of them, most of
+an idle node's processor time.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.waitable import NumberOfEntities
 
-#: The kinds of a wait set in the order in which rclpy carries out what is ready.
+#: The kinds of a wait set in the order in which rclpy handles ready ones.
 KINDS = ("timer", "subscription", "guard_condition", "client", "service")
 
 
@@ -29,7 +29,7 @@ class WaitSet:
         waitables: Iterable[Any],
         guards: Iterable[Any],
     ) -> None:
-        """`entities` are those of each of `KINDS`; of `guards` nobody is told that they are ready."""
+        """Enter the entities of each of `KINDS`; `guards` only wake, and are not returned as ready."""
         self._context = context
         self._held = ExitStack()
         self._waitables = [each for each in waitables if self._holds(each)]
@@ -80,7 +80,7 @@ class WaitSet:
             self._set.wait(nanoseconds)
 
     def ready(self, kind: str) -> list[Any]:
-        """Return what is ready of one of `KINDS`, in the order in which it was made."""
+        """Return the ready entities of one of `KINDS`, in the order in which they were made."""
         found = self._found[kind]
         return [found[pointer] for pointer in self._set.get_ready_entities(kind) if pointer in found]
 
@@ -89,5 +89,5 @@ class WaitSet:
         return (waitable for waitable in self._waitables if waitable.is_ready(self._set))
 
     def release(self) -> None:
-        """Let go of everything: what was destroyed meanwhile now is."""
+        """Leave all entities; those that were destroyed meanwhile are freed now."""
         self._held.close()

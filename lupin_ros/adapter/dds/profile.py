@@ -1,4 +1,4 @@
-"""Which profile the middleware reads: this machine only, unless the user asks for the network.
+"""Chooses the middleware's DDS profile: this machine only, unless the user asks for the network.
 
 `ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST` alone closes nothing: it limits whom we look for, while our sockets
 still listen on every interface, and a stranger who looks for us is answered. So the profile lists 127.0.0.1
@@ -33,7 +33,7 @@ def close_the_range() -> None:
 
 
 def is_closed() -> bool:
-    """Say whether only this machine was asked for."""
+    """Return whether the discovery range is this machine."""
     return os.environ.get(RANGE) in ("", None, CLOSED)
 
 
@@ -54,7 +54,7 @@ def use_profile() -> None:
 
 
 def forgotten_after() -> float:
-    """Return for how many seconds a process may stand still and is surely remembered by all others.
+    """Return the seconds that a process may stand still without being forgotten by others.
 
     That is the lease without one and a half periods of its announcements: the last one was up to a period
     before, and on a busy computer it was late.
