@@ -37,17 +37,16 @@ from lupin_ros.service.messages import wire_of
 
 #: Period of the loop, in seconds; and while nothing is waited for.
 TICK_S, WATCH_TICK_S = 0.05, 0.25
-#: How long nodes may take to appear and serve, in seconds: small computers, and busy ones, take their time,
-#: and one that has died is told at once.
+#: How long nodes may take to appear and serve, in seconds; the death of one is reported at once.
 APPEAR_LIMIT_S = 90.0
-#: A wait as short as this is not worth telling, in seconds.
-UNTOLD_S = 4.0
+#: A shorter wait is not reported, in seconds.
+UNREPORTED_S = 4.0
 #: How long the orchestrator may wait for servers. It has a limit of its own, a parameter, and faults then.
 SERVERS_LIMIT_S = 600.0
-#: What an operator may have set (a stop, a charge) reaches the orchestrator within this time, in seconds.
+#: The time in which latched inputs (a stop, a charge) reach the orchestrator, in seconds.
 SETTLE_S = 1.5
-#: On a busy machine seconds pass in which nobody speaks: so many states must have come meanwhile, or all of
-#: this time has passed, in seconds.
+#: On a busy machine that takes longer: so many states must be received meanwhile, or this time pass, in
+#: seconds.
 SETTLE_STATES = 8
 SETTLE_LIMIT_S = 20.0
 #: How long the orchestrator may take to answer a request, in seconds.
@@ -71,10 +70,10 @@ class RunFailed(LupinError):
 
 
 class Observer(Protocol):
-    """Who shows a run to people or machines."""
+    """The interface of a run's display, for people or machines."""
 
     def note(self, text: str, severity: Severity = Severity.INFO) -> None:
-        """Report an event of the run itself: what is started, waited for, stopped."""
+        """Report an event of the run itself, such as a start, a wait or a stop."""
 
     def arrived(self, kind: str, data: Mapping[str, Any], monitor: RunMonitor) -> None:
         """Handle a message that the monitor has just accepted: `state`, `observation` or `step`."""
@@ -85,13 +84,12 @@ class Observer(Protocol):
 
 @dataclass(frozen=True)
 class BringupSettings:
-    """How the nodes are to be started: those of missions of the `profile`.
+    """The settings of a run of missions of the `profile`.
 
     `parameters` are by node name, `known` the names of those that the missions have. `insisted` names nodes
-    that must be started here, with the option that wants it: using one that runs already would ignore the
-    option. `patience` is how long a mission may wait for an operator, in seconds; None is for ever.
-    `respawn` says whether a node that dies is started again. `compose`
-    says whether nodes that may share a process do; None: where the robot is simulated.
+    that must be started here, each with the option that requires it: a running one would ignore the option.
+    `patience` is how long a mission may wait for an operator, in seconds; None is for ever. `respawn`:
+    restart nodes that die. `compose`: let nodes share a process; None: where the robot is simulated.
     """
 
     profile: Profile
@@ -108,7 +106,7 @@ class BringupSettings:
 
 
 class Bringup:
-    """The nodes and the mission of one run; a context, so that nothing survives an exception."""
+    """Runs nodes and a mission; a context manager, so that no process survives an exception."""
 
     def __init__(self, settings: BringupSettings, observer: Observer, interrupts: Interrupts) -> None:
         self.supervisor = Supervisor(settings.folder, settings.environment)
@@ -134,14 +132,14 @@ class Bringup:
     def bring_up(
         self, plugins: Iterable[str], catalog: Catalog, heard: Mapping[str, str] = MappingProxyType({})
     ) -> None:
-        """Start what is missing for missions that use `plugins`, and wait until the orchestrator is ready.
+        """Start the missing nodes for missions that use `plugins`, and wait until the orchestrator is ready.
 
-        `heard` are the topics that they read beside those of their plugins, with what comes from each: one
-        that nobody publishes is told.
+        `heard` are topics that bindings read, each with its value's name: one without a publisher is
+        reported.
 
         Raises:
             RunFailed: a process died, or something is still missing after its time.
-            Interrupted: the user lost patience.
+            Interrupted: the user wants to stop.
         """
         doors = open_to()
         if doors:
@@ -165,10 +163,10 @@ class Bringup:
                 SETTLE_LIMIT_S,
                 checked=True,
             )
-        self._tell_silent(heard)
+        self._note_silent(heard)
         self._is_up = True
 
-    def _tell_silent(self, heard: Mapping[str, str]) -> None:
+    def _note_silent(self, heard: Mapping[str, str]) -> None:
         def silent() -> list[str]:
             return [topic for topic in heard if not self._operator.is_published(topic)]
 
@@ -177,7 +175,7 @@ class Bringup:
             self._observer.note(f"nobody publishes {topic}: no {heard[topic]} until then", Severity.WARN)
 
     def _processes(self) -> Iterator[str]:
-        """Yield the names of the processes; of one in which nodes are composed, with theirs."""
+        """Yield the names of the processes, a composed one with the names of its nodes."""
         for name, launches in self.description.processes.items():
             nodes = " + ".join(launch.node.name for launch in launches)
             yield f"{name} ({nodes})" if name == COMPOSED else name
@@ -193,7 +191,11 @@ class Bringup:
     def _describe(
         self, plugins: Sequence[str], catalog: Catalog, present: PresentEndpoints
     ) -> LaunchDescription:
-        """Return what is to be started; it must include every node that an option configures."""
+        """Return the launch description.
+
+        Raises:
+            RunFailed: a node that an option configures runs already.
+        """
         settings = self._settings
         wanted = describe_launch(
             plugins,
@@ -230,16 +232,16 @@ class Bringup:
         self._interrupts.check()
 
     def _wait_for(self, missing: Callable[[], Sequence[str]], limit: float) -> None:
-        """Wait until nothing is missing, and report what is missing whenever that changes."""
+        """Wait until nothing is missing; report changes of the list of missing names."""
         begin = time.monotonic()
-        told: Sequence[str] = ()
+        reported: Sequence[str] = ()
         while waiting := missing():
             if time.monotonic() - begin > limit:
                 logs = self._settings.folder
                 raise RunFailed(f"still missing after {limit:g} s: {', '.join(waiting)}; logs in {logs}")
-            if waiting != told and time.monotonic() - begin > UNTOLD_S:
+            if waiting != reported and time.monotonic() - begin > UNREPORTED_S:
                 self._observer.note(f"waiting for {', '.join(waiting)}")
-                told = waiting
+                reported = waiting
             self._tick()
             self._interrupts.check()
 
@@ -257,7 +259,7 @@ class Bringup:
         return [] if self._states else [f"topic {self._wire.state.name}"]
 
     def _missing_servers(self) -> list[str]:
-        """Name what the orchestrator waits for; a fault of our own orchestrator ends the run."""
+        """Return the servers that the orchestrator waits for; a fault of our own one ends the run."""
         lifecycle, stages = self._progress.lifecycle, self._settings.profile.stages
         if lifecycle in stages.faulted and self.owns_orchestrator:
             raise RunFailed(f"the orchestrator is in {lifecycle}: {_last_event(self._progress)}")
@@ -284,12 +286,12 @@ class Bringup:
         self.monitor = monitor
         self._observer.note(f"{mission} {answer.mission_id} started")
         for arrival in self._pending:
-            self._tell(*arrival)
+            self._pass_to_monitor(*arrival)
         self._pending.clear()
         return monitor
 
     def _held_before(self) -> str:
-        """Say what to do about a mission that was under way before this orchestrator was started."""
+        """Report how to resume a mission that was under way before this orchestrator was started."""
         if RESTARTED not in self._view.get("held", ()):
             return ""
         of_before = f"{self._progress.mission} {self._progress.mission_id} was under way before"
@@ -314,10 +316,10 @@ class Bringup:
                 raise RunFailed(f"no {self._wire.state.name} for {SILENCE_S:g} s: the orchestrator is gone")
             waiting_since = (waiting_since or now) if monitor.waits else None
             self._check_patience(monitor, now - (waiting_since or now))
-        self._wait_until(lambda: monitor.all_told, STRAGGLER_S)
+        self._wait_until(lambda: monitor.all_received, STRAGGLER_S)
 
     def command(self, verb: str, request: Mapping[str, Any]) -> Answer:
-        """Command something for the user; what arrives meanwhile is kept."""
+        """Send a command of the user; messages that arrive meanwhile are handled later."""
         return self._operator.command(verb, request=request)
 
     def _check_patience(self, monitor: RunMonitor, waited: float) -> None:
@@ -352,10 +354,10 @@ class Bringup:
 
         if not self._wait_until(lambda: (monitor.ended and not monitor.busy) or enough(), ABORT_LIMIT_S):
             self._observer.note(f"the mission still runs after {ABORT_LIMIT_S:g} s", Severity.ERROR)
-        self._wait_until(lambda: monitor.all_told or enough(), STRAGGLER_S)
+        self._wait_until(lambda: monitor.all_received or enough(), STRAGGLER_S)
 
     def _request_abort(self) -> bool:
-        """Ask for an abort, and say whether there was an answer; a refusal is one."""
+        """Request an abort; return whether there was an answer, also a refusal."""
         abort = self._settings.profile.abort
         if not abort:
             self._observer.note("no request of this profile ends a mission", Severity.ERROR)
@@ -370,20 +372,20 @@ class Bringup:
 
     # -- the loop ---------------------------------------------------------------------------------------
 
-    def watch(self, told: Callable[[Progress], None]) -> None:
-        """Keep the nodes running, telling the published state again and again.
+    def watch(self, show: Callable[[Progress], None]) -> None:
+        """Keep the nodes running, and show the published state periodically.
 
         Raises:
             RunFailed: the orchestrator is gone, and is not started again.
             Interrupted: the user wants to stop.
         """
         while True:
-            told(self._progress)
+            show(self._progress)
             self._tick(WATCH_TICK_S)
             self._interrupts.check()
 
     def _wait_until(self, condition: Callable[[], bool], limit: float, checked: bool = False) -> bool:
-        """Wait for a condition, and say whether it came; `checked` raises when the user wants to stop."""
+        """Wait for a condition; return whether it came. `checked` raises when the user wants to stop."""
         until = time.monotonic() + limit
         while not condition():
             if time.monotonic() > until:
@@ -407,12 +409,12 @@ class Bringup:
                 self._states += 1
             elif arrival.kind == "step":
                 self._view = arrival.data.get("view", {})
-            if self.monitor is None:  # what comes before the answer to the start may belong to the mission
+            if self.monitor is None:  # messages before the answer to the start may be of the mission
                 self._pending = [*self._pending[-200:], (arrival.kind, arrival.data, arrival.at)]
             else:
-                self._tell(arrival.kind, arrival.data, arrival.at)
+                self._pass_to_monitor(arrival.kind, arrival.data, arrival.at)
 
-    def _tell(self, kind: str, data: dict[str, Any], at: float) -> None:
+    def _pass_to_monitor(self, kind: str, data: dict[str, Any], at: float) -> None:
         assert self.monitor is not None
         if self.monitor.take(kind, data, at):
             self._observer.arrived(kind, data, self.monitor)
@@ -423,16 +425,16 @@ class Bringup:
         # At the start everything is needed. Later the mission has its own answer to a dead plugin: a declared
         # error; and a new orchestrator goes on with it, held.
         if deaths and not self._is_up:
-            raise RunFailed("\n".join(death.told for death in deaths))
+            raise RunFailed("\n".join(death.text for death in deaths))
         now = time.monotonic()
         for death in deaths:
-            self._observer.note(death.told, Severity.ERROR)
+            self._observer.note(death.text, Severity.ERROR)
             if self.monitor is not None:
                 self.monitor.note(now, Severity.ERROR, f"{death.name} {death.how}")
-            told = self._respawns.died(death.name, now, time.strftime("%H:%M:%S"))
-            self._observer.note(told, Severity.WARN)
+            outlook = self._respawns.died(death.name, now, time.strftime("%H:%M:%S"))
+            self._observer.note(outlook, Severity.WARN)
             if death.name == ORCHESTRATOR:
-                self._tell_interrupted_mission(death)
+                self._note_interrupted_mission(death)
         for name in self._respawns.due(now):
             self.supervisor.start_again(name)
             if name == ORCHESTRATOR:
@@ -441,14 +443,14 @@ class Bringup:
             self._observer.note(text)
             self.supervisor.note_segments()
 
-    def _tell_interrupted_mission(self, death: Death) -> None:
-        """Say that a mission waits for the next orchestrator, which holds it until somebody resumes.
+    def _note_interrupted_mission(self, death: Death) -> None:
+        """Report that the next orchestrator will hold the mission until somebody resumes.
 
         Raises:
-            RunFailed: there will be none.
+            RunFailed: the orchestrator is not started again.
         """
         if not self._respawns.comes_back(death.name):
-            raise RunFailed(death.told)
+            raise RunFailed(death.text)
         self._excused_until = time.monotonic() + APPEAR_LIMIT_S
         before, self._progress = self._progress, Progress()
         if before.lifecycle and before.lifecycle not in self._settings.profile.stages.without_mission:

@@ -2,7 +2,7 @@
 
 Discovery gives no sign of being complete: on a busy machine the first nodes appear at once and the last a
 second later, and a launcher that looks too early starts a second robot. The ports of a domain are computed
-from its number (DDSI-RTPS 9.6.1.1), so the kernel's table tells the number of participants to discover.
+from its number (DDSI-RTPS 9.6.1.1), so the kernel's table gives the number of participants on this machine.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callabl
     """Spin until all participants of this machine are known and nothing new has appeared for a moment.
 
     Args:
-        spin: lets the node that looks work for a moment.
-        look: returns what is seen now.
-        strangers: how many participants are seen, besides that of the node that looks.
+        spin: spins the observing node for a moment.
+        look: returns a snapshot of the graph.
+        strangers: returns the number of participants besides the observing node's.
     """
     begin = changed = time.monotonic()
     seen, looks = look(), 0
@@ -62,12 +62,12 @@ def _all_known(strangers: int, looked: float) -> bool:
 
 
 def participants(domain: int, tables: Iterable[Path] = TABLES) -> int | None:
-    """Return how many participants of `domain` this machine has; None when that cannot be seen."""
+    """Return the number of participants of `domain` on this machine; None when that cannot be read."""
     return len(_listening(domain, tables)) or None
 
 
 def exposed(domain: int, tables: Iterable[Path] = TABLES) -> int:
-    """Return how many participants of `domain` on this machine listen to other computers too."""
+    """Return the number of participants of `domain` on this machine that also listen to other computers."""
     addresses = _listening(domain, tables).values()
     return sum(1 for bound in addresses if not bound <= LOOPBACK)
 

@@ -1,7 +1,7 @@
-"""The launch description of missions: which nodes are started with what, and which running ones are used.
+"""The launch description of missions: the nodes to start with their parameters, and the running ones to use.
 
 Pure: the state of the network is an argument. A running node is used and left alone. A simulation is started
-only where nothing serves what it replaces, and only if a mission may use it.
+only where no server that it replaces is present, and only if a mission may use it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ COMPOSED = "composed"
 
 @dataclass(frozen=True)
 class PresentEndpoints:
-    """What is on the network: node names without namespace, full names of services and actions."""
+    """The endpoints on the network: node names without namespace, full names of services and actions."""
 
     nodes: frozenset[str] = frozenset()
     services: frozenset[str] = frozenset()
@@ -46,7 +46,7 @@ class NodeLaunch:
 
 @dataclass(frozen=True)
 class LaunchDescription:
-    """What to start, and what is there already: nodes, or servers that a simulation would replace.
+    """The nodes to start, and those present already, or the servers that a simulation would replace.
 
     `composed` names the nodes that share a process.
     """
@@ -71,7 +71,7 @@ class LaunchDescription:
 
 
 def simulators(catalog: Catalog) -> Mapping[str, LaunchableNode]:
-    """Return the nodes that stand in for something real."""
+    """Return the nodes that simulate a part of the robot."""
     nodes = nodes_of(catalog)
     return {name: nodes[name] for plugin in catalog.plugins.values() for name in plugin.stands_in}
 
@@ -85,12 +85,12 @@ def describe_launch(
     simulate: bool = True,
     known: Container[str] = (),
 ) -> LaunchDescription:
-    """Decide what to start for missions that use `plugins`.
+    """Decide which nodes to start for missions that use `plugins`.
 
     Args:
         plugins: names of the plugins that the missions use.
         catalog: all plugins, and the profile of the missions.
-        present: what is on the network.
+        present: the endpoints on the network.
         parameters: by node name; nodes not named get none.
         simulate: whether simulated robots may be started.
         known: names of the parameters that the missions have.
@@ -113,7 +113,7 @@ def describe_launch(
 
 
 def composed(description: LaunchDescription, catalog: Catalog, wanted: bool | None) -> LaunchDescription:
-    """Let the nodes that may share a process do so, where that is wanted; None: where one is simulated."""
+    """Let the nodes that may share a process do so if `wanted`; None: if one of them is simulated."""
     nodes = [launch.node for launch in description.launches]
     if wanted is None:
         wanted = any(node.name in simulators(catalog) for node in nodes)
@@ -147,7 +147,7 @@ def _needed(plugins: set[str], catalog: Catalog, simulate: bool) -> Iterator[Lau
 
 
 def _already(node: LaunchableNode, catalog: Catalog, present: PresentEndpoints) -> str:
-    """Return what makes this node unnecessary; '' when it must be started."""
+    """Return the endpoint that makes this node unnecessary; '' when it must be started."""
     if node.name in present.nodes:
         return node.name
     replaced = _owner(node, catalog).stands_in.get(node.name, ())
@@ -171,7 +171,7 @@ def command(launches: Sequence[NodeLaunch], folder: Path) -> list[str]:
 
 
 def parameter_file(node: str, values: ParameterValues) -> str:
-    """Return a ROS parameter file. A file, because arguments cannot carry lists or say what is text."""
+    """Return a ROS parameter file; arguments of a command line cannot carry lists, or mark texts."""
     lines = [f"{node}:", "  ros__parameters:"]
     lines += [f"    {name}: {_ros_value(value)}" for name, value in sorted(values.items())]
     return "\n".join(lines) + "\n"

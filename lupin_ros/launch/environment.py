@@ -1,4 +1,4 @@
-"""The environment that a run's processes start with."""
+"""The environment variables of a run's processes: ROS domain, discovery range, logs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RANGES = ("SUBNET", CLOSED, "SYSTEM_DEFAULT")
 
 
 def close_the_doors(domain: int | None = None) -> None:
-    """Set the DDS network of this process and its children: this machine only, unless asked otherwise.
+    """Limit the DDS network of this process and its children to this machine, unless the shell opens it.
 
     Raises:
         UsageError: the shell has set variables of ROS with which nodes would not find each other.
@@ -32,7 +32,7 @@ def close_the_doors(domain: int | None = None) -> None:
 
 
 def range_advice() -> str:
-    """Say what to do about the discovery range that the shell has set; '' where nothing is wrong with it."""
+    """Return advice about the discovery range that the shell has set; '' where it is fine."""
     text = os.environ.get(RANGE, "")
     if text == "OFF":
         return "nodes do not find each other: unset it"
@@ -40,14 +40,14 @@ def range_advice() -> str:
 
 
 def peers_advice() -> str:
-    """Say what to do about peers on other computers that the shell names; '' where nothing is wrong."""
+    """Return advice about peers on other computers that the shell has set; '' where they are fine."""
     if not os.environ.get(PEERS) or not is_local_only():
         return ""
     return f"nodes stay on this machine: set {RANGE}=SUBNET to reach them, or unset it"
 
 
 def open_to() -> str:
-    """Say who else can reach and command what is started here; '' for nobody outside this machine."""
+    """Return who else can reach and command the nodes of this machine; '' for nobody outside."""
     theirs = users_profile()
     if theirs:
         return f"your DDS profile {theirs} is used instead of the engine's: it alone says who is let in"
@@ -66,7 +66,7 @@ def current_domain() -> int:
 
 
 def is_local_only() -> bool:
-    """Say whether nobody outside this machine can be discovered."""
+    """Return whether nobody outside this machine can be discovered."""
     return is_closed() and not users_profile()
 
 

@@ -1,4 +1,4 @@
-"""A snapshot of the live map of a ROS domain, taken by a temporary node."""
+"""Takes a snapshot of a ROS domain's graph with a temporary node."""
 
 from __future__ import annotations
 
@@ -34,6 +34,6 @@ class _Onlooker:
 
 
 def network() -> tuple[Interface, ...]:
-    """Return what is on the network once everybody on this machine has been seen; takes a second or two."""
+    """Return the graph after discovery of all participants on this machine; takes a second or two."""
     with closing(_Onlooker()) as onlooker:
         return settled(onlooker.spin, onlooker.look, lambda _: onlooker.strangers())

@@ -1,6 +1,7 @@
 """The checks of `lupin doctor`: one small function each, none of which needs an installed ROS.
 
-Each yields `Finding`s: what was checked, what was found, and for a problem what to do about it.
+Each yields `Finding`s: the subject, the state, and advice for a problem. A check that fails is a problem
+itself.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ _EXTRAS = {"hmi": "`--hmi`", "record": "`lupin record`"}
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of one check. `advice` says what to do about a problem."""
+    """The result of one check, with advice for a problem."""
 
     topic: str
     found: str
@@ -80,7 +81,7 @@ def _findings(look: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
 
 
 def usable(findings: Sequence[Finding]) -> bool:
-    """Say whether missions can be run here."""
+    """Return whether missions can be run here."""
     return not any(finding.state == "problem" for finding in findings)
 
 
@@ -210,9 +211,9 @@ def look_at_left_overs() -> Iterator[Finding]:
         yield Finding("shared memory", "nothing stale")
     nodes = [] if domain_advice() else list(running_nodes(current_domain()))
     if nodes:
-        told = ", ".join(f"{name} ({pid})" for pid, name in nodes)
+        processes = ", ".join(f"{name} ({pid})" for pid, name in nodes)
         advice = "a run uses them, or they were started by hand; `kill PID` stops one"
-        yield Finding("nodes running", told, "note", advice)
+        yield Finding("nodes running", processes, "note", advice)
     else:
         yield Finding("nodes running", "none")
 
@@ -243,7 +244,7 @@ def running_nodes(domain: int, processes: Path = Path("/proc")) -> Iterator[tupl
 
 
 def _words(file: Path) -> list[str]:
-    """Return the words of a process, as the kernel tells them."""
+    """Return the command line of a process, from the kernel."""
     return file.read_bytes().decode(errors="replace").split("\0")
 
 
@@ -255,7 +256,7 @@ def _nodes_in(words: Sequence[str]) -> list[str]:
 
 
 def look_at_plugins() -> Iterator[Finding]:
-    """Every plugin that is installed: what it offers, or why it is refused."""
+    """Every installed plugin: its contents, or why it is refused."""
     for point in entry_points():
         try:
             plugin = verified_plugin(point)
@@ -274,7 +275,7 @@ def look_at_plugins() -> Iterator[Finding]:
 
 
 def look_at_extras() -> Iterator[Finding]:
-    """The packages that only a part of the commands needs; told where one is missing."""
+    """The packages that only some commands need; a finding for each missing one."""
     required = metadata.requires("lupin-engine") or []
     for extra, purpose in _EXTRAS.items():
         named = [text for text in required if f"extra == {extra!r}" in text.replace('"', "'")]

@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP as a counter that is polled, so that they interrupt nothing half-way."""
+"""Counts SIGINT, SIGTERM and SIGHUP for polling, so that they interrupt no action half-way."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Interrupts:
         return self.count > 2
 
     def stop(self) -> None:
-        """Be interrupted by the program itself, as by SIGTERM."""
+        """Count an interrupt by the program itself, as by SIGTERM."""
         self.count += 1
 
     def __enter__(self) -> Interrupts:

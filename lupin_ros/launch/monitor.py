@@ -1,7 +1,7 @@
-"""One mission as observed from its messages: state, targets, results, events, and its end.
+"""Follows one mission by its messages: state, targets, results, events, and its exit code.
 
-Pure: fed with arrivals as plain data (see `ros.operator`), which the profile interprets. Messages of other
-missions are ignored: latched topics deliver the past.
+Pure: it takes arrivals as plain data (see `operator`), which the profile interprets. Messages of other
+missions are ignored, because latched topics deliver old ones.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class RunEvent:
 
 @dataclass(frozen=True)
 class RunningOperation:
-    """An operation under way: which try, for how long, and how long it may take (None: no limit)."""
+    """A running operation: its try, its time so far, and its limit (None: no limit)."""
 
     operation: str
     tries: int
@@ -49,9 +49,9 @@ class RunMonitor:
     began: float
     progress: Progress = field(default_factory=Progress)
     view: dict[str, Any] = field(default_factory=dict)
-    #: What is known of each target, the newest last; and how many results that took.
+    #: The last result of each target, the newest last; and the number of received results.
     results: dict[str, TargetResult] = field(default_factory=dict)
-    told: int = 0
+    received: int = 0
     happenings: list[RunEvent] = field(default_factory=list)
     heard: float = 0.0
     #: Monotonic time of this process minus the orchestrator's, as of the last step.
@@ -61,7 +61,7 @@ class RunMonitor:
     _ended_at: float | None = None
 
     def take(self, kind: str, data: Mapping[str, Any], at: float) -> bool:
-        """Take in one arrival; say whether it belongs to this mission."""
+        """Take an arrival; return whether it belongs to this mission."""
         if kind == "state":
             return self._take_state(data, at)
         if kind == "observation":
@@ -106,16 +106,16 @@ class RunMonitor:
 
     @property
     def total(self) -> int:
-        """How many targets there are."""
+        """The number of targets."""
         return self.progress.total
 
     def count(self, status: str) -> int:
-        """How many targets ended so; asked of the published counters."""
+        """Return the published counter of targets that ended with a status."""
         return self.progress.counts.get(status, 0)
 
     @property
     def closed(self) -> int:
-        """How many targets have their outcome; several sweeps give one several."""
+        """The number of published outcomes; a target may have several in several sweeps."""
         return 0 if self.searching else sum(self.progress.counts.values())
 
     @property
@@ -126,13 +126,13 @@ class RunMonitor:
 
     @property
     def searching(self) -> bool:
-        """Whether there is no list of targets yet: the published counters then tell of the search."""
+        """Whether there is no list of targets yet: then the published counters are those of the search."""
         return self.progress.goal > 0 and not self.view.get("total") and not self.progress.target
 
     @property
-    def all_told(self) -> bool:
-        """Whether every result has come that was published, as far as is known."""
-        return self.told >= max(self.closed, len(self._history.published))
+    def all_received(self) -> bool:
+        """Whether every published result has been received, as far as counters and steps show."""
+        return self.received >= max(self.closed, len(self._history.published))
 
     @property
     def verdict(self) -> int:
@@ -155,7 +155,7 @@ class RunMonitor:
         """Return the questions that are open at `now`."""
         return open_questions(self.view, now - self._offset)
 
-    # -- taking in --------------------------------------------------------------------------------------
+    # -- arrivals ---------------------------------------------------------------------------------------
 
     def _take_state(self, data: Mapping[str, Any], at: float) -> bool:
         progress = wire_of(self.profile).read_state(data)
@@ -165,16 +165,16 @@ class RunMonitor:
         before, self.progress = self.progress, progress
         if self.ended and self._ended_at is None:
             self._ended_at = at
-        self._tell_changes(before, at)
+        self._note_changes(before, at)
         return True
 
-    def _tell_changes(self, before: Progress, at: float) -> None:
+    def _note_changes(self, before: Progress, at: float) -> None:
         new = self.progress
         if new.found > before.found:
             self.note(at, Severity.INFO, self.finds)
         for name, flag in self.profile.terminal.flags.items():
             is_up = new.flags.get(name, False)
-            # A hold reports a code when it is engaged, which says the same.
+            # An engaged hold reports a code already.
             if is_up != before.flags.get(name, False) and not (is_up and new.event == flag.on):
                 self.note(at, Severity.WARN if is_up else Severity.INFO, flag.on if is_up else flag.off)
 
@@ -185,8 +185,8 @@ class RunMonitor:
         if isinstance(found, Remark):
             self.note(at, found.severity, found.text)
             return True
-        self.told += 1
-        name = found.target or f"#{self.told}"
+        self.received += 1
+        name = found.target or f"#{self.received}"
         self.results.pop(name, None)
         self.results[name] = found
         self.note(
@@ -228,8 +228,8 @@ class RunMonitor:
         self._history.take(step)
         for code in step.codes:
             about = f"{self.profile.terminal.target} {code.target}: " if code.target else ""
-            told = code.label if code.label == str(code) else f"{code.label} ({code})"
-            self.note(at, code.severity, f"{about}{told}")
+            text = code.label if code.label == str(code) else f"{code.label} ({code})"
+            self.note(at, code.severity, f"{about}{text}")
         pose = step.event.data.get("result", {}).get("pose") if step.event.name == "attempt.done" else None
         attempt = self._history.attempts.get(step.event.data["attempt"]) if pose else None
         if pose and attempt is not None:

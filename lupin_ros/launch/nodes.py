@@ -1,4 +1,4 @@
-"""The nodes that can be started: the orchestrator, and those that the plugins bring."""
+"""Finds the nodes that can be started: the orchestrator, and those of the plugins; and runs them here."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ORCHESTRATOR_ENTRY = "lupin_ros.orchestrator.node:main"
 
 @dataclass(frozen=True)
 class LaunchableNode:
-    """A node: its name, `module:function`, and the plugin that brings it ('' for the engine's own)."""
+    """A node: its name, `module:function`, and its plugin ('' for the engine's own)."""
 
     name: str
     entry: str
@@ -40,17 +40,17 @@ class LaunchableNode:
         return text.partition("\n")[0]
 
     def parameters(self) -> Mapping[str, Parameter]:
-        """Return what the node's module declares as PARAMETERS; importing it needs ROS."""
+        """Return PARAMETERS of the node's module; importing it needs ROS."""
         found: Mapping[str, Parameter] = getattr(self._module(), "PARAMETERS", {})
         return found
 
     def check(self, values: Mapping[str, Any]) -> None:
-        """Check parameters together: whether files are there, whether one fits the other; starts nothing.
+        """Check parameters together, such as whether files exist, without starting the node.
 
-        What the node's module has as `check`, if it has any, is called with the value of every parameter.
+        It calls the function `check` of the node's module, if there is one, with all values.
 
         Raises:
-            LupinError: the node would not start with them; the text has everything that is wrong.
+            LupinError: the node would not start with them; the text has all problems.
             PluginError: the function itself failed.
         """
         check: Callable[[Mapping[str, Any]], None] | None = getattr(self._module(), "check", None)
@@ -64,7 +64,7 @@ class LaunchableNode:
             raise PluginError(f"node {self.name!r} of {self._owner}: its check failed: {reason}") from defect
 
     def addresses(self, values: Mapping[str, Any]) -> Sequence[str]:
-        """Return where browsers find what the node serves with these parameters; most serve nothing."""
+        """Return the addresses of the pages that the node serves with these parameters; most serve none."""
         found: Callable[[Mapping[str, Any]], Sequence[str]] | None = getattr(
             self._module(), "addresses", None
         )
@@ -79,7 +79,7 @@ class LaunchableNode:
         return found
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Run the node until it is told to stop, and return its exit code."""
+        """Run the node until a signal stops it, and return its exit code."""
         try:
             return self.load()(arguments)
         except (Exception, KeyboardInterrupt) as problem:
@@ -113,13 +113,13 @@ def nodes_of(catalog: Catalog) -> Mapping[str, LaunchableNode]:
 
 
 def is_composable(node: LaunchableNode, catalog: Catalog) -> bool:
-    """Say whether a node may share a process with others."""
+    """Return whether a node may share a process with others."""
     plugin = catalog.plugins.get(node.plugin)
     return plugin is not None and node.name in plugin.composable
 
 
 def run_composed(nodes: Sequence[LaunchableNode], catalog: Catalog, arguments: Sequence[str]) -> int:
-    """Run nodes in this process until one has ended or all are told to stop, and return the exit code.
+    """Run nodes in this process until one ends or a signal stops all, and return the exit code.
 
     Raises:
         UsageError: one of them has a process of its own.

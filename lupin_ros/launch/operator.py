@@ -1,7 +1,7 @@
-"""The operator's side of a mission over ROS: watches the orchestrator and asks it for things.
+"""The operator's client of the orchestrator over ROS: receives its topics, and sends requests and commands.
 
-Nothing of rclpy leaves this module: what arrives becomes plain data, and every call has a deadline. The
-owner calls `spin` from its own loop; there is no thread.
+Nothing of rclpy leaves this module: messages become plain data, and every call has a deadline. The owner
+calls `spin` from its own loop; there is no thread.
 """
 
 from __future__ import annotations
@@ -64,9 +64,9 @@ class Arrival:
 
 @dataclass(frozen=True)
 class Answer:
-    """What the orchestrator said to a request.
+    """The orchestrator's answer to a request.
 
-    `reached` is false when it did not say anything in time, `found` when there is none to ask.
+    `reached` is false without an answer in time, `found` is false where there is no orchestrator.
     """
 
     accepted: bool
@@ -94,10 +94,10 @@ class Commander:
         request: Mapping[str, Any] = MappingProxyType({}),
         timeout: float = ANSWER_S,
     ) -> Answer:
-        """Command something; what is not answered in `timeout` seconds is asked once more.
+        """Send a command; without an answer in `timeout` seconds it is sent once more.
 
-        So is what seems old: of a second one it can be said whether our clock is only another. Both have the
-        same id, so that nothing is done twice.
+        One that is refused as stale is sent again, too: from the second one the orchestrator learns the
+        offset of this computer's clock. Both have the same id, so it is carried out once.
 
         Raises:
             UsageError: the interface of commands is not installed.
@@ -122,7 +122,7 @@ class Commander:
         self._until(lambda: False, seconds)
 
     def _until(self, condition: Callable[[], Any], seconds: float) -> bool:
-        """Work until a condition holds, at most so long; say whether it does."""
+        """Spin until a condition holds, at most so long; return whether it does."""
         until = time.monotonic() + seconds
         while not condition() and (left := until - time.monotonic()) > 0:
             if not self._ros.spin_once(min(left, POLL_S)):
@@ -132,7 +132,7 @@ class Commander:
     def _call(
         self, caller: ServiceCaller, request: Any, timeout: float, meaning: Callable[[Any], Answer]
     ) -> Answer:
-        """Return what the response of a service means, or why there is none."""
+        """Call a service; return its response read as an answer, or why there is none."""
         answers: list[Any] = []
         call = caller.call(request, timeout, answers.append)
         # The call has its own deadline; this one is for a spin that is stuck.
@@ -143,16 +143,16 @@ class Commander:
         return Answer(False, answers[0].detail if answers else f"{caller.name}: no answer", reached=False)
 
     def is_published(self, topic: str) -> bool:
-        """Say whether somebody publishes a topic."""
+        """Return whether somebody publishes a topic."""
         return bool(self._ros.node.count_publishers(topic))
 
     def close(self) -> None:
-        """Leave the network; nothing can be asked any more."""
+        """Destroy the node; no call is possible any more."""
         self._ros.leave()
 
 
 def operator_name() -> str:
-    """Return who commands from this terminal: the user and the computer."""
+    """Return the name of the operator at this terminal: the user and the computer."""
     try:
         user = getpass.getuser()
     except (KeyError, OSError):  # a container's user without a name
@@ -169,12 +169,12 @@ def _of_command(response: Any) -> Answer:
 
 
 class Attendant(Commander):
-    """A commander who also hears where the orchestrator stands, and what can be asked of it."""
+    """A commander that also receives the orchestrator's steps, available requests and missions."""
 
     def __init__(self) -> None:
         super().__init__()
-        #: The last steps, oldest first; what each request would do now; the missions with what is told of
-        #: them. Empty until told.
+        #: The last steps, oldest first; the dry run of each request; the mission catalogue. Empty until
+        #: received.
         self.steps: deque[dict[str, Any]] = deque(maxlen=MAX_STEPS)
         self.possible: dict[str, Any] = {}
         self.offer: dict[str, Any] = {}
@@ -196,14 +196,14 @@ class Attendant(Commander):
 
     @property
     def missions(self) -> list[dict[str, Any]]:
-        """What each mission asks of whoever starts it; empty until told."""
+        """The fields of each mission's request; empty until received."""
         return list(self.offer.get("missions", ()))
 
     def hear(self) -> bool:
-        """Wait for the orchestrator to have told where it stands; say whether it has.
+        """Wait for the orchestrator's last steps; return whether they came.
 
-        The last steps come in one burst, the oldest first, and a busy machine takes its time for it: the one
-        after which it told what is possible must have come.
+        They come in one burst, the oldest first, which takes time on a busy machine: the wait ends with the
+        step of the last record of available requests.
         """
         if not self._until(lambda: self.steps, FOUND_S):
             return False
@@ -217,31 +217,31 @@ class Attendant(Commander):
         return same and bool(newest["step"]["sequence"] >= possible["sequence"])
 
     def hear_missions(self) -> bool:
-        """Wait for the orchestrator to have told its missions; say whether it has."""
+        """Wait for the mission catalogue; return whether it came."""
         return self._until(lambda: self.missions, FOUND_S)
 
     def is_there(self) -> bool:
-        """Say whether an orchestrator is on the network; one that was killed still is for some seconds."""
+        """Return whether an orchestrator is on the network; a killed one still is for some seconds."""
         return self.is_published(STEPS_TOPIC)
 
     @property
     def now(self) -> float:
-        """The time of the orchestrator's loop, which its deadlines are told in; there must be a step.
+        """The time of the orchestrator's loop, as its deadlines have it; there must be a step.
 
-        By the clock on the wall: simulated time is not heard here.
+        It is computed by the wall clock, because simulated time is not received here.
         """
         newest = self.steps[-1]
         return float(newest["time"]) + (time.time_ns() - int(newest["wall_ns"])) * 1e-9
 
     def asked(self) -> list[OpenQuestion]:
-        """Return what is asked now; there must be a step."""
+        """Return the open questions; there must be a step."""
         from lupin_engine.runtime import open_questions  # a seventh of the time that a pause takes
 
         return open_questions(self.steps[-1]["view"], self.now)
 
 
 class Operator(Commander):
-    """A node that watches and asks; closed with `close`."""
+    """A node that follows a mission and sends requests; closed with `close`."""
 
     def __init__(self, profile: Profile) -> None:
         super().__init__()
@@ -267,7 +267,7 @@ class Operator(Commander):
         self._arrived.append(Arrival(kind, data, time.monotonic()))
 
     def take(self) -> list[Arrival]:
-        """Return what has arrived since the last call, in order."""
+        """Return the arrivals since the last call, in order."""
         arrived, self._arrived = self._arrived, []
         return arrived
 
@@ -302,7 +302,7 @@ class Operator(Commander):
     # -- requests ---------------------------------------------------------------------------------------
 
     def ready(self) -> bool:
-        """Say whether the orchestrator's services can be reached."""
+        """Return whether the orchestrator's services can be reached."""
         return all(caller.ready() for caller in self._callers.values())
 
     def start(

@@ -1,4 +1,4 @@
-"""What a node requires of this machine."""
+"""The requirements of a node on this machine: an importable rclpy."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ def prepare_ros() -> None:
     """Prepare this process to import rclpy.
 
     Raises:
-        UsageError: ROS 2 is not installed or not sourced, or two installations are mixed; the text says what
-            to do.
+        UsageError: ROS 2 is not installed or not sourced, or two installations are mixed, with advice.
     """
     if environment.rclpy_source() is None:
         raise UsageError(f"ROS 2 is not installed for this Python; {INSTALL_ROS}")

@@ -1,6 +1,6 @@
-"""When processes that have died are started again, and since when each has been gone.
+"""Decides when processes that have died are restarted, with a growing delay and a limit.
 
-Pure: time is an argument, in seconds of a clock that never goes back.
+Pure: time is an argument, in seconds of a steady clock.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ BACK_AFTER_S = 5.0
 
 @dataclass
 class _Gone:
-    """A process that has died: what the clock on the wall said, and when it is, or was, started again."""
+    """A process that has died: the wall clock's time of that, and the time of its restart."""
 
     since: str
     due: float | None
@@ -36,7 +36,7 @@ class Respawns:
         self._gone: dict[str, _Gone] = {}
 
     def died(self, name: str, now: float, clock: str) -> str:
-        """Take notice of a death, at a time that people call `clock`; return what becomes of it."""
+        """Record a death at the wall clock's time `clock`; return a sentence about the restart."""
         if now - self._started.get(name, now) >= FORGIVEN_AFTER_S:
             self._tries.pop(name, None)
         tries = self._tries.get(name, 0)
@@ -53,7 +53,7 @@ class Respawns:
         return f"{name} is started again in {delay:g} s ({tries + 1} of {len(RESPAWN_AFTER_S)})"
 
     def comes_back(self, name: str) -> bool:
-        """Say whether one that has died is started again."""
+        """Return whether a dead process is restarted."""
         return name in self._gone and self._gone[name].due is not None
 
     def due(self, now: float) -> list[str]:
@@ -65,13 +65,13 @@ class Respawns:
         return found
 
     def back(self, running: Container[str], now: float) -> list[str]:
-        """Return of whom to tell, in words, that it is back: those that run, and have for a while."""
+        """Return sentences about processes that are back: restarted ones that have run for a while."""
         found = [
             name
             for name, gone in self._gone.items()
             if gone.started is not None and now - gone.started >= BACK_AFTER_S and name in running
         ]
-        told = [f"{name} is back; it was gone since {self._gone[name].since}" for name in found]
+        texts = [f"{name} is back; it was gone since {self._gone[name].since}" for name in found]
         for name in found:
             del self._gone[name]
-        return told
+        return texts

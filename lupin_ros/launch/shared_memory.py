@@ -1,7 +1,7 @@
-"""Shared memory that the middleware leaves behind when a process is killed, half a megabyte each time.
+"""Finds and removes shared memory that the middleware leaves behind when a process is killed.
 
-Segments lie in `/dev/shm`; a living process maps those that it uses, so a segment that no process maps is
-stale. Processes of other users hide their maps: where some do, nothing of theirs is called stale.
+Segments of half a megabyte lie in `/dev/shm`. A living process maps those that it uses, so a segment that no
+process maps is stale. Only segments of this user are removed: processes of others hide their maps.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def stale_segments(folder: Path = FOLDER, processes: Path = PROCESSES) -> list[P
 
 
 def remove(names: Iterable[str], folder: Path = FOLDER, processes: Path = PROCESSES) -> list[str]:
-    """Remove the named segments as far as they are stale, with what belongs to them; return what went."""
+    """Remove those of the named segments that are stale, with their semaphores; return the removed files."""
     wanted = {_segment(name) for name in names}
     gone = []
     for file in stale_segments(folder, processes):

@@ -1,4 +1,4 @@
-"""Permissions for SROS2: who may publish, hear, serve and call what, as `ros2 security` reads it.
+"""Writes the permissions of SROS2: who may publish, subscribe, serve and call which name.
 
 Every node is an enclave of its own, `/lupin/NODE`; the verbs of people share one, `/lupin/operator`.
 The form is that of policy.xsd of sros2 (0.2.0), and of the governance of OMG DDS-Security 1.1.
@@ -67,13 +67,13 @@ _TOPIC_RULE = (
 def policy(
     declared: Iterable[Interface], nodes: Iterable[str], pages: Mapping[str, Access], asked: Iterable[str]
 ) -> str:
-    """Return the policy.xml of nodes, where a comment says why one may do what it does not always do.
+    """Return the policy.xml of nodes, with comments about permissions that are not always used.
 
     Args:
-        declared: the interfaces of these nodes, and of others that only tell which kind a name is of.
+        declared: the interfaces of these nodes, and of others, from which the kinds of names follow.
         nodes: their full names.
-        pages: of those that serve people's pages, what these may use besides.
-        asked: services that people's verbs call.
+        pages: the additional permissions of nodes that serve pages.
+        asked: the services that the verbs of people call.
     """
     known = list(declared)
     allowed: dict[str, _Granted] = {node: {**_EVERY} for node in nodes}
@@ -109,7 +109,7 @@ def governance(domain: int) -> str:
 
 
 def _of_pages(access: Access, known: Iterable[Interface]) -> _Granted:
-    """Return what pages may do: ask what a viewer may ask, command the rest. They read every topic."""
+    """Return the permissions of pages: they read every topic, and call what viewers and operators may."""
     granted: _Granted = {}
     for names, commands in ((access.viewer, False), ((*access.operator, *access.engineer), True)):
         for name in names:
@@ -131,7 +131,7 @@ def _without_reading(granted: _Granted) -> _Granted:
 
 
 def _of_operators(known: Iterable[Interface], asked: Iterable[str]) -> _Granted:
-    """Return what the verbs of people may do: hear all, ask the orchestrator, and be a node like others."""
+    """Return the permissions of people's verbs: subscribe to all, call the orchestrator, be a node."""
     own = [one for one in known if one.is_housekeeping]
     services = {one.name.rpartition("/")[2] for one in own if one.kind == "service"}
     granted = [("topic", "publish", one.name) for one in own if one.kind == "topic"]

@@ -1,4 +1,4 @@
-"""Child processes: started in their own groups, watched, and stopped so that none survives.
+"""Supervises child processes: starts them in groups of their own, detects deaths, and stops all.
 
 Each child leads a session of its own, so Ctrl-C in the terminal reaches the supervisor only, which then stops
 them in order. A child ends with its supervisor however that ends (see `ros.adapter.process`). Nothing here
@@ -47,8 +47,8 @@ class Death:
         return f"{self.name} {self.how}; its log is {self.log}"
 
     @property
-    def told(self) -> str:
-        """The sentence, and under it the last lines of the log."""
+    def text(self) -> str:
+        """A sentence about the death, and the last lines of the log below it."""
         return "\n".join([str(self), *(f"  | {line}" for line in self.last_lines)])
 
 
@@ -61,7 +61,7 @@ class Patience:
     kill: float = 3.0
 
 
-#: What a second Ctrl-C leaves of the patience.
+#: The patience after a second Ctrl-C.
 IMPATIENT = Patience(interrupt=0.5, terminate=0.5, kill=3.0)
 
 
@@ -71,7 +71,7 @@ class _Child:
     command: Sequence[str]
     process: subprocess.Popen[bytes]
     log: Path
-    told: bool = False
+    reported: bool = False
     segments: frozenset[str] = field(default_factory=frozenset)
 
 
@@ -79,7 +79,7 @@ class Supervisor:
     """Starts, watches and stops processes; one log file each in `folder`."""
 
     def __init__(self, folder: Path, environment: Mapping[str, str]) -> None:
-        """Make a supervisor without processes; `environment` is what they all start with."""
+        """Make a supervisor without processes; all get the variables of `environment`."""
         self.folder = folder
         self._environment = {**environment, SUPERVISED: "1"}
         self._children: list[_Child] = []
@@ -105,7 +105,7 @@ class Supervisor:
         return process.pid
 
     def start_again(self, name: str) -> int:
-        """Start a process that has ended as it was started before, in its old turn; its log goes on."""
+        """Start an ended process with the same command and place in the order; its log is continued."""
         child = next(c for c in self._children if c.name == name and c.process.poll() is not None)
         place = self._children.index(child)
         _close_lifeline(child)
@@ -118,28 +118,29 @@ class Supervisor:
         found = []
         for child in self._children:
             code = child.process.poll()
-            if code is None or child.told:
+            if code is None or child.reported:
                 continue
-            child.told = True
+            child.reported = True
             shared_memory.remove(child.segments)
             found.append(Death(child.name, code, child.log, last_lines(child.log)))
         return found
 
     def cut_logs(self) -> None:
-        """Begin logs anew that have become too large."""
+        """Rotate logs that have become too large."""
         for child in self._children:
             cut_log(child.log)
 
     def note_segments(self) -> None:
-        """Remember which shared memory each process uses, to remove it should the process be killed."""
+        """Record the shared memory that each process uses, to remove it if the process is killed."""
         for child in self._children:
             if child.process.poll() is None:
                 child.segments = shared_memory.segments_of(child.process.pid) or child.segments
 
     def stop(self, patience: Patience | Callable[[], Patience] = Patience()) -> list[str]:
-        """Stop everything, last started first; return the names of what had to be killed.
+        """Stop all processes, the last one first; return the names of those that had to be killed.
 
-        `patience` may be a function: it is asked again while waiting, so that it can run out.
+        `patience` may be a function, which is called again while waiting, so that a second Ctrl-C shortens
+        it.
         """
         ask = patience if callable(patience) else lambda: patience
         killed = [child.name for child in reversed(self._children) if _stop(child, ask)]
@@ -154,7 +155,7 @@ class Supervisor:
 
 
 def _stop(child: _Child, patience: Callable[[], Patience]) -> bool:
-    """End a child and its whole group; say whether it took a SIGKILL."""
+    """End a child and its whole group; return whether it took a SIGKILL."""
     child.segments = shared_memory.segments_of(child.process.pid) or child.segments
     killed = False
     steps: tuple[tuple[signal.Signals, Callable[[], float | None]], ...] = (
@@ -183,13 +184,13 @@ def _close_lifeline(child: _Child) -> None:
 
 
 def _is_over(child: _Child) -> bool:
-    """Say whether the child and all that it started in its group have ended."""
+    """Return whether the child and its whole group have ended."""
     ended = child.process.poll() is not None
     return ended and not group_lives(child.process.pid)
 
 
 def group_lives(group: int) -> bool:
-    """Say whether a process group still has a process (one that is a zombie of ours does not count)."""
+    """Return whether a process group still has a process (a zombie of ours does not count)."""
     try:
         os.killpg(group, 0)
     except (ProcessLookupError, PermissionError):
@@ -204,7 +205,7 @@ def _wait(condition: Callable[[], bool], allowed: Callable[[], float | None]) ->
 
 
 def cut_log(log: Path, most: int = LOG_BYTES) -> None:
-    """Move what a process has written to `NAME.1` when it is more than `most` bytes; it goes on writing."""
+    """Copy a log of more than `most` bytes to `NAME.1` and truncate it, while its process goes on writing."""
     with contextlib.suppress(OSError):
         if log.stat().st_size <= most:
             return
@@ -214,7 +215,7 @@ def cut_log(log: Path, most: int = LOG_BYTES) -> None:
 
 
 def last_lines(log: Path, count: int = SHOWN_LINES) -> tuple[str, ...]:
-    """Return the last lines of a log that say something."""
+    """Return the last non-empty lines of a log."""
     try:
         with log.open("rb") as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - 16_384))

@@ -76,7 +76,7 @@ def test_flowers_and_anomalies_are_events_and_no_readings() -> None:
         (Severity.WARN, "tag 6: no species (0.00), blooms: 1, anomaly"),
         (Severity.WARN, "anomaly at x 1.00 m, y 2.50 m: bug seen"),
     ]
-    assert (monitor.results, monitor.told) == ({}, 0)
+    assert (monitor.results, monitor.received) == ({}, 0)
 
 
 def test_an_observation_of_a_later_build_is_passed_over() -> None:
@@ -185,12 +185,12 @@ def test_all_is_told_when_every_published_outcome_has_come() -> None:
     told_of = {"source": "bridge", "mission_id": ID, "target": "1", "status": "OK"}
     publish = {"command": "publish", **told_of}
     monitor = told(step([], commands=[publish, publish]), observation("1"))
-    assert not monitor.all_told
+    assert not monitor.all_received
     monitor.take(*observation("1"), at=105.0)
-    assert monitor.all_told
+    assert monitor.all_received
     assert list(monitor.results) == ["1"]
     monitor.take(*state(targets_total=1, targets_completed=3), at=106.0)
-    assert not monitor.all_told
+    assert not monitor.all_received
 
 
 def test_the_newest_reading_of_a_tag_is_the_last() -> None:

@@ -95,7 +95,7 @@ def test_a_death_is_told_once_with_the_last_lines(supervisor: Supervisor) -> Non
     until(lambda: deaths.extend(supervisor.deaths()) or deaths, "the death is noticed", 20.0)
     (death,) = deaths
     assert str(death) == f"bad ended with exit code 3; its log is {supervisor.folder / 'bad.log'}"
-    assert death.told.splitlines()[1:] == ["  | first", "  | no such map"]
+    assert death.text.splitlines()[1:] == ["  | first", "  | no such map"]
     assert supervisor.deaths() == []
 
 

@@ -145,11 +145,11 @@ class JsonObserver:
             if said != self._last:
                 self._last = said
                 self._put("state", elapsed=elapsed, **said)
-        elif kind == "observation" and monitor.told == self._told:
+        elif kind == "observation" and monitor.received == self._told:
             finding = monitor.happenings[-1]
             self._put("finding", elapsed=elapsed, severity=finding.severity.name.lower(), text=finding.text)
         elif kind == "observation":
-            self._told = monitor.told
+            self._told = monitor.received
             self._put("observation", elapsed=elapsed, **_result(monitor, list(monitor.results.values())[-1]))
         else:
             self._put("step", elapsed=elapsed, step=data.get("step"), view=data.get("view"))
