@@ -1,1 +1,1 @@
-"""The command line: one verb a file. Texts, tables and exit codes; the work is done in the other rooms."""
+"""The command line: one verb a file. Texts, tables and exit codes; other packages do the work."""

@@ -1,4 +1,4 @@
-"""All values that the options and arguments of a verb refuse: click reports only the first."""
+"""Reports all invalid options and arguments of a verb at once, where click reports only the first."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def all_bad_values(first: click.BadParameter, arguments: Sequence[str]) -> click
 
     Args:
         first: the error that click has stopped at, as the verb read its arguments.
-        arguments: what was given to the verb.
+        arguments: the arguments of the verb.
     """
     context = first.ctx
     if context is None:

@@ -1,4 +1,4 @@
-"""What `run` and `up` share: from the options to the settings of a bringup."""
+"""Turns the options of `run` and `up` into the settings of a bringup, with all their problems at once."""
 
 from __future__ import annotations
 
@@ -48,10 +48,9 @@ class GivenOptions:
 
 
 class CheckedOptions:
-    """The options of `run` and `up`, read against what missions and nodes declare.
+    """The options of `run` and `up`, checked against the declarations of missions and nodes.
 
-    `problems` collects what is wrong with any of them; `values` are the valid ones of the missions'
-    parameters.
+    `problems` collects all errors; `values` are the valid values of the missions' parameters.
     """
 
     def __init__(self, wanted: GivenOptions, loaded: LoadedMissions, catalog: Catalog) -> None:
@@ -128,7 +127,7 @@ class CheckedOptions:
     def _declared(self) -> Mapping[str, Mapping[str, Parameter]]:
         """The parameters of every node but the orchestrator, whose are those of the missions.
 
-        Nodes that serve pages are left out unless somebody wants them: to import what they do takes long.
+        Nodes that serve pages are left out unless they are asked for: importing them takes long.
         """
         return self._parameters_of(self._wants)
 
@@ -188,14 +187,14 @@ class CheckedOptions:
         return found
 
     def _of_pages(self) -> dict[str, ParameterValues]:
-        """Return what `--open` sets, for each node that serves pages and can be opened."""
+        """Return the parameters that `--open` sets, for each node that serves pages and can be opened."""
         if not (self._wanted.opened and self._wanted.hmi):
             return {}
         pages = [name for plugin in self._catalog.plugins.values() if plugin.hmi for name in plugin.nodes]
         return {name: {"open": True} for name in pages if "open" in self._declared[name]}
 
     def _of_simulators(self) -> dict[str, ParameterValues]:
-        """Return what `--sim` and `--speed` set, for each simulation that has such a parameter."""
+        """Return the parameters that `--sim` and `--speed` set, for each simulation that has them."""
         declared = {name: self._declared[name] for name in simulators(self._catalog)}
         together = {name: spec for known in declared.values() for name, spec in known.items()}
         given = {**_faster(self._wanted.speed, together), **self._read("--sim", self._wanted.sim, together)}
@@ -205,7 +204,7 @@ class CheckedOptions:
         }
 
     def _of_nodes(self) -> dict[str, ParameterValues]:
-        """Return what `--set NODE.NAME=VALUE` sets, by node."""
+        """Return the parameters that `--set NODE.NAME=VALUE` sets, by node."""
         found: dict[str, ParameterValues] = {}
         for name, given in of_nodes(self._wanted.settings).items():
             if name in self._declared:

@@ -231,12 +231,12 @@ def _run(arguments: Sequence[str] | None) -> int:
     except BrokenPipeError:
         raise
     except Exception as defect:
-        _tell_defect(defect, arguments)
+        _report_defect(defect, arguments)
         return DEFECT
     return result if isinstance(result, int) else 0
 
 
-def _tell_defect(defect: Exception, arguments: Sequence[str] | None) -> None:
+def _report_defect(defect: Exception, arguments: Sequence[str] | None) -> None:
     """Print who caused the defect, in one line, and the file with the details."""
     from lupin_cli.crash import write_crash_log
 

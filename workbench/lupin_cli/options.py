@@ -38,7 +38,7 @@ class RequestCommand(click.Command):
     """A verb with the options that fill a mission's request; it gets them as `request`, by field."""
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        """Return the parameters: what is installed says which options there are."""
+        """Return the parameters, which depend on the installed plugins."""
         if __name__ not in ctx.meta:
             with not_done():
                 fields = _request_fields()

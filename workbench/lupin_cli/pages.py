@@ -1,4 +1,4 @@
-"""Serving people's pages on what is no robot: which plugin does it, and what is told on the terminal."""
+"""Serves pages of a simulation or a recording, by the plugin that can, and prints their addresses."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from lupin_engine.plugin import Catalog, PageSource, ServePages
 
 
 def find_server(catalog: Catalog) -> ServePages:
-    """Return what serves pages.
+    """Return the function of the plugin that serves pages.
 
     Raises:
-        UsageError: no plugin does, or what it needs is not installed.
+        UsageError: no plugin does, or its requirements are not installed.
     """
     plugin = next((plugin for plugin in catalog.plugins.values() if plugin.pages), None)
     if plugin is None:
@@ -30,8 +30,8 @@ def find_server(catalog: Catalog) -> ServePages:
 def serve(source: PageSource, server: ServePages, port: int) -> int:
     """Serve pages until Ctrl-C; returns the exit code 0."""
 
-    def told(text: str) -> None:
+    def show(text: str) -> None:
         click.echo(f"{source.about()['mode']} of {source.about()['title']}: {text}; Ctrl-C ends it")
 
-    server(source, port, told)
+    server(source, port, show)
     return 0

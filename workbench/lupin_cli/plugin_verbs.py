@@ -29,7 +29,7 @@ def plugin_verbs() -> Mapping[str, Sequence[EntryPoint]]:
 
 @functools.cache
 def request_verbs() -> Mapping[str, str]:
-    """Return the verbs, each with the line that tells what it does; of two profiles the first says it."""
+    """Return the verbs with their lines of help; of two profiles the first defines it."""
     found: dict[str, str] = {}
     for point in entry_points(PROFILES):
         with contextlib.suppress(PluginError):  # whatever needs the profile says what is wrong with it

@@ -1,4 +1,4 @@
-"""What `run` and `record` share: whether a recording can be made, and what is told of it."""
+"""Checks and reports recordings, for `run` and `record`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def amount(recorder: TopicRecorder) -> str:
 
 
 def result(recorder: TopicRecorder) -> str:
-    """Return what became of a recording that has ended."""
+    """Return a sentence about an ended recording."""
     if not recorder.messages:
         return "nothing was published: there is no recording"
     return f"recorded {amount(recorder)}, in {recorder.path}"
@@ -44,15 +44,15 @@ def result(recorder: TopicRecorder) -> str:
 
 @contextlib.contextmanager
 def recorded(path: Path | None, observer: Any) -> Iterator[Any]:
-    """Record a run; yields the observer that also tells what is new of that. Nothing without a path."""
+    """Record a run, if there is a path; yields an observer that also reports news of the recording."""
     if path is None:
         yield observer
         return
-    from lupin_cli.terminal.observers import TellingRecorder
+    from lupin_cli.terminal.observers import RecordingReporter
     from lupin_ros.recording import TopicRecorder  # needs rclpy
 
     with TopicRecorder(path) as recorder:
-        yield TellingRecorder(observer, recorder)
+        yield RecordingReporter(observer, recorder)
     for text, severity in recorder.news():
         observer.note(text, severity)
     observer.note(result(recorder), Severity.INFO)

@@ -1,4 +1,4 @@
-"""The request that the options describe: read, and checked before anything is started."""
+"""Reads a mission's request from the options, and checks it before anything is started."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def check_complete(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
     """Check that the request of the first mission has every field that it must have.
 
     Raises:
-        UsageError: one is not given; the text says how to give it.
+        UsageError: one is not given; the text shows how to give it.
     """
     # Imported here: other verbs need no machine, and its import takes longer than their work.
     from lupin_engine.machine import described, lacking

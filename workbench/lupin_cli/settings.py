@@ -20,16 +20,16 @@ def settings_in(
     node: str = "",
     elsewhere: Callable[[str], str] = lambda name: "",
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the valid values of what was given as `name=value`, in base units, and the problems of the rest.
+    """Return the valid values of settings `name=value`, in base units, and the problems of the others.
 
     Problems are: no `=`, an unknown name, a value of another type, without its unit or out of range.
 
     Args:
-        option: the option that gave it.
+        option: the option of the settings.
         given: the texts as written; those of a node without the node's name.
         declared: all parameters, by name.
         node: whose parameters they are; '' for the mission's.
-        elsewhere: says where a name belongs that is not declared here (see `plugin.parameters.sorted_out`).
+        elsewhere: returns where an undeclared name belongs (see `plugin.parameters.sorted_out`).
     """
     texts, problems = split(option, given, f"{node}." if node else "")
     types = {name: declared[name].type if name in declared else TEXT for name in texts}

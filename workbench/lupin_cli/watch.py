@@ -1,4 +1,4 @@
-"""Noticing that files have changed, by looking."""
+"""Detects changes of files by polling."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ PAUSE_S = 0.3
 
 
 def changes(files: Callable[[], Iterable[Path]], wait: Callable[[], None]) -> Iterator[None]:
-    """Yield at once, and again whenever what the files say has become something else.
+    """Yield at once, and again whenever the contents of the files have changed.
 
     Args:
-        files: the files to look at, asked every time: some may be new, some gone.
-        wait: called between two looks.
+        files: returns the files, called every time: some may be new or removed.
+        wait: called between two polls.
     """
     contents: dict[Path, bytes] | None = None
     while True:

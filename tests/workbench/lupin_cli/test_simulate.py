@@ -226,7 +226,7 @@ def test_a_story_can_take_its_time() -> None:
     console = verb.make_console()
     console.file = io.StringIO()
     run = one_tag()
-    verb.tell_story(run, console, waited.append)
+    verb.print_story(run, console, waited.append)
     assert waited == pytest.approx([0.5, 3.0, 0.2, 3.0])
     assert sum(waited) == pytest.approx(run.seconds)
 

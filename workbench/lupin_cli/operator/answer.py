@@ -1,4 +1,4 @@
-"""`lupin answer`: what a mission asks the operator, and the answer."""
+"""`lupin answer`: shows the open question of a mission, or answers it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import click
 
 from lupin_cli import options
 from lupin_cli.exit_codes import ACCEPTED, REFUSED
-from lupin_cli.operator.network import attendant, nobody, told
+from lupin_cli.operator.network import attendant, nobody, print_answer
 from lupin_engine.errors import UsageError, nearest
 from lupin_engine.plugin import ANSWER_VERB
 
@@ -27,7 +27,7 @@ def answer(choice: str | None, domain: int | None) -> int:
             known = [name for question in asked for name, _ in question.choices]
             if choice not in known:
                 raise UsageError(f"{choice!r} is no choice; {nearest(choice, known)}")
-            return told(orchestrator.command(ANSWER_VERB, request={"choice": choice}))
+            return print_answer(orchestrator.command(ANSWER_VERB, request={"choice": choice}))
     from lupin_cli.terminal.words import default_text
 
     for question in asked:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from lupin_cli import options
-from lupin_cli.operator.network import attendant, told
+from lupin_cli.operator.network import attendant, print_answer
 
 _CODES = "Exit code: 0 accepted; 1 refused, with the reason; 2 nobody is there."
 
@@ -17,6 +17,6 @@ def request_command(verb: str, doc: str) -> click.Command:
     @options.domain
     def ask(domain: int | None) -> int:
         with attendant(domain) as orchestrator:
-            return told(orchestrator.command(verb))
+            return print_answer(orchestrator.command(verb))
 
     return ask

@@ -1,4 +1,4 @@
-"""Where an orchestrator stands, made of what it told: as data, and as lines for people."""
+"""Formats the state of an orchestrator, from its published records, as JSON data and as lines."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ def look(
     offer: Mapping[str, Any],
     now: float,
 ) -> dict[str, Any]:
-    """Return where the orchestrator stands, as JSON data.
+    """Return the state of the orchestrator as JSON data.
 
     Args:
-        steps: its last records, oldest first; at least one.
-        possible: what it told of its requests; empty where it told nothing.
-        offer: what it told of its missions, codes, holds and outcomes; empty where it told nothing.
+        steps: its last records of steps, oldest first; at least one.
+        possible: its record of available requests; empty where none was received.
+        offer: its mission catalogue, with codes, holds and outcomes; empty where none was received.
         now: the time of its loop.
     """
     records = list(steps)
     view = records[-1]["view"]
-    told = ("lifecycle", "phase", "target", "mission", "mission_id", "total", "paused", "code", "detail")
+    fields = ("lifecycle", "phase", "target", "mission", "mission_id", "total", "paused", "code", "detail")
     began = view["started_at"]
     missions = {one["mission"]: one.get("file") or one["mission"] for one in offer.get("missions", ())}
     stages = offer.get("stages", {})
@@ -39,7 +39,7 @@ def look(
     idle = any(view["lifecycle"] in states for stage, states in stages.items() if stage != "returning")
     requests = possible.get("requests", ())
     return {
-        **{name: view[name] for name in told},
+        **{name: view[name] for name in fields},
         "seconds": None if began is None or idle else round(now - began, 1),
         "counts": {one["counter"]: view[one["counter"]] for one in offer.get("outcomes", ())},
         "holds": view.get("holds", dict.fromkeys(view["held"], "")),
@@ -54,7 +54,7 @@ def look(
 
 
 def _is_of(view: Mapping[str, Any], ready: Collection[str]) -> Callable[[Mapping[str, Any]], bool]:
-    """Return what says whether a record is of the mission that a view shows, or of the rest that it shows."""
+    """Return a predicate: whether a record is of the mission of a view, or of the time without one."""
     rests = view["lifecycle"] in ready
 
     def is_of(record: Mapping[str, Any]) -> bool:
@@ -67,7 +67,7 @@ def _is_of(view: Mapping[str, Any], ready: Collection[str]) -> Callable[[Mapping
 def to_do(
     view: Mapping[str, Any], requests: Iterable[Mapping[str, Any]], offer: Mapping[str, Any]
 ) -> list[str]:
-    """Return what is advised: about the holds, else about what happened last and starts that are refused."""
+    """Return advice about the holds, else about the last codes and refused starts."""
     holds, table = offer.get("holds", {}), offer.get("codes", {})
     held = [holds.get(name, "") for name in view["held"]]
     refused = [one["code"] for one in requests if one["verb"] == START_VERB]
@@ -81,7 +81,7 @@ def _question(asked: OpenQuestion) -> dict[str, Any]:
 
 
 def lines(standing: Mapping[str, Any], verbs: Mapping[str, str]) -> Iterator[str]:
-    """Yield what `look` found; `verbs` are those of the command line by request."""
+    """Yield the result of `look` as lines; `verbs` are those of the command line by request."""
     now = [standing["lifecycle"], standing["phase"]]
     target = f"target {standing['target']}" if standing["target"] else ""
     yield "  ".join(filter(None, (" ".join(filter(None, now)) or "no state", target)))
@@ -122,7 +122,7 @@ def _code(code: Mapping[str, Any]) -> str:
 
 
 def _command(request: Mapping[str, Any], verbs: Mapping[str, str]) -> str:
-    """Return what stands after `lupin` to make a request."""
+    """Return the arguments of `lupin` that make a request."""
     if request["verb"] == START_VERB:
         return f"{START_VERB} {request['start']}"
     if request["verb"] == ANSWER_VERB:

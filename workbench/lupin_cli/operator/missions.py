@@ -1,4 +1,4 @@
-"""`lupin missions`: what was run, when, and how it ended, from the journal."""
+"""`lupin missions`: lists the missions of the journal, with their times and ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the verbs of an operator share: the way to the orchestrator, and what its answer is worth."""
+"""Connects an operator's verbs to the orchestrator, and maps its answers to exit codes."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def nobody() -> UsageError:
     )
 
 
-def told(answer: Answer) -> int:
-    """Print the orchestrator's sentence and return the exit code.
+def print_answer(answer: Answer) -> int:
+    """Print the orchestrator's answer and return the exit code.
 
     Raises:
-        UsageError: it said nothing.
+        UsageError: there is no orchestrator, or no answer in time.
     """
     if not answer.reached:
         raise UsageError(answer.text) if answer.found else nobody()

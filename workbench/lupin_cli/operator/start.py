@@ -1,4 +1,4 @@
-"""`lupin start`: a mission of the orchestrator that is on the network."""
+"""`lupin start`: starts a mission of the orchestrator on the network."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from lupin_cli import options
-from lupin_cli.operator.network import attendant, nobody, told
+from lupin_cli.operator.network import attendant, nobody, print_answer
 from lupin_engine.errors import UsageError
 from lupin_engine.plugin import (
     BUILTIN_TYPES,
@@ -42,11 +42,11 @@ def start(mission: str, request: dict[str, Any], fields: tuple[str, ...], domain
         offer = _offer(mission, orchestrator.missions)
         name = offer["mission"] if offer else mission
         asked = _asked(given_fields(request), fields, offer["request"] if offer else ())
-        return told(orchestrator.command(START_VERB, name, asked))
+        return print_answer(orchestrator.command(START_VERB, name, asked))
 
 
 def _offer(mission: str, missions: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
-    """Return what is told of a mission by its name or its file; None where the orchestrator has none."""
+    """Return the catalogue's entry of a mission by its name or its file; None where there is none."""
     file = PurePath(mission).stem
     named = [one for one in missions if one["mission"] == mission]
     return next(iter([*named, *(one for one in missions if one.get("file") == file)]), None)

@@ -1,4 +1,4 @@
-"""`lupin state`: where the orchestrator on the network stands, and what can be asked of it."""
+"""`lupin state`: shows the state of the orchestrator on the network, and its available requests."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def _watch(orchestrator: Attendant, as_json: bool) -> None:
 
 
 def _lasting(found: Mapping[str, Any] | None) -> Any:
-    """Return what is worth showing when it changes: all but what the passing of time does."""
+    """Return the fields whose change is shown: all that do not change by time alone."""
     if found is None:
         return None
     asked = [question["question"] for question in found["asking"]]

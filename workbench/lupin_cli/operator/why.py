@@ -1,4 +1,4 @@
-"""`lupin why`: why a target, a state or a moment came about, from the journal alone."""
+"""`lupin why`: explains a target, a state or a moment by its chain of causes, from the journal alone."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def why(
 
 
 def _asked(inquiry: Inquiry, about: tuple[str, ...], target: str) -> Explanation:
-    """Answer what was asked: about a target where the word for one stands before it, else a state first."""
+    """Return the cause of the given subject: a target after the word for one, else a state, else a target."""
     from lupin_engine.replay import NothingKnown
 
     name = " ".join(about[1:]) if about[0].lower() == target and len(about) > 1 else ""
@@ -110,10 +110,10 @@ def _asked(inquiry: Inquiry, about: tuple[str, ...], target: str) -> Explanation
 
 
 def _moment(text: str, last: float) -> float:
-    """Return a moment in POSIX time; a time of day is the last one before the end of what is asked about.
+    """Return a moment in POSIX time; a time of day is the last one before the end of the recorded run.
 
     Raises:
-        UsageError: it is none.
+        UsageError: the text is neither a time nor a time of day.
     """
     found = _CLOCK.fullmatch(text.strip())
     end = datetime.fromtimestamp(last)
@@ -135,7 +135,7 @@ def _title(run: JournaledRun) -> str:
 
 
 def _lines(cause: Cause) -> Iterator[str]:
-    """Yield a cause as lines: what happened first, then where that led, what was commanded, and why."""
+    """Yield a cause as lines: the event, the transitions, the commands, and the conditions."""
     time = f"{datetime.fromtimestamp(cause.wall):%H:%M:%S}" if cause.wall is not None else ""
     by = f" (by {cause.by})" if cause.by else ""
     texts = [

@@ -1,1 +1,1 @@
-"""The verbs that look for runs which nobody has thought of."""
+"""The output of proofs: the report page, the evidence, and texts that several verbs share."""

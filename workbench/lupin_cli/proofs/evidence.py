@@ -1,4 +1,4 @@
-"""What makes a proof evidence: by which engine, of which files and catalogs, when, and what it assumes."""
+"""Records the origin of proofs, as evidence: engine, hashes of files and catalogs, date, command line."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ NOT_SHOWN = (
 
 @dataclass(frozen=True)
 class Origin:
-    """By what proofs were made: date, command line, version of the engine, its sources' hash, processor."""
+    """The origin of proofs: date, command line, version of the engine, its sources' hash, processor."""
 
     date: str
     command: str
@@ -64,7 +64,7 @@ class Origin:
 
 
 def origin(context: click.Context) -> Origin:
-    """Return by what the proofs of this command were made."""
+    """Return the origin of the proofs of this command."""
     date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
     return Origin(date, _command(context), lupin_engine.__version__, engine_hash(), _machine())
 
@@ -78,7 +78,7 @@ def _command(context: click.Context) -> str:
 
 
 def _words_of(parameter: click.Parameter, value: Any) -> list[str]:
-    """Return what a command line says of a parameter; nothing where it is as usual."""
+    """Return the words of a command line that set a parameter; none where it has its default."""
     if isinstance(parameter, click.Argument):
         return list(value or ())
     if value is None or value is False or value == parameter.default:
@@ -112,18 +112,18 @@ def engine_hash() -> str:
 
 
 def catalogs_hash(loaded: LoadedMissions) -> str:
-    """Return the SHA-256 of what the plugins that missions use declare, and of what their mocks give.
+    """Return the SHA-256 of the declarations of the missions' plugins, and of their mocks.
 
     Of a function it covers the file that it is written in.
     """
     plugins = loaded.chart.catalog.plugins
     used = [plugins[name] for name in sorted(loaded.chart.plugins) if name in plugins]
-    told = [(sections(plugin), sorted(_behaviour(plugin))) for plugin in used]
-    return hashlib.sha256(repr(told).encode()).hexdigest()
+    declared = [(sections(plugin), sorted(_behaviour(plugin))) for plugin in used]
+    return hashlib.sha256(repr(declared).encode()).hexdigest()
 
 
 def _behaviour(plugin: Plugin) -> Iterator[tuple[str, str]]:
-    """Yield what a plugin gives in a proof: the results and values of mocks, functions and readers."""
+    """Yield the behaviour of a plugin in a proof: the results and values of mocks, functions and readers."""
     for name, operation in plugin.operations.items():
         mock = operation.mock
         yield f"{name} after", repr(mock.after)

@@ -1,4 +1,4 @@
-"""What was proven as one page that needs nothing else: for a safety case, and for whoever was not there."""
+"""Writes a self-contained HTML report of proofs, for a safety case."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def proof_page(proofs: Sequence[ProvenMission], made_by: Origin) -> str:
     """Return the page.
 
     Args:
-        proofs: what was proven, and of which missions.
-        made_by: when and by what.
+        proofs: the missions, their proofs, and the scenarios of broken properties.
+        made_by: the origin of the proofs.
     """
     body = "\n".join(part for one in proofs for part in _mission(*one))
     head = "<meta charset='utf-8'><meta name='viewport' content='width=device-width'>"
@@ -51,8 +51,8 @@ def proof_page(proofs: Sequence[ProvenMission], made_by: Origin) -> str:
     made = f"<h1>Proof</h1>{_table(_made(made_by))}"
     results = [(escape(name_of(loaded, proof.varied)), _result(proof)) for loaded, proof, _ in proofs]
     every = f"<h2>Results</h2>{_table(results)}" if len(results) > 1 else ""
-    told = "\n".join((made, every, body, *_meaning()))
-    return f"<!doctype html><html lang='en'><head>{head}</head><body>{told}</body></html>\n"
+    text = "\n".join((made, every, body, *_meaning()))
+    return f"<!doctype html><html lang='en'><head>{head}</head><body>{text}</body></html>\n"
 
 
 def _made(by: Origin) -> Iterator[tuple[str, ...]]:
@@ -63,7 +63,7 @@ def _made(by: Origin) -> Iterator[tuple[str, ...]]:
 
 
 def _meaning() -> Iterator[str]:
-    """Yield what the reader must know to judge the results."""
+    """Yield an explanation of the verdicts, for a reader without the documentation."""
     yield "<h2>What the words mean</h2>"
     yield _table((escape(word), escape(text)) for word, text in MEANINGS.items())
     yield f"<h2>Assumptions</h2>{_list(ASSUMPTIONS)}"
@@ -128,9 +128,9 @@ def _short(loaded: LoadedMissions, text: str) -> str:
 
 def _verdict(proof: Proof, one: Proven) -> str:
     """Return the verdict in its colour; that an author's own property never applied is a warning."""
-    told = _VERDICTS.get(one.verdict.value, one.verdict.value)
+    verdict = _VERDICTS.get(one.verdict.value, one.verdict.value)
     kind = "warning" if one in proof.never_applied else one.verdict.value.replace(" ", "-")
-    return f"<span class='verdict {kind}'>{told}</span>"
+    return f"<span class='verdict {kind}'>{verdict}</span>"
 
 
 def _list(texts: Iterable[str]) -> str:
@@ -144,9 +144,9 @@ def _counterexample(loaded: LoadedMissions, one: Proven, scenario: FailingScenar
         yield f"<p>{escape(why_none(one))}</p>"
         yield "<ol>" + "".join(f"<li>{escape(text)}</li>" for text in one.moves) + "</ol>"
         return
-    told = scenario.lines
-    columns = exact_columns(told, _COLUMNS)
-    rows = (row for line in told for row in laid_out(line, columns))
+    story = scenario.lines
+    columns = exact_columns(story, _COLUMNS)
+    rows = (row for line in story for row in laid_out(line, columns))
     lines = "\n".join(["".join(text for text, _ in row) for row in rows] + [scenario.rest])
     yield f"<pre>{escape(lines.rstrip())}</pre>{svg(timeline(scenario.run))}"
     name = f"As a scenario: {escape(scenario.file.name)}"

@@ -11,12 +11,12 @@ from lupin_verify import Proof, Unreached
 
 
 def name_of(loaded: LoadedMissions, varied: str) -> str:
-    """Return what a proof is called: by its mission, and by the parameter that is not as given."""
+    """Return the name of a proof: its mission, and the parameter that is not as given."""
     return f"{loaded.names[0]}{f' with {varied}' if varied else ''}"
 
 
 def result(proof: Proof) -> str:
-    """Return what came of a proof, in a few words."""
+    """Return the verdict of a proof in a few words."""
     grows = f"; {proof.growth}" if proof.growth and str(proof.growth) != proof.stopped else ""
     if proof.broken:
         unfinished = f", and not all was explored: {proof.stopped}{grows}" if proof.stopped else ""
@@ -26,7 +26,7 @@ def result(proof: Proof) -> str:
 
 
 def summary(proof: Proof) -> str:
-    """Return what came of a proof, with its warnings counted."""
+    """Return the verdict of a proof, with its warnings counted."""
     unused = len(proof.never_applied)
     parts = [
         result(proof),
@@ -38,7 +38,7 @@ def summary(proof: Proof) -> str:
 
 
 def last_line(proof: Proof) -> str:
-    """Return what came of a proof and how much was explored."""
+    """Return the verdict of a proof, and the size of its exploration."""
     progress = proof.progress
     seen = f"{counted(progress.situations, 'situation')}, {counted(progress.transitions, 'transition')}"
     deep = f", up to {counted(progress.depth, 'move')} deep" if proof.complete and not proof.broken else ""

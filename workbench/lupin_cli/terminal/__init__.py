@@ -1,1 +1,1 @@
-"""What the command line shows: colours, tables, excerpts of files, live pictures, prompts."""
+"""The output of the command line: colours, tables, excerpts of files, live pictures, prompts."""

@@ -1,4 +1,4 @@
-"""A simulation at a terminal: commands in, lines out. Deterministic, and without a terminal of its own.
+"""A debugger of simulations: executes typed commands and returns lines; deterministic, without a terminal.
 
 `Debugger.do` takes one line as it was typed; a wrong word is answered with the nearest spelling and changes
 nothing. The same lines give the same answers.
@@ -29,10 +29,10 @@ _SILENT = 100
 
 @dataclass(frozen=True)
 class DebuggerCommand:
-    """A word that can be typed first: how it is written, what it does, and the words that can follow.
+    """A command: its usage, its effect, and the completions of its arguments.
 
-    `act` returns what there is to say, or what it lets happen. `first` are the words that can follow, `then`
-    those that can follow one of these.
+    `act` returns lines to print, or an effect to apply to the simulation. `first` completes the first
+    argument, `then` the one after it.
     """
 
     usage: str
@@ -54,7 +54,7 @@ def _command(
     first: Callable[[Any], Iterable[str]] = lambda debugger: (),
     then: Callable[[Any, str], Iterable[str]] = lambda debugger, word: (),
 ) -> Callable[[_Act], _Act]:
-    """Make a method of the debugger what the first word of `usage` does."""
+    """Register a method of the debugger as the command of the first word of `usage`."""
 
     def register(act: _Act) -> _Act:
         COMMANDS[usage.split()[0]] = DebuggerCommand(usage, about, act, first, then)
@@ -77,7 +77,7 @@ class Debugger:
         self._hand = Hand(script, world, read, lambda: self.simulation)
         self._columns = usual_columns(width)
         self._rewindable = Rewindable(self._begun)
-        self._told = 0
+        self._shown = 0
         self.over = False
 
     def _begun(self) -> Simulation:
@@ -104,11 +104,11 @@ class Debugger:
         return f"{self.simulation.now:.1f} s {where}{held}> "
 
     def greeting(self) -> list[TonedLine]:
-        """Return what is told before anything was typed."""
+        """Return the lines before the first command."""
         return [*self._news(), [("help tells what can be typed, why what can happen; quit ends", "dim")]]
 
     def do(self, line: str) -> list[TonedLine]:
-        """Do what was typed and return what there is to say."""
+        """Execute a typed line, and return the lines to print."""
         try:
             words = shlex.split(line, comments=True)
         except ValueError as problem:
@@ -122,7 +122,7 @@ class Debugger:
             return _refused(str(problem))
 
     def complete(self, line: str) -> list[str]:
-        """Return the words that could stand at the end of what was typed so far."""
+        """Return the completions of the last word of a line."""
         *before, last = line.split(" ")
         before = [word for word in before if word]
         if not before:
@@ -167,11 +167,11 @@ class Debugger:
         return {*found, *(event.removeprefix("operator.") for event in found)}
 
     def event_names(self) -> list[str]:
-        """Return what can be sent."""
+        """Return the names of requests and events that can be sent."""
         return self._hand.event_names()
 
     def value_names(self) -> dict[str, str]:
-        """Return what can be set, each with the plugin's name for it."""
+        """Return the names of live values that can be set, each with the plugin's name for it."""
         return self._hand.value_names()
 
     def state_names(self) -> list[str]:
@@ -197,13 +197,13 @@ class Debugger:
     # -- what happens -------------------------------------------------------------------------------------
 
     def _news(self) -> list[TonedLine]:
-        """Tell the steps that were not told yet."""
-        lines = tell(self._chart, self.simulation.history, self._told)
-        self._told = len(self.simulation.steps)
+        """Return the lines of steps that were not shown yet."""
+        lines = tell(self._chart, self.simulation.history, self._shown)
+        self._shown = len(self.simulation.steps)
         return [row for line in lines for row in laid_out(line, self._columns)]
 
     def _let(self, text: str, what: Effect) -> list[TonedLine]:
-        """Let something happen and tell what comes of it."""
+        """Apply an effect, and return the lines of the steps that follow."""
         if not self._rewindable.do(effect(text, what)):
             raise Wrong("nothing came of that")
         return self._news() or [[("nothing came of that", "dim")]]
@@ -297,7 +297,7 @@ class Debugger:
         if not self._rewindable.moves:
             raise Wrong("there is nothing to take back")
         taken = self._rewindable.back(_count(words))
-        self._told = len(self.simulation.steps)
+        self._shown = len(self.simulation.steps)
         return [[(f"took back {_summed(taken)}", "note")]]
 
     # -- what there is to see -----------------------------------------------------------------------------

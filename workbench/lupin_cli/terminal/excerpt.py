@@ -1,4 +1,4 @@
-"""The line of a file that a finding is about, with carets under the place; as wide as the terminal."""
+"""Prints the line of a finding with carets under its place, cut to the width of the terminal."""
 
 from __future__ import annotations
 

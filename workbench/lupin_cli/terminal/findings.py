@@ -49,11 +49,11 @@ def as_text(checked: Checked, width: int | None = None) -> str:
     """Return the findings for people: a line each, under it the source with carets; last the counts."""
     sources = Sources()
     columns = width or shutil.get_terminal_size((WIDTH, 24)).columns
-    lines = [line for diagnostic in checked.found for line in _told(diagnostic, sources, columns)]
+    lines = [line for diagnostic in checked.found for line in _finding_lines(diagnostic, sources, columns)]
     return "\n".join([*lines, _counts(checked)])
 
 
-def _told(diagnostic: Diagnostic, sources: Sources, width: int) -> Iterator[str]:
+def _finding_lines(diagnostic: Diagnostic, sources: Sources, width: int) -> Iterator[str]:
     """Yield a finding, and the line that it is about."""
     place, colour = diagnostic.place, _COLOURS[diagnostic.severity]
     kind = click.style(diagnostic.kind, fg=colour, bold=True)

@@ -70,5 +70,5 @@ def _terminal(debugger: Debugger) -> Callable[[], str]:
 
 
 def _after(word: str) -> str:
-    """Return what follows a completed word: nothing after `=`, else a blank."""
+    """Return the text after a completed word: nothing after `=`, else a blank."""
     return "" if word.endswith("=") else " "

@@ -1,4 +1,4 @@
-"""Keys in the view of a run: what each of them means, and reading them without waiting."""
+"""Reads keys in the view of a run without blocking, and maps them to commands."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LONGEST = 2
 
 @dataclass(frozen=True)
 class Press:
-    """What a key asks for: a command, or nothing but a `text` to be shown."""
+    """The effect of a key: a command, or only a `text` to show."""
 
     text: str
     verb: str = ""
@@ -28,7 +28,7 @@ class Press:
 
 
 class Keypad:
-    """The keys of a profile's requests, and numbers for the answers to what is asked."""
+    """The keys of a profile's requests, and numbers for the answers to an open question."""
 
     def __init__(self, profile: Profile) -> None:
         self._requests = {request.key: name for name, request in profile.requests.items() if request.key}
@@ -38,13 +38,13 @@ class Keypad:
 
     @property
     def help(self) -> str:
-        """What the keys mean, in one line."""
+        """The keys and their commands in one line."""
         twice = dict.fromkeys([self._abort], " (twice)")
         keys = [f"{key} {self._verbs[name]}{twice.get(name, '')}" for key, name in self._requests.items()]
         return f"keys: {', '.join([*keys, '1-9 answer', f'{HELP} this line'])}"
 
     def press(self, key: str, asked: Sequence[OpenQuestion], now: float) -> Press | None:
-        """Return what a key means at `now`, in seconds; None for one that means nothing."""
+        """Return the effect of a key at `now`, in seconds; None for one without any."""
         if key == HELP:
             return Press(self.help)
         choices = [name for question in asked for name, _ in question.choices]

@@ -41,7 +41,7 @@ class PlainObserver:
     def __init__(self, write: Callable[[str], None] = _line) -> None:
         self._write = write
         self._last: tuple[Any, ...] = ()
-        self._told = 0
+        self._shown = 0
 
     def note(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Write a line about the run itself."""
@@ -60,10 +60,10 @@ class PlainObserver:
 
     def show(self, monitor: RunMonitor) -> None:
         """Write the events that are new."""
-        for happening in monitor.happenings[self._told :]:
+        for happening in monitor.happenings[self._shown :]:
             mark = "" if happening.severity is Severity.INFO else f"  [{happening.severity.name.lower()}]"
             self._write(f"{view.clock(happening.elapsed)}    {happening.text}{mark}")
-        self._told = len(monitor.happenings)
+        self._shown = len(monitor.happenings)
 
     def close(self, monitor: RunMonitor | None, code: int) -> None:
         """Write the table of readings and the summary."""
@@ -128,7 +128,7 @@ class JsonObserver:
     def __init__(self, write: Callable[[str], None] = _line) -> None:
         self._write = write
         self._last: dict[str, Any] = {}
-        self._told = 0
+        self._shown = 0
 
     def _put(self, kind: str, **fields: Any) -> None:
         self._write(json.dumps({"type": kind, **fields}, ensure_ascii=False))
@@ -145,11 +145,11 @@ class JsonObserver:
             if said != self._last:
                 self._last = said
                 self._put("state", elapsed=elapsed, **said)
-        elif kind == "observation" and monitor.received == self._told:
+        elif kind == "observation" and monitor.received == self._shown:
             finding = monitor.happenings[-1]
             self._put("finding", elapsed=elapsed, severity=finding.severity.name.lower(), text=finding.text)
         elif kind == "observation":
-            self._told = monitor.received
+            self._shown = monitor.received
             self._put("observation", elapsed=elapsed, **_result(monitor, list(monitor.results.values())[-1]))
         else:
             self._put("step", elapsed=elapsed, step=data.get("step"), view=data.get("view"))
@@ -202,8 +202,8 @@ class _Forwarding:
         """Forward."""
         self._pass_on(self._inner.close, monitor, code)
 
-    def _pass_on(self, tell: Callable[..., None], *what: Any) -> None:
-        tell(*what)
+    def _pass_on(self, call: Callable[..., None], *what: Any) -> None:
+        call(*what)
 
 
 class Heard(_Forwarding):
@@ -218,19 +218,19 @@ class Heard(_Forwarding):
         self._stop = stop
         self._gone = False
 
-    def _pass_on(self, tell: Callable[..., None], *what: Any) -> None:
+    def _pass_on(self, call: Callable[..., None], *what: Any) -> None:
         if self._gone:
             return
         try:
-            tell(*what)
+            call(*what)
         except OSError:
             self._gone = True
             hang_up()
             self._stop()
 
 
-class TellingRecorder(_Forwarding):
-    """Forwards to another observer, and tells what is new of a recording that is made of the run."""
+class RecordingReporter(_Forwarding):
+    """Forwards to another observer, and reports news of the run's recording."""
 
     def __init__(self, inner: Any, recorder: TopicRecorder) -> None:
         super().__init__(inner)

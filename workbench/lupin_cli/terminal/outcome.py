@@ -58,16 +58,16 @@ def draw(lanes: Timeline, file: Path) -> None:
         raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from problem
 
 
-def tell_story(run: Run, console: Console, wait: Callable[[float], None]) -> None:
+def print_story(run: Run, console: Console, wait: Callable[[float], None]) -> None:
     """Print the story line by line; `wait` is called with the virtual time between two lines."""
     lines = tell(run.chart, run.history)
-    tell_lines(lines, columns_for(lines, console.width), console, wait)
+    print_lines(lines, columns_for(lines, console.width), console, wait)
 
 
-def tell_lines(
+def print_lines(
     lines: Iterable[StepLine], columns: Columns, console: Console, wait: Callable[[float], None]
 ) -> None:
-    """Print lines of a story; `wait` as for `tell_story`."""
+    """Print lines of a story; `wait` as for `print_story`."""
     now = 0.0
     for line in lines:
         if line.time > now:

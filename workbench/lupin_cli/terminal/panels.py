@@ -1,4 +1,4 @@
-"""What there is to see of a simulation between two steps, as lines for a terminal."""
+"""Formats the state of a simulation between two steps as lines for a terminal."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def labelled(label: str, text: str, tone: str = "", width: int = _LABEL) -> Tone
 
 
 def possibilities(chart: Chart, found: Iterable[Possibility]) -> list[TonedLine]:
-    """Tell what is possible now, then why the rest is not."""
+    """Return the available events as lines, then the others with the reasons."""
     each = list(found)
     ready = [_what(chart, one) for one in each if one.possible]
     others = [labelled(one.event, _why_not(one), "dim", _EVENT) for one in each if not one.possible]
@@ -31,22 +31,22 @@ def possibilities(chart: Chart, found: Iterable[Possibility]) -> list[TonedLine]
 
 
 def possibility(chart: Chart, found: Possibility) -> list[TonedLine]:
-    """Tell what one event would do now, with every transition that listens to it."""
+    """Return the dry run of one event as lines, with every transition that listens to it."""
     others = [one for one in found.considered if not found.possible or one.transition not in found.taken]
     if found.possible:
         first = _what(chart, found)
     else:  # the reasons stand behind the transitions
-        told = found.refusal.text if found.refusal else "not possible now" if others else _why_not(found)
-        first = labelled(found.event, told, "", _EVENT)
+        text = found.refusal.text if found.refusal else "not possible now" if others else _why_not(found)
+        first = labelled(found.event, text, "", _EVENT)
     each = (f"    {_leads_to(chart, one.transition)}: {_reason(found, one)}" for one in others)
     return [first, *([(text, "dim")] for text in each)]
 
 
 def _what(chart: Chart, found: Possibility) -> TonedLine:
-    """Tell what an event would do."""
-    told = [f"engages {name}" for name in found.engages] + [f"releases {name}" for name in found.releases]
-    told += [_leads_to(chart, rule) for rule in found.taken]
-    return labelled(found.event, ", ".join(told), "state", _EVENT)
+    """Return the effects of an event as a line."""
+    text = [f"engages {name}" for name in found.engages] + [f"releases {name}" for name in found.releases]
+    text += [_leads_to(chart, rule) for rule in found.taken]
+    return labelled(found.event, ", ".join(text), "state", _EVENT)
 
 
 def _why_not(found: Possibility) -> str:
@@ -57,7 +57,7 @@ def _why_not(found: Possibility) -> str:
 
 
 def _reason(found: Possibility, one: Considered) -> str:
-    """Return what keeps a transition from being taken."""
+    """Return why a transition would not be taken."""
     otherwise = f"{found.event} is false" if found.event.startswith("input.") else "can be taken"
     return one.reason(shorten) or otherwise
 
@@ -84,7 +84,7 @@ def _transitions(chart: Chart) -> Iterator[Transition]:
 
 
 def where(chart: Chart, view: View) -> list[TonedLine]:
-    """Tell where a machine is and what is under way."""
+    """Return the configuration, the mission and the running operations as lines."""
     rows = [labelled("state", short_name(chart, name), "state") for name in _innermost(chart, view)]
     closed = sum(view.counts.values())
     facts = {
@@ -111,7 +111,7 @@ def _innermost(chart: Chart, view: View) -> list[str]:
 
 
 def inputs(chart: Chart, simulation: Simulation) -> list[TonedLine]:
-    """Tell the live values: what each is, since when, and what the plugin calls it."""
+    """Return the live values as lines: each value, its time, and the plugin's name for it."""
     machine, now = simulation.machine, simulation.now
     rows = []
     for name, spec in chart.inputs.items():
@@ -124,7 +124,7 @@ def inputs(chart: Chart, simulation: Simulation) -> list[TonedLine]:
 
 
 def variables(simulation: Simulation) -> list[TonedLine]:
-    """Tell the variables of the chart, each with its value, and the request of a mission that is used now."""
+    """Return the chart's variables as lines, and the request of an active embedded mission."""
     memory = simulation.machine.memory
     rows = [labelled(name, shorten(value)) for name, value in memory.context.items()]
     for state in (name for name in memory.given if name in memory.configuration):
@@ -134,7 +134,7 @@ def variables(simulation: Simulation) -> list[TonedLine]:
 
 
 def timers(chart: Chart, simulation: Simulation) -> list[TonedLine]:
-    """Tell what will happen by itself."""
+    """Return the running deadlines, and the scheduled events of the simulation, as lines."""
     memory, now = simulation.machine.memory, simulation.now
 
     def about(kind: str, owner: str) -> str:

@@ -1,7 +1,7 @@
-"""A simulation that is moved from outside, move by move, and can be taken back.
+"""A simulation driven by recorded actions, which can be undone by replay.
 
-Going back is doing the same again up to there: the same moves give the same steps, so the world, its agenda
-and its dice are as they were, of which no snapshot of the machine knows.
+Undoing replays the remaining actions on a new simulation. The same actions give the same steps, so its event
+queue and random state are restored, too, which a snapshot of the machine does not have.
 """
 
 from __future__ import annotations

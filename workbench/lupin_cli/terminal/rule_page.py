@@ -1,4 +1,4 @@
-"""One rule of the checker, as the page of the rules explains it."""
+"""Returns the explanation of one rule of the checker from the page of rules."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MARKED = re.compile(r"\*([^*]+)\*")
 
 
 def rule_text(rule: str) -> str:
-    """Return what a rule protects, and an example of what breaks it.
+    """Return the purpose of a rule, with an example that breaks it.
 
     Raises:
         UsageError: there is no such rule; the text has the nearest spelling.

@@ -43,7 +43,7 @@ def print_health(findings: Sequence[Finding]) -> None:
 
 
 def _health_table(findings: Iterable[Finding]) -> RenderableType:
-    """Return the findings as a table; advice stands under what it is about."""
+    """Return the findings as a table, with advice below each."""
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("")
     table.add_column("looked at", overflow="fold")
@@ -67,7 +67,7 @@ def _health_verdict(findings: Iterable[Finding]) -> Text:
 
 
 def print_network(interfaces: Sequence[Interface]) -> None:
-    """Print the interfaces of each kind, and what is wrong with any of them; no name is ever broken."""
+    """Print the interfaces of each kind with their problems; names are never broken."""
     console = Console(highlight=False)
     for kind, (title, *ends) in _INTERFACES.items():
         of_kind = [interface for interface in interfaces if interface.kind == kind]
@@ -94,7 +94,7 @@ def _network_table(title: str, ends: Sequence[str], interfaces: Iterable[Interfa
 
 
 def _network_list(title: str, ends: Sequence[str], interfaces: Iterable[Interface]) -> Text:
-    """Return what the table has, below each other, for a terminal that is too narrow for it."""
+    """Return the table's contents as a list, for a terminal that is too narrow for a table."""
     text = Text(f"{title}\n", "bold")
     for one in interfaces:
         text.append("  ").append_text(_what(one, "  "))
@@ -142,7 +142,7 @@ def print_plugins(plugins: Iterable[InstalledPlugin]) -> None:
 
 
 def print_plugin(plugin: Plugin, origin: str) -> None:
-    """Print what a plugin offers, section by section."""
+    """Print the contents of a plugin, section by section."""
     console = Console(highlight=False)
     console.print(Text.assemble((plugin.name, "bold"), f": {plugin.doc}"))
     console.print(Text(origin, "dim"))

@@ -1,4 +1,4 @@
-"""What a run looks like: pure functions from a monitor and a chart to pictures, tables and lines.
+"""Renders a run: pure functions from a monitor and a chart to pictures, tables and lines.
 
 `picture` is the live view, `results_table` and `summary` its end, `plain_state` the line that stands for a
 change where there is no terminal. Symbols are plain ASCII where the terminal cannot show others.
@@ -197,7 +197,7 @@ def _details(monitor: RunMonitor, now: float, symbols: Symbols) -> RenderableTyp
 
 
 def _resume(profile: Profile) -> str:
-    """Return what lets a held mission go on."""
+    """Return the command that resumes a held mission."""
     if not profile.resume:
         return "the operator"
     key = profile.requests[profile.resume].key
@@ -215,7 +215,7 @@ def _progress(monitor: RunMonitor) -> RenderableType:
 
 
 def _share(closed: int, total: int) -> str:
-    """Say how many visits there were to how many targets; more than one sweep makes more of them."""
+    """Return the numbers of visits and targets in words; with several sweeps there are more visits."""
     return f"{closed}/{total}" if closed <= total else f"{closed} visits to {total}"
 
 
@@ -291,7 +291,7 @@ def event_line(happening: RunEvent) -> Text:
 def _strip(monitor: RunMonitor, symbols: Symbols, width: int) -> Text:
     """Return the targets so far in one line, each with the mark of its outcome.
 
-    The current one stands out and is always in sight: what there is no room for is left out before it.
+    The current one is highlighted and always visible: without room, targets before it are left out.
     """
     current = monitor.progress.target
     pieces, last = [], 0
@@ -315,7 +315,7 @@ def _strip(monitor: RunMonitor, symbols: Symbols, width: int) -> Text:
 
 
 def results_table(results: Iterable[TargetResult], profile: Profile, symbols: Symbols = UNICODE) -> Table:
-    """Return what became of every target, one row each; hollow where a target lacks the value."""
+    """Return the table of results, a row for each target; a dot where a target lacks a value."""
     rows, units = list(results), profile.terminal.columns
     columns = value_columns(rows, profile)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
@@ -354,7 +354,7 @@ def summary(monitor: RunMonitor, now: float) -> Text:
 
 
 def _outcome(monitor: RunMonitor) -> str:
-    """Say how many targets were found and visited; '' for a mission without targets."""
+    """Return the numbers of targets found and visited in words; '' for a mission without targets."""
     found = monitor.finds if monitor.progress.goal else ""
     if monitor.searching or not monitor.total:
         return found
@@ -372,7 +372,7 @@ def counts_text(profile: Profile, counts: Mapping[str, int]) -> str:
 
 
 def plain_state(progress: Progress, profile: Profile, searching: bool = False) -> str:
-    """Return what a published state says, in one line; the counters of a search are about targets found."""
+    """Return a published state in one line; the counters of a search count found targets."""
     words, closed = profile.terminal, sum(progress.counts.values())
     parts = (
         f"{progress.lifecycle} {progress.phase}".strip(),
@@ -383,5 +383,5 @@ def plain_state(progress: Progress, profile: Profile, searching: bool = False) -
 
 
 def changed_key(progress: Progress) -> tuple[str, ...]:
-    """Return what must differ for a state to be worth a line."""
+    """Return the fields whose change makes a new line."""
     return progress.lifecycle, progress.phase, progress.target

@@ -1,1 +1,1 @@
-"""One verb a file; what takes time to import is imported inside the functions: `--help` answers at once."""
+"""One verb a file; slow imports are inside the functions, so that `--help` answers at once."""

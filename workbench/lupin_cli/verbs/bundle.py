@@ -1,4 +1,4 @@
-"""`lupin bundle`: a mission with all that it is made of in one file, signed."""
+"""`lupin bundle`: packs a mission with all its files into one signed file."""
 
 from __future__ import annotations
 

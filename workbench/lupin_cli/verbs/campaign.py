@@ -1,4 +1,4 @@
-"""`lupin campaign`: thousands of random worlds in virtual time; what is violated becomes a scenario."""
+"""`lupin campaign`: tests a mission in thousands of random worlds; violations become small scenarios."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://\S+:\d+")
 
 
 class Written(NamedTuple):
-    """The scenario of a violation, made by so many runs in `took` s; without a file `why` says why."""
+    """The scenario of a violation, after so many runs in `took` s; without a file, `why` is the reason."""
 
     file: Path | None
     tries: int = 0
@@ -104,9 +104,9 @@ def campaign(
         record = _record(found, dealer, written)
         click.echo(json.dumps({**record, "interrupted": interrupted}, default=str))
     else:
-        _tell(found, dealer, written, quiet)
+        _print_result(found, dealer, written, quiet)
         if interrupted:
-            click.echo(_told_interruption(dealer))
+            click.echo(_interruption_text(dealer))
     if isinstance(stopped, LupinError):
         raise stopped
     if interrupted:
@@ -119,7 +119,7 @@ def campaign(
 def _run(
     campaign: Campaign, dealer: Dealer, out: Path, show: bool
 ) -> tuple[dict[str, Written], BaseException | None]:
-    """Run all seeds, and write the scenarios; return these, and what it was stopped by."""
+    """Run all seeds, and write the scenarios; return these, and the exception that stopped it."""
     written: dict[str, Written] = {}
     try:
         with _progress(dealer, show):
@@ -132,7 +132,7 @@ def _run(
     return written, None
 
 
-def _told_interruption(dealer: Dealer) -> str:
+def _interruption_text(dealer: Dealer) -> str:
     if dealer.found.seeds < dealer.seeds:
         return f"interrupted after {dealer.found.seeds} of {dealer.seeds} seeds; the rest was not looked at"
     return "interrupted while scenarios were made smaller; not all of them were written"
@@ -176,7 +176,7 @@ def _campaign(mission: str, rates: Path | None, settings: tuple[str, ...]) -> Ca
 
 
 def _cluster(address: str, dealer: Dealer) -> Callable[[], Executor]:
-    """Return what makes an executor of a Dask cluster."""
+    """Return a function that makes an executor of a Dask cluster."""
     if not _ADDRESS.fullmatch(address):
         raise UsageError(f"--cluster: {address!r} is no address of a Dask scheduler; write tcp://HOST:PORT")
     try:
@@ -207,7 +207,7 @@ def _cluster(address: str, dealer: Dealer) -> Callable[[], Executor]:
 
 
 def _progress(dealer: Dealer, show: bool) -> Any:
-    """Return what shows how far it is, while it is entered; nothing where nobody watches."""
+    """Return a context that shows the progress; an empty one where the output is no terminal."""
     from rich.console import Console
     from rich.progress import Progress, TextColumn, TimeRemainingColumn
 
@@ -217,18 +217,18 @@ def _progress(dealer: Dealer, show: bool) -> Any:
     task = bar.add_task("", total=dealer.seeds)
     began = time.perf_counter()
 
-    def told(found: CampaignSum) -> None:
+    def report(found: CampaignSum) -> None:
         rate = found.missions / (time.perf_counter() - began)
         text = f"{found.seeds} of {dealer.seeds} seeds, {rate:.0f} missions/s, {len(found.pairs)} pairs"
         violated = f", violated: {', '.join(sorted(found.first))}" if found.first else ""
         bar.update(task, completed=found.seeds, description=text + violated)
 
-    dealer.report = told
+    dealer.report = report
     return bar
 
 
 def _status(text: str, show: bool) -> AbstractContextManager[Any]:
-    """Return what shows a text while it is entered; nothing where nobody watches."""
+    """Return a context that shows a text; an empty one where the output is no terminal."""
     from rich.console import Console
 
     console = Console(stderr=True)
@@ -252,7 +252,7 @@ def _write(campaign: Campaign, violation: Violation, out: Path) -> Written:
     return Written(file, minimiser.tries, took=time.perf_counter() - began)
 
 
-def _tell(campaign: Campaign, dealer: Dealer, written: dict[str, Written], quiet: bool) -> None:
+def _print_result(campaign: Campaign, dealer: Dealer, written: dict[str, Written], quiet: bool) -> None:
     found = dealer.found
     if not quiet:
         width = max(map(len, campaign.watched))
@@ -260,7 +260,7 @@ def _tell(campaign: Campaign, dealer: Dealer, written: dict[str, Written], quiet
         for name in campaign.watched:
             violated = f"{found.violated[name]} seeds" if found.violated[name] else "-"
             click.echo(f"{name:{width}}  {found.relevant[name] or 'never':>9}  {violated}")
-        _tell_coverage(campaign, found)
+        _print_coverage(campaign, found)
     for violation in found.first.values():
         when = f"at {violation.time:.1f} s of seed {violation.seed}"
         click.echo(f"{violation.name} is violated {when}: {violation.text}")
@@ -274,7 +274,7 @@ def _tell(campaign: Campaign, dealer: Dealer, written: dict[str, Written], quiet
     )
 
 
-def _tell_coverage(campaign: Campaign, found: CampaignSum) -> None:
+def _print_coverage(campaign: Campaign, found: CampaignSum) -> None:
     missed = campaign.never_taken(found)
     click.echo(f"transitions taken: {campaign.can_be_taken - len(missed)} of {campaign.can_be_taken}")
     for rule in missed:

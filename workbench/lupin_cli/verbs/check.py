@@ -1,4 +1,4 @@
-"""`lupin check`: tell everything that is wrong with missions, before a robot does.
+"""`lupin check`: prints all findings of the checker about missions.
 
 Exit codes: 0 nothing is wrong; 1 there are errors, or with `--strict` warnings; 2 wrong usage.
 """
@@ -85,19 +85,19 @@ def check(
     return check_paths(paths, forms[0] if forms else "text", strict, budget)
 
 
-def _proven(paths: Sequence[str | Path], seconds: float, told: bool) -> tuple[Diagnostic, ...]:
-    """Return what is broken in the missions that `paths` name; `told` as for `prove_within`."""
+def _proven(paths: Sequence[str | Path], seconds: float, verbose: bool) -> tuple[Diagnostic, ...]:
+    """Return the broken properties of missions in `paths`; `verbose` as for `prove_within`."""
     from lupin_cli.verbs.prove import prove_within
     from lupin_engine.missions import mission_folders
 
     files = [file for name in paths or mission_folders()[:1] for file in _meant_by(str(name))[1]]
-    return prove_within(list(dict.fromkeys(files)), seconds, told)
+    return prove_within(list(dict.fromkeys(files)), seconds, verbose)
 
 
 def check_paths(
     paths: Sequence[str | Path], form: str = "text", strict: bool = False, budget: str | None = None
 ) -> int:
-    """Check what `paths` name, print the findings and return the exit code.
+    """Check the missions of `paths`, print the findings and return the exit code.
 
     With a `budget` of time, missions without an error are proven as well.
 
@@ -117,8 +117,8 @@ def check_paths(
     checked = run_check(paths, load_catalog())
     if seconds is not None and not checked.count(Severity.ERROR):
         broken, sources = _proven(paths, seconds, form == "text"), Sources()
-        told = (accepted(one, sources.lines(one.place.file)) for one in broken)
-        checked = replace(checked, found=(*checked.found, *told))
+        shown = (accepted(one, sources.lines(one.place.file)) for one in broken)
+        checked = replace(checked, found=(*checked.found, *shown))
     text = FORMS[form](checked)
     if text:
         click.echo(text, color=wants_colour())
@@ -131,11 +131,11 @@ def watch_paths(
     wait: Callable[[], None] | None = None,
     clock: Callable[[], str] = lambda: time.strftime("%H:%M:%S"),
 ) -> int:
-    """Check what `paths` name whenever one of its files changes, until Ctrl-C.
+    """Check the missions of `paths` whenever one of their files changes, until Ctrl-C.
 
     Args:
-        wait: called between two looks at the files; default: a short sleep.
-        clock: tells the time that is shown.
+        wait: called between two checks of the files; default: a short sleep.
+        clock: returns the time that is shown.
 
     Returns:
         The exit code of the last check.
@@ -171,7 +171,7 @@ def watch_paths(
 
 
 def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
-    """Check what `paths` name, each file once. Errors as for `check_paths`."""
+    """Check the missions of `paths`, each file once. Errors as for `check_paths`."""
     from lupin_cli.terminal.findings import Checked
     from lupin_engine.bindings import BINDINGS, bound_catalog
     from lupin_engine.chart import Findings
@@ -189,8 +189,8 @@ def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
         if files:
             check_sizes(next(iter(files)).parent, list(files))
         inspection = inspect_chart(root, list(files), catalog)
-        told = (d for d in inspection.found if not _is_elsewhere(d, root, files))
-        found.update(dict.fromkeys([*told, *_misfits(inspection.bound)]))
+        shown = (d for d in inspection.found if not _is_elsewhere(d, root, files))
+        found.update(dict.fromkeys([*shown, *_misfits(inspection.bound)]))
     # A folder can have bindings and no missions yet.
     folders_of_bindings = {Path(path).parent.parent for path in paths if Path(path).parent.name == BINDINGS}
     for folder in folders_of_bindings:
@@ -264,7 +264,7 @@ def _meant_by(name: str) -> tuple[Path, list[Path]]:
 
 
 def _watched(paths: Sequence[str | Path]) -> Iterator[Path]:
-    """Yield every file that may have to do with what `paths` name."""
+    """Yield every file that the missions of `paths` may depend on."""
     from lupin_engine.missions import find_mission, mission_folders
 
     for path in paths or mission_folders()[:1]:

@@ -1,4 +1,4 @@
-"""`lupin diagram`: a mission as a picture, or a folder of them."""
+"""`lupin diagram`: draws a mission, or all missions of a folder."""
 
 from __future__ import annotations
 
@@ -112,13 +112,13 @@ def _format(formats: tuple[str, ...], output: Path | None) -> str:
         endings = ", ".join(FORMATS.values())
         raise UsageError(f"{str(output)!r} says no format: end it in {endings}, or add --format")
     if formats and named not in (None, formats[0]) and output is not None:
-        told = f"{str(output)!r} ends like {named} but --format says {formats[0]}"
-        raise UsageError(f"{told}: leave --format out, or end the file in {FORMATS[formats[0]]}")
+        problem = f"{str(output)!r} ends like {named} but --format says {formats[0]}"
+        raise UsageError(f"{problem}: leave --format out, or end the file in {FORMATS[formats[0]]}")
     return formats[0] if formats else named or "mermaid"
 
 
 def _scenario(name: str, catalog: Catalog) -> str:
-    """Return what to tell somebody who wants a picture of a scenario."""
+    """Return the error about a scenario, which cannot be drawn."""
     from lupin_engine.sim import load_scenario
 
     mission = load_scenario(name, catalog).mission
@@ -126,7 +126,7 @@ def _scenario(name: str, catalog: Catalog) -> str:
 
 
 def _picture(loaded: LoadedMissions, wanted: str, focus: str | None, depth: int | None) -> Picture:
-    """Return what is to be drawn."""
+    """Return the picture to draw."""
     from lupin_engine.diagram import outline, readable_depth
 
     if wanted == "scxml":

@@ -1,4 +1,4 @@
-"""`lupin doctor`: what this machine has, and what to do about what it lacks."""
+"""`lupin doctor`: checks this machine, and prints advice about problems."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`lupin graph`: who publishes, subscribes, serves and calls what, now."""
+"""`lupin graph`: prints the ROS graph: topics, services and actions with the nodes at their ends."""
 
 from __future__ import annotations
 

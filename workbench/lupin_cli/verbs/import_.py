@@ -1,4 +1,4 @@
-"""`lupin import`: missions of charts that others wrote."""
+"""`lupin import`: makes missions of charts in other formats."""
 
 from __future__ import annotations
 

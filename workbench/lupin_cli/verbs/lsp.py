@@ -1,4 +1,4 @@
-"""`lupin lsp`: the language server that editors start."""
+"""`lupin lsp`: runs the language server, for editors."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""`lupin new`: a folder in which a mission can be written: the mission, its lifecycle, a scenario.
+"""`lupin new`: writes a new mission, with its lifecycle and a scenario.
 
-What stands there already is left as it is; a mission that exists is never written over.
+Files that exist are left as they are; an existing mission is an error.
 """
 
 from __future__ import annotations
@@ -69,12 +69,12 @@ def new(name: str, like: str | None) -> int:
 def write_mission(
     name: str, like: str | None, folder: Path, text: str | None = None, binding: str = ""
 ) -> tuple[list[Path], list[Path]]:
-    """Write what a mission needs below `folder`; with a `text` that is the mission, and there is no scenario.
+    """Write the files of a mission below `folder`; a given `text` is the mission, without a scenario.
 
     A `binding` is written beside it under the same name.
 
     Returns:
-        The files that were written, and those that stood there already.
+        The files that were written, and those that existed already.
 
     Raises:
         UsageError: the name cannot be one, the mission exists, or there is none to be `like`.

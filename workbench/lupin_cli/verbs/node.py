@@ -1,4 +1,4 @@
-"""`lupin node`: one node as a process, with ordinary ROS arguments."""
+"""`lupin node`: runs one node, or several composed ones, with ordinary ROS arguments."""
 
 from __future__ import annotations
 

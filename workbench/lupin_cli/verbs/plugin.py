@@ -1,4 +1,4 @@
-"""`lupin plugin`: which plugins are installed, what they offer, whether they keep the contract; new ones."""
+"""`lupin plugin`: lists and shows plugins, tests them against the contract, and begins new ones."""
 
 from __future__ import annotations
 
@@ -176,12 +176,12 @@ def check(name: str | None, live: bool, as_json: bool) -> int:
     # Python shows these to tests only; here the author looks. See `lupin_engine.moved`.
     warnings.filterwarnings("default", ".* is now lupin_", DeprecationWarning)
     verdicts: list[RuleVerdict] = []
-    told: set[str] = set()
+    printed: set[str] = set()
     for subject in _subjects(name):
         for verdict in _tried(subject, live):
             verdicts.append(verdict)
             if not as_json and (verdict.problems or name is not None):
-                _tell(verdict, told)
+                _print_verdict(verdict, printed)
     broken = sum(1 for verdict in verdicts if verdict.problems)
     if as_json:
         _echo_json([asdict(verdict) for verdict in verdicts])
@@ -261,12 +261,12 @@ def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
             yield RuleVerdict(plugin.name, f"{rule}({operation})" if operation else rule, problems)
 
 
-def _tell(verdict: RuleVerdict, told: set[str]) -> None:
+def _print_verdict(verdict: RuleVerdict, printed: set[str]) -> None:
     """Print a verdict; a problem that several rules have is printed once."""
     sign = click.style("broken", fg="red") if verdict.problems else click.style("kept  ", fg="green")
     click.echo(f"{sign}  {verdict.plugin}: {verdict.rule}")
-    new = [problem for problem in verdict.problems if problem not in told]
-    told.update(new)
+    new = [problem for problem in verdict.problems if problem not in printed]
+    printed.update(new)
     for problem in new or (["as above"] if verdict.problems else []):
         click.echo(f"        {problem}")
 

@@ -1,4 +1,4 @@
-"""`lupin prove`: every way that missions can go, and what holds in all of them.
+"""`lupin prove`: proves properties of missions by state-space exploration.
 
 Exit codes: 0 all that was asked holds; 1 something is broken; 2 wrong usage, or a mission has errors; 3 not
 proven, because the budget ran out or somebody interrupted.
@@ -129,8 +129,8 @@ def prove(
     ]
     bounds = Bounds(targets, late, not no_restarts)
     shown = not (as_json or quiet) and sys.stderr.isatty()
-    with _progress_of(tasks, loaded, shown) as told:
-        made = prove_tasks(tasks, loaded, bounds, jobs or os.cpu_count() or 1, seconds, told)
+    with _progress_of(tasks, loaded, shown) as show_progress:
+        made = prove_tasks(tasks, loaded, bounds, jobs or os.cpu_count() or 1, seconds, show_progress)
     proofs = []
     for task, proof in zip(tasks, made, strict=True):
         one = loaded[task.mission]
@@ -182,7 +182,7 @@ def so_far(name: str, progress: ExplorationProgress, took: float) -> str:
 def _progress_of(
     tasks: Sequence[ProofTask], loaded: Mapping[str, LoadedMissions], shown: bool
 ) -> Iterator[Callable[[int, ExplorationProgress, float], None]]:
-    """Show a line for each proof that is under way; what is given takes how far one is."""
+    """Show a line for each running proof; yields the function that updates them."""
     from rich.console import Console
     from rich.progress import Progress, TextColumn
 
@@ -191,7 +191,7 @@ def _progress_of(
     lines: dict[int, Any] = {}
     bar = Progress(TextColumn("{task.description}"), console=Console(stderr=True), disable=not shown)
 
-    def told(number: int, progress: ExplorationProgress, took: float) -> None:
+    def report(number: int, progress: ExplorationProgress, took: float) -> None:
         task = tasks[number]
         if number not in lines:
             lines[number] = bar.add_task("")
@@ -199,18 +199,18 @@ def _progress_of(
         bar.update(lines[number], description=so_far(name, progress, took))
 
     with bar:
-        yield told
+        yield report
 
 
-def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Diagnostic, ...]:
-    """Prove missions within a time, shared among them, and return what is broken.
+def prove_within(files: Sequence[Path], seconds: float, verbose: bool) -> tuple[Diagnostic, ...]:
+    """Prove missions within a time, shared among them, and return the diagnostics.
 
-    A line tells of each what came of it; where somebody is `told`, how it comes to what is broken as well.
-    What was not proven in time is no error. A part of a file that several missions use is told as never
-    reached where none of them reaches it.
+    It prints a line for each proof; with `verbose` also the counterexamples. A proof that is not complete in
+    time is no error. A part of a file that several missions use counts as unreached if none of them reaches
+    it.
 
     Raises:
-        KeyboardInterrupt: somebody has interrupted; nothing more is proven.
+        KeyboardInterrupt: it was interrupted; nothing more is proven.
     """
     from lupin_cli.proofs.proof_words import last_line
     from lupin_engine.missions import load_missions
@@ -222,7 +222,7 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
         loaded = load_missions([str(file)], load_catalog())
         task, of = ProofTask(str(file), {}), {str(file): loaded}
         (proof,) = prove_tasks([task], of, Bounds(), 1, seconds / len(files), lambda *_: None)
-        if told:
+        if verbose:
             _show(loaded, proof, {}, quiet=True, wanted=False)
         else:
             click.echo(f"{loaded.names[0]}: {last_line(proof)}", err=True)
@@ -234,11 +234,11 @@ def prove_within(files: Sequence[Path], seconds: float, told: bool) -> tuple[Dia
 
 
 def _is_of_all(one: Diagnostic, charts: Sequence[Chart], found: Sequence[Sequence[Diagnostic]]) -> bool:
-    """Say whether none of the missions that use a file reaches something; true of what other rules find."""
+    """Return whether all missions that use a file have a finding; true of findings of other rules."""
     from lupin_verify import UNREACHED
 
-    users = [told for chart, told in zip(charts, found, strict=True) if one.place.file in chart.files]
-    return one.rule != UNREACHED or all(any(_is_same(one, other) for other in told) for told in users)
+    users = [of_chart for chart, of_chart in zip(charts, found, strict=True) if one.place.file in chart.files]
+    return one.rule != UNREACHED or all(any(_is_same(one, other) for other in of_chart) for of_chart in users)
 
 
 def _is_same(one: Diagnostic, other: Diagnostic) -> bool:
@@ -303,15 +303,15 @@ _MARKS = {
 
 
 def _show_breach(one: Proven, scenario: FailingScenario | None, console: Console, wanted: bool) -> None:
-    """Tell how a property is broken: as `lupin simulate` tells it, or as the moves that lead there."""
-    from lupin_cli.terminal.outcome import show_timeline, tell_lines
+    """Print a counterexample: as steps like `lupin simulate`, or as moves where there is no scenario."""
+    from lupin_cli.terminal.outcome import print_lines, show_timeline
     from lupin_engine.replay import exact_columns, timeline
     from lupin_verify import why_none
 
     click.echo(f"      {one.text}")
     if scenario is not None:
         lines = scenario.lines
-        tell_lines(lines, exact_columns(lines, console.width), console, lambda _: None)
+        print_lines(lines, exact_columns(lines, console.width), console, lambda _: None)
         show_timeline(timeline(scenario.run), console)
         if scenario.rest:
             click.echo(f"      {scenario.rest}")

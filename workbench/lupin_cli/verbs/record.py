@@ -1,4 +1,4 @@
-"""`lupin record`: every topic into one file, until the mission ends or Ctrl-C."""
+"""`lupin record`: records every topic into one file, until the mission ends or Ctrl-C."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def _record(path: Path, without: re.Pattern[str] | None) -> int:
         with TopicRecorder(path, without, load_profiles()) as recorder:
             click.echo(f"recording ROS domain {current_domain()} into {path}; Ctrl-C ends it")
             _watch(recorder, interrupts)
-        _tell_news(recorder)
+        _print_news(recorder)
         click.echo(result(recorder))
     if not recorder.messages:
         return 2
@@ -94,7 +94,7 @@ def _watch(recorder: TopicRecorder, interrupts: Interrupts) -> None:
     console, began = Console(highlight=False), time.monotonic()
     with Live(console=console, auto_refresh=False, transient=True) as line:
         while not (recorder.failed or interrupts.count or _is_over(recorder)):
-            _tell_news(recorder)
+            _print_news(recorder)
             if console.is_terminal:
                 line.update(f"{clock(time.monotonic() - began)}  {amount(recorder)}", refresh=True)
             time.sleep(_TICK_S)
@@ -105,7 +105,7 @@ def _is_over(recorder: TopicRecorder) -> bool:
     return over is not None and time.monotonic() - over > _STRAGGLER_S
 
 
-def _tell_news(recorder: TopicRecorder) -> None:
+def _print_news(recorder: TopicRecorder) -> None:
     for text, severity in recorder.news():
         problem = severity is Severity.ERROR
         print(f"lupin: {text}" if problem else text, file=sys.stderr if problem else sys.stdout, flush=True)

@@ -1,4 +1,4 @@
-"""`lupin replay`: a mission of the journal again, or a recording in the console."""
+"""`lupin replay`: replays a mission of the journal, or shows a recording in the console."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def replay(
     lived, machine = replay_run(run, loaded.chart)
     shown = _cut(loaded, lived, until)
     if not (interactive or scenario or changed):
-        _tell(loaded, shown, machine, picture, is_whole=len(shown) == len(lived))
+        _print_run(loaded, shown, machine, picture, is_whole=len(shown) == len(lived))
         return 0
     kept = lived if interactive else shown  # by hand one goes on in the world as it answered
     again = _Again(loaded, recording_of(run, loaded.chart, kept), run.mission_id)
@@ -107,7 +107,7 @@ def _cut(loaded: LoadedMissions, lived: list[LivedStep], until: str | None) -> l
     return lived
 
 
-def _tell(
+def _print_run(
     loaded: LoadedMissions, lived: list[LivedStep], machine: Machine, picture: str | None, is_whole: bool
 ) -> None:
     from lupin_cli.terminal import outcome
@@ -117,7 +117,7 @@ def _tell(
     lanes, console = timeline(run), outcome.make_console()
     if picture not in (None, TERMINAL):
         outcome.draw(lanes, Path(picture or ""))
-    outcome.tell_story(run, console, lambda seconds: None)
+    outcome.print_story(run, console, lambda seconds: None)
     if picture == TERMINAL:
         outcome.show_timeline(lanes, console)
     if is_whole:
@@ -151,7 +151,7 @@ class _Again:
         return 0
 
     def compare(self, changed: Path) -> int:
-        """Say whether another mission would have done otherwise."""
+        """Print whether another mission would have done otherwise, and return the exit code."""
         from lupin_engine.missions import load_missions
         from lupin_engine.replay import would_differ
         from lupin_engine.sim import Missions

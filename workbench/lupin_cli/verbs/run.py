@@ -1,4 +1,4 @@
-"""`lupin run`: a mission over ROS 2 with everything that it needs, watched, and everything stopped again."""
+"""`lupin run`: starts the nodes of a mission over ROS 2, runs and follows it, and stops the nodes."""
 
 from __future__ import annotations
 
@@ -91,11 +91,11 @@ def run(
 
     keys = not as_json and _is_live() and sys.stdin.isatty()
     with quiet_terminal(keys), Interrupts() as interrupts:
-        told = _observer(as_json, save_svg, loaded, interrupts)
-        with recorded(record, told) as observer, Bringup(settings, observer, interrupts) as bringup:
+        display = _observer(as_json, save_svg, loaded, interrupts)
+        with recorded(record, display) as observer, Bringup(settings, observer, interrupts) as bringup:
             start = partial(bringup.start, loaded.names[0], request, any_field=bool(fields))
             code = _carry_out(bringup, observer, given, loaded, start, keys)
-        told.close(bringup.monitor, code)
+        display.close(bringup.monitor, code)
     return code
 
 
@@ -128,7 +128,7 @@ def _carry_out(
 
 
 def _hands(bringup: Bringup, monitor: RunMonitor, observer: Any) -> Callable[[], None]:
-    """Return what looks at the keys, commands what they ask for, and shows what was answered."""
+    """Return a function that reads keys, sends their commands, and shows the answers."""
     from lupin_cli.terminal.keys import Keypad, typed
 
     pad = Keypad(monitor.profile)
@@ -150,7 +150,7 @@ def _hands(bringup: Bringup, monitor: RunMonitor, observer: Any) -> Callable[[],
 
 
 def _commanded(bringup: Bringup, pressed: Press) -> tuple[bool, str]:
-    """Command what a key asks for; the mission goes on whatever comes of it."""
+    """Send the command of a key; a failure is shown, and does not end the run."""
     try:
         answer = bringup.command(pressed.verb, pressed.request)
     except LupinError as problem:
@@ -159,7 +159,7 @@ def _commanded(bringup: Bringup, pressed: Press) -> tuple[bool, str]:
 
 
 def _is_live() -> bool:
-    """Say whether the picture of a run can be drawn."""
+    """Return whether the live picture of a run can be drawn."""
     from rich.console import Console
 
     console = Console()

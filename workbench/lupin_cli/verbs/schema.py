@@ -1,4 +1,4 @@
-"""`lupin schema`: the JSON Schema of missions, parts, lifecycles and scenarios, for editors."""
+"""`lupin schema`: prints the JSON Schema of missions, parts, lifecycles and scenarios, for editors."""
 
 from __future__ import annotations
 

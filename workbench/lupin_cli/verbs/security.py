@@ -1,4 +1,4 @@
-"""`lupin security`: permissions for SROS2."""
+"""`lupin security`: writes permissions for SROS2."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _asked(loaded: LoadedMissions) -> list[str]:
 
 
 def _access(loaded: LoadedMissions) -> Access:
-    """Return what pages may use: what the profile, the engine, plugins and bindings say."""
+    """Return the permissions of pages, by the profile, the engine, plugins and bindings."""
     from lupin_engine.plugin import declared_access
     from lupin_ros.service import ACCESS
 

@@ -1,4 +1,4 @@
-"""`lupin simulate`: a mission in virtual time: told as a story, drawn as a timeline, or worked by hand."""
+"""`lupin simulate`: simulates a mission in virtual time; prints its steps, a timeline, or a debugger."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def simulate(
         click.echo(json.dumps(outcome.record(run, lanes, subject.script.seed), default=str))
         return outcome.verdict(run)
     console = outcome.make_console()
-    if not (quiet or _story_is_told(run, console, speed)):
+    if not (quiet or _is_story_shown(run, console, speed)):
         return INTERRUPTED
     if picture == TERMINAL:
         outcome.show_timeline(lanes, console)
@@ -127,12 +127,12 @@ def simulate(
     return outcome.verdict(run)
 
 
-def _story_is_told(run: Run, console: Console, speed: float) -> bool:
-    """Tell a run; False where that was interrupted."""
+def _is_story_shown(run: Run, console: Console, speed: float) -> bool:
+    """Print the steps of a run; return False where that was interrupted."""
     from lupin_cli.terminal import outcome
 
     try:
-        outcome.tell_story(run, console, _pacing(speed))
+        outcome.print_story(run, console, _pacing(speed))
     except KeyboardInterrupt:
         console.print()
         return False
@@ -144,9 +144,9 @@ def _story_is_told(run: Run, console: Console, speed: float) -> bool:
 
 @dataclass(frozen=True)
 class SimulationTask:
-    """What is simulated, at most until the time or state `until`: the request of a mission, or a scenario.
+    """A simulation of a mission's request or a scenario, at most until the time or state `until`.
 
-    `is_complete`: more was said than which mission it is, so nobody need start it.
+    `is_complete`: the request is complete, so the mission starts by itself.
     """
 
     loaded: LoadedMissions
@@ -183,7 +183,7 @@ def _subject(
     *,
     started: bool,
 ) -> SimulationTask:
-    """Return what is to be simulated; `problems` gets what is wrong with options.
+    """Return the simulation of the arguments; `problems` collects errors of options.
 
     One that is `started` at once must have its whole request; else people start it, by hand or on a page.
 

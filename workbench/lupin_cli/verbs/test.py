@@ -1,4 +1,4 @@
-"""`lupin test`: scenarios against missions, one line each, failures explained, and what was not reached."""
+"""`lupin test`: runs scenarios against missions; prints a line for each, failures, and coverage."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test(
 def _verdict(
     results: Sequence[ScenarioResult], coverage: Coverage | None, min_coverage: float | None, as_json: bool
 ) -> int:
-    """Tell what came of all scenarios, and return the exit code."""
+    """Print the sum of all scenarios, and return the exit code."""
     if as_json:
         click.echo(json.dumps(_record(results, coverage), default=str))
     else:
@@ -104,7 +104,11 @@ def _verdict(
 
 
 def _checked(paths: Sequence[Path], drawing: Path | None) -> list[Path]:
-    """Return the chosen files, or tell all that is wrong with what was named."""
+    """Return the chosen files.
+
+    Raises:
+        UsageError: with all problems of the arguments.
+    """
     problems, files = Problems(UsageError), list[Path]()
     with problems.collecting():
         files = _chosen(paths)
@@ -122,7 +126,7 @@ def _chosen(paths: Sequence[Path]) -> list[Path]:
 
 
 def _default() -> Iterable[Path]:
-    """Return the nearest folder of scenarios, and what `lupin prove` has written beside missions."""
+    """Return the nearest folder of scenarios, and the scenarios that `lupin prove` has written."""
     folder = next(([place] for place in _PLACES if place.is_dir()), [])
     found = [*folder, *sorted(Path("missions").glob(f"*{SUFFIX}"))]
     if found:
@@ -161,7 +165,7 @@ def _text(file: Path) -> str:
 
 
 def _draw(coverage: Coverage, file: Path) -> None:
-    """Draw every mission that was tested, coloured by what its scenarios reached."""
+    """Draw every tested mission, coloured by the coverage of its scenarios."""
     from lupin_engine.diagram import Counts, coloured, outline, svg
     from lupin_engine.replay import STATES, TRANSITIONS
 
@@ -174,7 +178,7 @@ def _draw(coverage: Coverage, file: Path) -> None:
 
 
 def _show(result: ScenarioResult, quiet: bool) -> None:
-    """Tell how a scenario went; one that cannot be read is one that fails."""
+    """Print the result of a scenario; one that cannot be read fails."""
     from lupin_engine.sim import failure
 
     styles: dict[str, dict[str, Any]] = {

@@ -1,4 +1,4 @@
-"""`lupin types`: the interfaces of a run as types for programs that speak to it through rosbridge."""
+"""`lupin types`: writes the interfaces of a run as types for programs that use it through rosbridge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`lupin up`: the nodes of missions, without starting one: that is left to the operator."""
+"""`lupin up`: starts the nodes of missions, and leaves starting a mission to the operator."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class _StateLines:
 
 
 def served(loaded: LoadedMissions, domain: int) -> list[str]:
-    """Return what to tell an operator: how each mission is started, and what else can be asked for."""
+    """Return lines for an operator: the commands that start each mission, and the other requests."""
     option = f" --domain {domain}" if domain else ""  # which a shell of its own does not know
     start = [f"  lupin start {file.stem}{option}" for file in loaded.files]
     verbs = ", ".join(["state", "answer", *loaded.chart.profile.verbs.values()])
