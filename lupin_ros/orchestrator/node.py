@@ -133,8 +133,8 @@ class Orchestrator:
         self._prefix = str(given["mission_id_prefix"])
         drivers: dict[str, Driver] = {}
         self._records = RecordPublisher(ros, self._clock, loaded)
-        self._journal = JournalGate(ros, self._records.boot, self._work, lambda e: self._engine.post(e))
-        recovery, lost = find_recovery(ros, self._journal.folder, loaded, given)
+        self._gate = JournalGate(ros, self._records.boot, self._work, lambda e: self._engine.post(e))
+        recovery, lost = find_recovery(ros, self._gate.folder, loaded, given)
         if recovery is not None and recovery.machine is not None:
             machine = recovery.machine
             ros.lineage = recovery.left.file.head.lineage or ros.lineage
@@ -148,7 +148,7 @@ class Orchestrator:
             drivers,
             self._stepped,
             self._clock.wall,
-            self._journal.journal,
+            self._gate.journal,
         )
         self._engine.failed = self._failed
         self._outlet = RosOutlet(self._engine, self._clock, self._work)
@@ -173,9 +173,9 @@ class Orchestrator:
         ros.on_parameter(self._prepare_parameters, self._adopt_parameters)
         self._answers: set[str] = set()
         self._clients = ClientClocks()
-        self._commands = CommandMemory(ros.guarded(self._journal.journal.answered))
+        self._commands = CommandMemory(ros.guarded(self._gate.journal.answered))
         if recovery is not None:
-            self._journal.restore_commands(recovery.left, self._commands)
+            self._gate.restore_commands(recovery.left, self._commands)
         self._origin: tuple[Event | None, Mapping[str, str]] = (None, {})
         self._serve()
         self._serve_commands()
@@ -203,12 +203,12 @@ class Orchestrator:
         """Resume the last process's machine, or start a new one; publish outcomes that were not published."""
         now, wall = self._clock.now(), time.time()
         if recovery is not None:
-            self._journal.continue_file(recovery, self._loaded, recovery.left.shift(now, wall), now)
+            self._gate.continue_file(recovery, self._loaded, recovery.left.shift(now, wall), now)
         is_resumed = recovery is not None and recovery.machine is not None
         if recovery is None or recovery.left.file.damaged or not (is_resumed or recovery.closing):
-            self._journal.begin(self._loaded, self._machine)
+            self._gate.begin(self._loaded, self._machine)
         if recovery is not None:
-            self._journal.republish(recovery, self._unpublished(recovery), self._outcomes.publish)
+            self._gate.republish(recovery, self._unpublished(recovery), self._outcomes.publish)
         if recovery is None or recovery.machine is None:
             self._start_new(recovery.closing if recovery is not None else "", recovery)
             return
@@ -224,8 +224,8 @@ class Orchestrator:
             self._engine.start()
             return
         head, count = recovery.left.file.head, len(recovery.left_out)
-        self._journal.record_closed(closing)
-        self._journal.begin(self._loaded, self._machine)
+        self._gate.record_closed(closing)
+        self._gate.begin(self._loaded, self._machine)
         self._engine.start()
         detail = f"{head.mission} {head.mission_id}: {closing}; left out: {count}"
         self._engine.post(Event(TOLD, {"code": CLOSED_CODE, "detail": detail}))
@@ -253,7 +253,7 @@ class Orchestrator:
         for driver in self._drivers.values():
             driver.close()
         self._watch.close()
-        self._journal.close()
+        self._gate.close()
 
     # -- requests ---------------------------------------------------------------------------------------
 
@@ -315,7 +315,7 @@ class Orchestrator:
             def act() -> None:
                 found = callback(request, response)
                 try:
-                    self._journal.when_flushed(lambda: answer(found))
+                    self._gate.when_flushed(lambda: answer(found))
                 except Exception:
                     self._ros.log.exception("answered without the journal", service=name)
                     answer(found)
@@ -434,9 +434,9 @@ class Orchestrator:
     def _refusal(self, event: Event) -> Refusal | None:
         """Return why a request is refused without a step; else begin the file of a mission that it starts."""
         foreseen = self._machine.foresee(event, self._clock.now())
-        refusal = self._journal.refusal(event, foreseen, self._chart.profile)
+        refusal = self._gate.refusal(event, foreseen, self._chart.profile)
         if refusal is None:
-            self._journal.before_request(event, foreseen, self._machine)
+            self._gate.before_request(event, foreseen, self._machine)
         return refusal
 
     # -- missions that come and go ----------------------------------------------------------------------
@@ -444,7 +444,7 @@ class Orchestrator:
     def _check(self) -> None:
         """Check the clock, the disk, the resume policy and, while idle, the missions' folder; periodic."""
         self._work()
-        self._journal.check_disk(self._machine)
+        self._gate.check_disk(self._machine)
         self._continue()
         if is_idle(self._machine) and not self._is_checking:
             self._is_checking = True
@@ -524,7 +524,7 @@ class Orchestrator:
 
     def _switch_machine(self, machine: Machine) -> None:
         """Switch to another machine of the chart, and report it the live values that it lacks."""
-        self._journal.begin(self._loaded, machine)
+        self._gate.begin(self._loaded, machine)
         self._engine.go_on_with(machine)
         heard = {name for name, found in machine.memory.inputs.items() if found.reported}
         self._outlet.report_again(
@@ -573,7 +573,7 @@ class Orchestrator:
             self._ros.guarded(part)()
 
     def _maintain_journal(self) -> None:
-        self._journal.maintain(self._machine)
+        self._gate.maintain(self._machine)
 
     def _publish_possible(self) -> None:
         self._records.publish_possible(self._machine)
@@ -581,7 +581,7 @@ class Orchestrator:
     def _failed(self, problem: Exception) -> None:
         """Log an exception in the loop; the journal may lack a step, so a new file begins with a snapshot."""
         self._ros.log.error("the loop failed", exc_info=problem)
-        self._journal.journal.spoilt(f"{type(problem).__name__}: {problem}")
+        self._gate.journal.spoilt(f"{type(problem).__name__}: {problem}")
 
     def _sleep(self) -> None:
         self._sleep_until(self._engine.next_deadline)
@@ -610,7 +610,7 @@ class Orchestrator:
 
     def _publish_outcomes(self, step: Step, view: View) -> None:
         if outcomes := outcomes_of(step):
-            self._journal.publish(outcomes, self._state_messages.outcome, self._outcomes.publish)
+            self._gate.publish(outcomes, self._state_messages.outcome, self._outcomes.publish)
 
     def _log_reports(self, step: Step, view: View) -> None:
         for command in step.commands:
@@ -629,7 +629,7 @@ class Orchestrator:
         self._records.publish_step(step, view, origin if step.event is asked else NOTHING)
 
     def _record_step(self, step: Step, view: View) -> None:
-        self._journal.after_step(step, view, self._machine)
+        self._gate.after_step(step, view, self._machine)
 
     # -- publishing -------------------------------------------------------------------------------------
 

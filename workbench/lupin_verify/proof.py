@@ -75,9 +75,9 @@ class Proof:
     """The verdicts on a chart's properties; `bounds` has sentences about the scope of the exploration.
 
     `dead` are states and transitions that were never reached; empty unless it is `complete`. If it is not, it
-    was `stopped` for a reason; `growth` is a variable that grows without end, or may. `untried` names reads
-    of which not all classes were tried. `parameters` are their values; `varied` says which one is not as
-    given. It took so many `seconds`, and so much time of the `processor` (s).
+    was `stopped` for a reason; `growth` is a slot that grows without end, or may. `untried` names reads
+    of which not all classes were tried. `parameters` has all values; `varied` says which one is not as given.
+    It took so many `seconds`, and so much time of the `processor` (s).
     """
 
     chart: Chart
@@ -246,10 +246,10 @@ class _Judge:
                 found.append(replace(counterexample, of_the_graph=True, taken=()))
         return found
 
-    def _first(self, counterexample: Iterable[Proven]) -> Proven:
+    def _first(self, counterexamples: Iterable[Proven]) -> Proven:
         """Return the first counterexample with times, or else the first."""
         tried = []
-        for one in counterexample:
+        for one in counterexamples:
             if one.steps is not None:
                 return one
             tried.append(one)
@@ -260,21 +260,11 @@ class _Judge:
         moves = tuple(move_text(explorer.chart, explorer.moves.all[number]) for number in way)
         run = timed_run(explorer, way)
         waits = bool(way) and explorer.moves.all[way[-1]].timer[0] == OF_PROPERTY
-        counterexample, ends = (None, 0.0) if run is None else (tuple(run.steps), run.ends)
+        steps, ends = (None, 0.0) if run is None else (tuple(run.steps), run.ends)
         situation, effect = explorer.walk(way)[-1]
         there = tuple(explorer.table.get(situation, ("configuration", "")) or ())
         return Proven(
-            name,
-            says,
-            ProofVerdict.BROKEN,
-            text,
-            moves,
-            counterexample,
-            ends,
-            False,
-            waits,
-            effect.taken,
-            there,
+            name, says, ProofVerdict.BROKEN, text, moves, steps, ends, False, waits, effect.taken, there
         )
 
 

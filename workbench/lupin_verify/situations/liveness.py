@@ -92,11 +92,8 @@ class Liveness:
 
     def unconstrained(self, location: Location) -> Set[int]:
         """Return the slots of inputs that are unconstrained at a location."""
-        return (
-            self.input_values.keys()
-            - self._constrained.get(None, set())
-            - self._constrained.get(location[:_HEAD], set())
-        )
+        constrained = self._constrained.get(None, set()) | self._constrained.get(location[:_HEAD], set())
+        return self.input_values.keys() - constrained
 
     def constrain(self, head: Head | None, slots: Set[int]) -> bool:
         """Mark inputs as constrained at locations with a head (None: any); return whether all were."""

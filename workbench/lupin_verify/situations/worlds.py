@@ -304,9 +304,7 @@ class WorldMoves:
     def _is_reported(self, memory: TrackedMemory, attempt: str) -> bool:
         """Return whether all live values are known that the operation of an attempt sets."""
         found = None if is_abandoned(attempt) else memory.attempts.get(attempt)
-        reported = (
-            self._classes.reported_inputs(found.operation, found.arguments) if found is not None else ()
-        )
+        reported = () if found is None else self._classes.reported_inputs(found.operation, found.arguments)
         return all(name in memory.inputs for name in reported)
 
     def _fire(self, machine: Machine, memory: TrackedMemory, wanted: TimerName) -> Step | None:
