@@ -109,7 +109,7 @@ def governance(domain: int) -> str:
 
 
 def _of_pages(access: Access, known: Iterable[Interface]) -> _Granted:
-    """Return the permissions of pages: they read every topic, and call what viewers and operators may."""
+    """Return the permissions of pages: services of viewers, and all names of operators and engineers."""
     granted: _Granted = {}
     for names, commands in ((access.viewer, False), ((*access.operator, *access.engineer), True)):
         for name in names:
