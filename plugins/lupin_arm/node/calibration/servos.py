@@ -268,6 +268,8 @@ class Servos:
         self._ros.call_later(arguments["window"], lambda: self._measured(attempt, arguments["largest"]))
 
     def _measured(self, attempt: str, largest: float) -> None:
+        if attempt not in self._running:
+            return  # cancelled meanwhile; to look at the servos would connect to them again
         counts = dict(self._servos.counts)
         silent = [joint for joint in HOMES if joint not in counts]
         if silent:
