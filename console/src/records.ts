@@ -121,15 +121,15 @@ export interface NotificationsRecord {
 }
 
 /**
- * One macrostep, as the log stores it.
+ * One macrostep, as it is logged.
  *
  * `sequence` counts from 1, `time` is the caller's. `taken` are the ids of the transitions, `exited` and
  * `entered` full names of states, all in their order; `configuration` are the active states afterwards, in
- * document order. `accepted` is the answer to a request (None for every other event), `refusal` why it was
- * not accepted. `notes` say what was dropped, deferred or blocked and why. `why` are the transitions that
- * listen to the event, when none was taken. `trail` is what was to be seen after each microstep, the last
- * one being now. `codes` are those that were reported, in their order, `broken` the invariants that broke in
- * this step, also those that hold again after it.
+ * document order. `accepted` is the answer to a request (None for every other event), `refusal` the reason
+ * against it. `notes` name dropped, deferred and blocked events with the reason. `why` are the transitions
+ * that listen to the event, when none was taken. `trail` is the published state after each microstep, the
+ * last one being now. `codes` are those that were reported, in their order, `broken` the invariants that
+ * broke in this step, also those that hold again after it.
  */
 export interface Step {
   readonly sequence: number;
@@ -152,11 +152,10 @@ export interface Step {
 /**
  * The machine at one moment. `lifecycle` is the published top state, `phase` the innermost phase.
  *
- * `total` and `counts` are about all itineraries of the mission: how many targets they have, and how many
- * visits ended in each of the profile's outcomes, over all sweeps.
- * `cancelling` are the operations that nobody wants any more and whose end the server has not confirmed.
- * `code` and `detail` are the newest of the worst that were reported, `codes` says how many were, ever.
- * `paused`: held, or in a state that waits for the operator.
+ * `total` and `counts` are about all itineraries of the mission: the number of targets, and the number of
+ * visits that ended in each of the profile's outcomes, over all sweeps. `cancelling` are abandoned
+ * operations whose end the server has not confirmed. `code` and `detail` are the newest of the worst
+ * reported codes, `codes` counts all reports. `paused`: held, or in a state that waits for the operator.
  */
 export interface View {
   readonly configuration: readonly string[];
@@ -376,7 +375,7 @@ export interface Refusal {
   readonly text: string;
 }
 
-/** A code that was reported, with what is declared of it; `target` is what was processed then. */
+/** A reported code with its declaration; `target` was the current one then. */
 export interface CodeEvent {
   readonly code: string;
   readonly label: string;
@@ -386,9 +385,9 @@ export interface CodeEvent {
 }
 
 /**
- * An open question: what can be answered, and what counts when nobody does before `deadline`.
+ * An open question: its choices, and the default that counts after `deadline`.
  *
- * While a hold is engaged the clock stands still: there is no deadline, and `left` seconds remain after it.
+ * During a hold its clock stands still: there is no deadline, and `left` seconds remain after it.
  */
 export interface Question {
   readonly state: string;
@@ -417,7 +416,7 @@ export interface Attempting {
 }
 
 /**
- * What a state does by itself later: `event` is `after.0`, `every.0`, `at.0`, `budget`, or `retry`.
+ * A pending timer of a state: `event` is `after.0`, `every.0`, `at.0`, `budget`, or `retry`.
  *
  * While a hold stops its clock there is no deadline, and `left` seconds remain after it.
  */

@@ -64,8 +64,8 @@ class ZoneCalendar:
         found = self._local(moment)
         return found.date().isoformat(), f"{found:%H:%M}"
 
-    def told(self, moment: float) -> str:
-        """Return a moment as people write it."""
+    def as_text(self, moment: float) -> str:
+        """Return a moment as people write it, with the zone."""
         return f"{self._local(moment):%Y-%m-%d %H:%M:%S} {self._name}"
 
     def written(self, moment: float) -> str:

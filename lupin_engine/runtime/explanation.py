@@ -116,7 +116,7 @@ def _refusal(
     machine: Machine, rule: Transition, considered: Considered, requests: Sequence[Event], now: float
 ) -> str:
     """Return why none of the requests that it listens to would take it: the answer that they would get."""
-    found = [machine.foresee(request, now, dry=True) for request in requests]
+    found = [machine.dry_run(request, now, skip_fields=True) for request in requests]
     if any(rule.id in one.taken for one in found):
         return ""
     if not considered.holds:

@@ -164,4 +164,4 @@ def _default(field: Field, machine: Machine, now: float) -> Any:
     except Exception:  # an input that is not known yet, or whatever a plugin's function raises
         return None
     finally:
-        machine.scope.forget()
+        machine.scope.clear_event()

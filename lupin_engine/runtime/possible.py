@@ -1,6 +1,6 @@
 """What could be asked of a machine now, and what each request would do: plain data, for displays and buttons.
 
-The answers are the machine's own (`Machine.foresee`). They are worked out anew only when something that
+The answers are the machine's own (`Machine.dry_run`). They are worked out anew only when something that
 they read has changed or has grown old.
 """
 
@@ -94,11 +94,11 @@ class Foresight:
             return None
         self._seen = seen
         machine.scope.doubtful = False  # what is not known now is looked at when it changes
-        self._watch.settle(reads, machine.scope, now)
+        self._watch.cache_false(reads, machine.scope, now)
         return [self._told(request, now) for request in requests_of(machine.chart)]
 
     def _told(self, request: PossibleRequest, now: float) -> PossibleRecord:
-        found = self._machine.foresee(request.event, now)
+        found = self._machine.dry_run(request.event, now)
         is_start = request.verb == START_VERB
         return {
             "request": request.event.name,
@@ -111,5 +111,5 @@ class Foresight:
             "reason": found.refusal.text if found.refusal else "",
             "fields": is_start
             and not found.possible
-            and self._machine.foresee(request.event, now, dry=True).possible,
+            and self._machine.dry_run(request.event, now, skip_fields=True).possible,
         }

@@ -431,7 +431,7 @@ class Simulation:
     @property
     def clock(self) -> str:
         """The same as people write it."""
-        return self._calendar.told(self._clock.wall())
+        return self._calendar.as_text(self._clock.wall())
 
     @property
     def away(self) -> list[str]:

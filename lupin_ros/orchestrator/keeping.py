@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from lupin_engine import __version__
-from lupin_engine.machine import HELD_BACK, TOLD, Event, Machine, Possibility, Refusal, Step, View
+from lupin_engine.machine import CODE_REPORTED, HELD_BACK, Event, Machine, Possibility, Refusal, Step, View
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import (
     BOOL,
@@ -319,7 +319,7 @@ class Keeping:
         self._ros.trouble("journal", problem and f"the journal cannot be written: {where}")
         if not problem:
             self._ros.log.info("the journal is written again", folder=str(self.folder))
-            self._tell(Event(TOLD, {"code": RECORDED_CODE, "detail": ""}))
+            self._tell(Event(CODE_REPORTED, {"code": RECORDED_CODE, "detail": ""}))
             return
         self._ros.log.error("the journal cannot be written", problem=problem, folder=str(self.folder))
         self._retry_at = self._ros.elapsed() + RETRY_S
@@ -327,7 +327,7 @@ class Keeping:
         if self.required and head is not None and head.mission_id and not self._is_returning:
             self._tell(Event(HELD_BACK, {"hold": UNRECORDED, "detail": where}))
         else:
-            self._tell(Event(TOLD, {"code": UNRECORDED_CODE, "detail": where}))
+            self._tell(Event(CODE_REPORTED, {"code": UNRECORDED_CODE, "detail": where}))
         self._work()  # before what has waited goes on
 
 

@@ -19,9 +19,9 @@ from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, shortened
 from lupin_engine.machine import (
+    CODE_REPORTED,
     NOTHING,
     RELEASED,
-    TOLD,
     UNKNOWN_MISSION,
     Event,
     Machine,
@@ -178,7 +178,7 @@ class Orchestrator:
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
         self._begin(back)
         if lost:
-            self._engine.post(Event(TOLD, {"code": CLOSED_CODE, "detail": lost}))
+            self._engine.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": lost}))
         self._work()
         self._offer()
         self._telling.chart()
@@ -221,7 +221,7 @@ class Orchestrator:
         self._keeping.begin(self._loaded, self._machine)
         self._engine.start()
         told = f"{head.mission} {head.mission_id}: {closing}; left out: {count}"
-        self._engine.post(Event(TOLD, {"code": CLOSED_CODE, "detail": told}))
+        self._engine.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": told}))
 
     def _untold(self, back: LookBack) -> list[tuple[Publish, Fields]]:
         """Return outcomes that were not even written, as they would have been, and a closed mission's."""
@@ -287,7 +287,7 @@ class Orchestrator:
         if not commands.counts_however_late(event, self._chart):
             return False
         self._work()
-        return not self._machine.foresee(Event(event), self._clock.now(), dry=True).releases
+        return not self._machine.dry_run(Event(event), self._clock.now(), skip_fields=True).releases
 
     def _answer_when_kept(
         self,
@@ -425,7 +425,7 @@ class Orchestrator:
 
     def _refusal(self, event: Event) -> Refusal | None:
         """Return why a request is refused without a step; else begin the journal of what it starts."""
-        foreseen = self._machine.foresee(event, self._clock.now())
+        foreseen = self._machine.dry_run(event, self._clock.now())
         refusal = self._keeping.refusal(event, foreseen, self._chart.profile)
         if refusal is None:
             self._keeping.before(event, foreseen, self._machine)

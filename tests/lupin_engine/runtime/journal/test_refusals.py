@@ -67,7 +67,7 @@ def test_a_run_with_a_flood_in_it_is_the_same_when_it_is_replayed(tmp_path: Path
     refusals, sent = Refusals(keeper.journal.refused), 0
     for number in range(477):
         clock.move_to(0.003 * number)
-        foreseen = machine.foresee(START, clock.now()).refusal
+        foreseen = machine.dry_run(START, clock.now()).refusal
         assert foreseen is not None
         if not refusals.is_one_more(START, foreseen.code, clock.now()):
             assert engine.request(START).refusal == foreseen
