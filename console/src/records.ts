@@ -29,11 +29,11 @@ export interface PublishedPossible {
 }
 
 /**
- * The missions with all that is said of them once.
+ * The mission catalogue.
  *
- * `codes` are all, `holds` the code of each hold, also of the engine's own, `outcomes` how a visit can end,
- * `stages` what published states mean, `ends` the verb that ends a mission. `problems` say what is wrong
- * with files that were not loaded.
+ * `codes` are all, `holds` the code of each hold, also of the engine's own, `outcomes` the ends of a visit,
+ * `stages` the meaning of published states, `ends` the verb that ends a mission. `problems` are the errors
+ * in files that were not loaded.
  */
 export interface MissionsRecord {
   readonly missions: readonly OfferedMission[];
@@ -57,7 +57,7 @@ export interface ChartRecord {
   readonly boot: string;
 }
 
-/** What a state or transition would do now. */
+/** A dry run of a state's transitions, or of one transition. */
 export interface ExplanationRecord {
   readonly element: string;
   readonly sequence: number;
@@ -188,9 +188,9 @@ export interface CommandOrigin {
 }
 
 /**
- * What one request would do now: the holds that it engages and releases, or why it is refused.
+ * The dry run of one request: the holds that it engages and releases, or why it is refused.
  *
- * `fields`: of a start, nothing but the defaults of its request keeps it from beginning.
+ * `fields`: a start is refused only for the defaults of its request.
  */
 export interface PossibleRecord {
   readonly request: string;
@@ -212,7 +212,7 @@ export interface OfferedMission {
   readonly request: readonly FieldRecord[];
 }
 
-/** What is said of a code; severity 0 is information, 1 a warning, 2 an error. */
+/** The declaration of a code; severity 0 is information, 1 a warning, 2 an error. */
 export interface CodeRecord {
   readonly label: string;
   readonly severity: number;
@@ -430,9 +430,9 @@ export interface Countdown {
 /**
  * A field of a request, with a type and its base unit.
  *
- * `kind` and what follows from it are of the elements of a list: `name` is that of something which a plugin
- * finds by it. A default that is computed is told as it would be now, and as it is written
- * (`computed`). Of a list `at_most` says how many elements there may be.
+ * `kind` and the fields that follow from it describe the elements of a list: `name` is looked up by a
+ * plugin. A computed default is given as it would be now, and as its expression (`computed`). `at_most`
+ * limits the number of elements of a list.
  */
 export interface FieldRecord {
   readonly name: string;

@@ -41,7 +41,7 @@ CLOCK = "clock"
 #: Told by whoever runs the machine: another process goes on with it, a code to report, an own hold to engage,
 #: that it goes in circles without time, an own hold to release.
 RUNNERS = ("engine.resumed", "engine.told", "engine.held", "engine.standstill", "engine.released")
-RESUMED, CODE_REPORTED, HELD_BACK, STILL, RELEASED = RUNNERS
+RESUMED, CODE_REPORTED, HELD_BACK, STANDSTILL, RELEASED = RUNNERS
 #: The fields of what servers and sensors say, and of which type they are.
 _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
     {
@@ -56,7 +56,7 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
         RESUMED: {"detail": str, "held": bool, "away": (int, float)},
         CODE_REPORTED: {"code": str, "detail": str},
         HELD_BACK: {"hold": str, "detail": str},
-        STILL: {"detail": str},
+        STANDSTILL: {"detail": str},
         RELEASED: {"hold": str},
     }
 )

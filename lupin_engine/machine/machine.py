@@ -29,7 +29,7 @@ from lupin_engine.machine.event import (
     RELEASED,
     RESUMED,
     RUNNERS,
-    STILL,
+    STANDSTILL,
     Event,
     InternalEvent,
     Trigger,
@@ -305,7 +305,7 @@ class Machine:
         if event.name == CODE_REPORTED:
             self.scope.record_code(data["code"], data["detail"], step)
             return
-        if event.name == STILL:
+        if event.name == STANDSTILL:
             step.fail("", data["detail"])
             return
         if event.name == RELEASED:

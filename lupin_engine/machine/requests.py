@@ -40,7 +40,7 @@ from lupin_engine.plugin.types import Type, convert, fitted
 NOT_POSSIBLE = "not_possible"
 UNKNOWN_MISSION = "unknown_mission"
 BAD_REQUEST = "bad_request"
-#: Wrong elements of a list that are told of.
+#: Wrong elements of a list that are named.
 MAX_PROBLEMS = 5
 #: How eventless transitions are called where an event's name is expected.
 ALWAYS = "always"

@@ -362,7 +362,7 @@ def _attempting(memory: Memory) -> list[Attempting]:
 
 #: What nobody wants any more and has not ended.
 _ENDING = frozenset({Phase.CANCELLING, Phase.REFUSED})
-#: Timers that are told as countdowns; those of attempts and questions are told with them.
+#: Timers that are shown as countdowns; those of attempts and questions are shown with them.
 _COUNTED = frozenset({"after", "budget", "at", "retry"})
 
 

@@ -19,7 +19,7 @@ from lupin_engine.plugin.types import MAX_SECONDS
 NEVER_FROZEN = frozenset({"cancel", "fresh", "at"})
 #: Between two deadlines that have passed and come now, in seconds.
 _APART = 1e-6
-#: What deadlines are called of which it is told that they have passed.
+#: Names of deadlines that are noted when they have passed.
 _NAMES = {"after": "the time", "budget": "the budget", "ask": "the time to answer", "at": "the time of day"}
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.event import STILL, Event, Start
+from lupin_engine.machine.event import STANDSTILL, Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.scope import World
@@ -583,7 +583,7 @@ class Simulation:
             self._planned += 1
             self._agenda.note(step.time, self._start_mission)
         self.listener(step)
-        if step.event.name == STILL:
+        if step.event.name == STANDSTILL:
             before = bisect_left(self.steps, step.time, key=lambda one: one.time)
             raise Standstill(step.event.data["detail"], before + _TOLD)
 

@@ -227,7 +227,7 @@ class Orchestrator:
         """Return outcomes that were not even written, as they would have been, and a closed mission's."""
         old = back.recovered
         found = []
-        for record, told in old.untold if old is not None else ():
+        for record, told in old.unreported if old is not None else ():
             found.append((told, self._told_then(old.machine if old else self._machine, record).outcome(told)))
         return found + [(told, self._told.outcome(told)) for told in back.left_out]
 
@@ -307,7 +307,7 @@ class Orchestrator:
             def act() -> None:
                 found = callback(request, response)
                 try:
-                    self._keeping.when_kept(lambda: answer(found))
+                    self._keeping.when_flushed(lambda: answer(found))
                 except Exception:
                     self._ros.log.exception("answered without the journal", service=name)
                     answer(found)
@@ -570,7 +570,7 @@ class Orchestrator:
     def _failed(self, problem: Exception) -> None:
         """Go on after an exception in the loop; the journal may lack a step, so it begins with a snapshot."""
         self._ros.log.error("the loop failed", exc_info=problem)
-        self._keeping.journal.spoilt(f"{type(problem).__name__}: {problem}")
+        self._keeping.journal.discontinue(f"{type(problem).__name__}: {problem}")
 
     def _sleep(self) -> None:
         self._sleep_until(self._engine.next_deadline)

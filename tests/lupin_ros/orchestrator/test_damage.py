@@ -62,7 +62,7 @@ class BrokenOff:
 
     def _settle(self) -> None:
         done: list[bool] = []
-        self._keeping.when_kept(lambda: done.append(True))
+        self._keeping.when_flushed(lambda: done.append(True))
         self.node.work_until(lambda: bool(done))
 
     def with_data(self, data: bytes) -> LookBack | None:
@@ -85,7 +85,7 @@ def accounted(broken: BrokenOff, found: LookBack | None) -> list[str]:
         return told
     if found.machine is not None:
         return told + [visit.target for visit in found.machine.memory.outcomes if visit.target not in told]
-    untold = [told.target for _, told in found.recovered.untold] if found.recovered else []
+    untold = [told.target for _, told in found.recovered.unreported] if found.recovered else []
     return told + untold + [one.target for one in found.left_out]
 
 

@@ -291,10 +291,10 @@ def test_a_disk_that_does_not_answer_is_given_up(tmp_path: Path, monkeypatch: py
 
     keeper.journal._writer._sync = hang
     done: list[str] = []
-    keeper.journal.when_kept(lambda: done.append("went on"))
+    keeper.journal.when_flushed(lambda: done.append("went on"))
     while not blocked:
-        keeper.journal.when_kept(lambda: done.append("as well"))
-    keeper.journal.look()
+        keeper.journal.when_flushed(lambda: done.append("as well"))
+    keeper.journal.check_disk()
     assert keeper.problems == ["the disk has not answered for 0 s"]
     hangs.put(lambda: None)
     keeper.journal.close()
@@ -326,7 +326,7 @@ class Held:
         """Note it."""
         self.noted.append("loaded")
 
-    def when_kept(self, then: Any) -> None:
+    def when_flushed(self, then: Any) -> None:
         """Wait."""
         self.waiting.append(then)
 
