@@ -42,7 +42,7 @@ def follow(scenario: Scenario, tally: Tally) -> None:
     simulation = Simulation(scenario.chart, scenario.script, scenario.parameters, world)
     simulation.begin()
     foresight, machine, told = RequestPreview(simulation.machine), simulation.machine, None
-    while not simulation.is_over and simulation.go_on() and simulation.now < scenario.script.limit:
+    while not simulation.is_over and simulation.advance() and simulation.now < scenario.script.limit:
         if simulation.machine is not machine:  # made anew after a crash
             machine = simulation.machine
             foresight = RequestPreview(machine)

@@ -66,9 +66,7 @@ _END_OF_TIME = 1e11
 
 
 class Failure(dict[str, Any]):
-    """The error of an attempt. A field that it lacks is unknown to expressions: `result` of one that gave
-    none.
-    """
+    """The error of an attempt. A missing field is unknown to expressions, such as the `result` of one."""
 
     def __missing__(self, name: str) -> Any:
         raise UnknownValue(f"error.{name} is unknown")

@@ -188,9 +188,7 @@ class Holds:
         return ""
 
     def _keeps(self, hold: Hold, step: Macrostep) -> bool:
-        """Say whether the guard of an engaged hold forbids its release; only then are the guard's failures
-        noted.
-        """
+        """Say whether the guard of an engaged hold forbids its release; only then note its failures."""
         guard = hold.release_guard
         if guard is None or self._allows(guard, Macrostep(step.event, step.now)):
             return False

@@ -90,8 +90,7 @@ class Inputs:
                 projected[key] = chart.profile.projections[key].fold(projected.get(key), name, value)
 
     def _new_items(self, spec: Input, value: Any) -> Any:
-        """Return the part of a report that counts: of a list about the mission, the elements that are new in
-        it.
+        """Return the part of a report that counts: of a list about the mission, its new elements.
 
         A source that forgets nothing repeats the elements of earlier missions. An element that was missing
         once, or changed, counts as new from then on, even if it comes back as it was.

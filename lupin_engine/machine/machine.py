@@ -544,9 +544,7 @@ class Machine:
             self.scope.timers.disarm("budget", state)
 
     def _register_targets(self, state: State) -> None:
-        """Register the targets of a state whose itinerary depends on the request alone, also of an embedded
-        mission's.
-        """
+        """Register the targets of a state, possibly in an embedded mission, that follow from the request."""
         scope, given = self.scope, self.memory.given
         for name in reversed(self.chart.lineage[state.name]):
             use = self.chart.states[name].use
@@ -558,9 +556,7 @@ class Machine:
         self._content.itineraries.register(state)
 
     def _begin_used(self, state: State, use: UsedMission, trigger: Trigger) -> None:
-        """Begin an embedded mission: its request, its variables and those of missions embedded in it, its
-        `entry`.
-        """
+        """Begin an embedded mission: its request, its variables, missions inside, its `entry`."""
         step, memory = self._step, self.memory
         memory.given[state.name] = {}
         try:

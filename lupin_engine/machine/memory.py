@@ -1,6 +1,4 @@
-"""The machine's memory: its whole state between steps, as plain data that can be written as JSON
-(`snapshot`).
-"""
+"""The machine's memory: its whole state between steps, as plain data for JSON (see `snapshot`)."""
 
 from __future__ import annotations
 
@@ -230,19 +228,19 @@ class Reported(NamedTuple):
 
 @dataclass(slots=True)
 class Memory:
-    """The whole state of a machine. `code` is the newest of the worst reported codes, with its `detail`;
-    `codes` counts all that were reported.
+    """The whole state of a machine.
 
-    `given` is the request of each embedded mission, by the state that uses it. `timers` are in firing order.
-    `budgets` is the time that each state with a budget had left when it was last entered or left, `handled`
-    the keys that each `for_each` has finished, both in this mission. `asked` are the open questions by their
-    states. `levels` is by `input.NAME.LEVEL`. For inputs that are lists about the mission, `heard` is the
-    last report as a whole, `before` the elements from before the mission that are still reported unchanged.
-    `projected` holds the profile's projections of live values; no step reads it. `broken` names the
-    invariants that do not hold. `wall` is how far the robot's clock, in POSIX time, is ahead of the caller's,
-    or None. `reached` are the dates on which each state has handled each time of day of its `at`: those of a
-    mission's states in this mission. Steps read claims and holds through methods, so that a proof can record
-    these reads.
+    `code` is the newest of the worst reported codes, with its `detail`; `codes` counts all that were
+    reported. `given` is the request of each embedded mission, by the state that uses it. `timers` are in
+    firing order. `budgets` is the time that each state with a budget had left when it was last entered or
+    left, `handled` the keys that each `for_each` has finished, both in this mission. `asked` are the open
+    questions by their states. `levels` is by `input.NAME.LEVEL`. For inputs that are lists about the mission,
+    `heard` is the last report as a whole, `before` the elements from before the mission that are still
+    reported unchanged. `projected` holds the profile's projections of live values; no step reads it. `broken`
+    names the invariants that do not hold. `wall` is how far the robot's clock, in POSIX time, is ahead of the
+    caller's, or None. `reached` are the dates on which each state has handled each time of day of its `at`:
+    those of a mission's states in this mission. Steps read claims and holds through methods, so that a proof
+    can record these reads.
     """
 
     configuration: tuple[str, ...] = field(default=(), metadata=kept(Life.CHART, owner=STATES))
@@ -440,9 +438,7 @@ class Memory:
 
 @cache
 def _of_missions(kind: type) -> tuple[operator.attrgetter[Any], list[tuple[str, Any]]]:
-    """Return a getter of the collections that begin with a mission, and the initial values of other such
-    fields.
-    """
+    """Return a getter of the collections that begin with a mission, and other such fields' initial values."""
     lives = (Life.MISSION, Life.USE)
     empty = [(one.name, one.empty()) for one in fields_of(kind) if one.life in lives]
     cleared = [name for name, value in empty if isinstance(value, (dict, list))]

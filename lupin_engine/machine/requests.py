@@ -1,5 +1,4 @@
-"""Requests: resolved as a whole before anything changes; also dry runs, which say what is available and why
-not.
+"""Requests: resolved as a whole before anything changes. Dry runs say which are available, and why not.
 
 A request is refused for the first of these that applies:
 

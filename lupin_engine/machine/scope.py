@@ -126,9 +126,7 @@ class Reads:
 
 @lru_cache(4096)
 def reads_of(code: str) -> tuple[tuple[str, str], ...]:
-    """Return the roots of the environment that checked code reads, with the name below each ('' if not
-    constant).
-    """
+    """Return the roots of the environment that checked code reads, each with the name below, if constant."""
     tree = ast.parse(code, mode="eval")
     roots = {
         id(node): str(node.slice.value)
@@ -178,15 +176,11 @@ class Watch:
         return reads is self._reads and not self.dirty & reads.parts
 
     def mark_false(self, reads: Reads) -> None:
-        """Cache these conditions as false without evaluating them: the model checker restores this with a
-        state.
-        """
+        """Cache these conditions as false without evaluating them, as the model checker restores a state."""
         self._reads, self.dirty, self.false_until = reads, 0, math.inf
 
     def cache_false(self, reads: Reads, scope: EvaluationScope, now: float) -> None:
-        """Cache that all of the conditions are false now; not where dependencies or an evaluation were
-        uncertain.
-        """
+        """Cache that all conditions are false now, unless dependencies or evaluations were uncertain."""
         self._reads = reads if reads.certain and not scope.doubtful else None
         self.dirty = 0
         self.false_until = math.inf if self._reads is not None else -math.inf
@@ -286,9 +280,7 @@ class EvaluationScope(dict[str, Any]):
         self["functions"] = world.functions
 
     def at(self, state: str, now: float, trigger: Trigger = NO_TRIGGER) -> Environment:
-        """Return the environment of an expression written in `state` at time `now`; valid until the next
-        call.
-        """
+        """Return the environment of an expression written in `state` at `now`; valid until the next call."""
         self._state = state
         self.inputs.now = now
         self._trigger = trigger

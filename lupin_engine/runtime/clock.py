@@ -85,8 +85,7 @@ class ZoneCalendar:
             day += timedelta(days=1)
 
     def moment(self, text: str) -> float:
-        """Return the POSIX time of a local one such as `2026-11-22 22:00`, which may name its distance from
-        UTC.
+        """Return the POSIX time of a local one, such as `2026-11-22 22:00`, perhaps with an offset from UTC.
 
         Raises:
             ValueError: this is no date with a time of day.

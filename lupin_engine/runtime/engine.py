@@ -1,5 +1,4 @@
-"""The event loop: takes events from one queue, one step at a time, and sends commands to the plugins'
-drivers.
+"""The event loop: one queue of events, one step at a time, commands out to the plugins' drivers.
 
 Any thread may post; one thread drains. Reports that a driver makes while a command is carried out join the
 queue and are stepped after it (run to completion). More than `MOST_AT_ONCE` steps at one moment end as an

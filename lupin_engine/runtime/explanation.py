@@ -1,5 +1,4 @@
-"""Explains the transitions of a state: whether each would be taken now, and why not. Plain data, for
-displays.
+"""Explains, for displays, whether each transition of a state would be taken now, and why not.
 
 The answers are dry runs by the machine. For requests they are those of `possible`, which a sender would get.
 """

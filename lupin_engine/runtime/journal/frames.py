@@ -25,8 +25,7 @@ _BEGIN = b'["'
 
 @dataclass(frozen=True)
 class FrameScan:
-    """The result of reading: the contents of the good frames, each with its end in the file, and of those
-    behind.
+    """The result of reading: the contents of the good frames, each with its end, and of those behind damage.
 
     `good` is the number of usable bytes, `torn` that of the rest. `damaged`: the rest is not only a torn
     write, so durable records are lost; `behind` are the whole contents that follow the damage.

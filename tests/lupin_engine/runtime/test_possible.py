@@ -228,7 +228,7 @@ def test_what_was_told_holds_until_something_else_is() -> None:
         simulation.begin()
         foresights: dict[Machine, RequestPreview] = {}
         told: Told = []
-        while not simulation.is_over and simulation.go_on() and simulation.now < scenario.script.limit:
+        while not simulation.is_over and simulation.advance() and simulation.now < scenario.script.limit:
             machine = simulation.machine  # after a crash it is another one
             foresight = foresights.get(machine) or foresights.setdefault(machine, RequestPreview(machine))
             told = foresight.news(simulation.now) or told

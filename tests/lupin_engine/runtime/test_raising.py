@@ -77,7 +77,8 @@ def test_what_ends_leaves_first(raises: str) -> None:
         for _ in range(2):
             step = engine.request(Event("operator.pause"))
             assert step.accepted
-        does = [name for name in told.called if name in ("start", "cancel", "act", "listener", "when_flushed")]
+        counted = ("start", "cancel", "act", "listener", "when_flushed")
+        does = [name for name in told.called if name in counted]
         assert does[0] == "cancel", (commands, does)
         assert does.count("cancel") == 2
         assert bool(failed) == (raises in ("listener", "wall", "handled", "when_flushed"))
