@@ -227,7 +227,7 @@ export interface OutcomeRecord {
   readonly rating: "good" | "bad" | "left out";
 }
 
-/** What published lifecycle states mean: the labels of the lifecycles of this profile. */
+/** The meaning of published lifecycle states: the labels of the lifecycles of this profile. */
 export interface Stages {
   readonly starting: readonly string[];
   readonly ready: readonly string[];
@@ -349,7 +349,7 @@ export interface Act {
   readonly command: "act";
 }
 
-/** What became of a target, to be told to the world. `status` is the name of an outcome. */
+/** The outcome of a target, to be published. `status` is the name of an outcome. */
 export interface Publish {
   readonly source: string;
   readonly mission_id: string;
@@ -463,8 +463,8 @@ export interface FailureRecord {
 /**
  * A reason that can reach the published state: raw name, label for people, severity.
  *
- * `advice` is one sentence for whoever operates the robot: what to do about it. Whoever declares the code as
- * well need not repeat it.
+ * `advice` is one sentence for the operator of the robot. A second declaration of the code need not repeat
+ * it.
  */
 export interface Code {
   readonly name: string;
