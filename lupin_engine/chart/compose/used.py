@@ -1,4 +1,4 @@
-"""Missions as parts of others: with which request a state uses one, and what begins anew with it."""
+"""Embedded missions: their request, and the variables that restart with them."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class UsedMissionReader:
     # -- what begins anew --------------------------------------------------------------------------------
 
     def _begun(self, draft: Draft) -> dict[str, None]:
-        """Return the variables of the mission that a state uses, and of what that uses."""
+        """Return the variables of the mission that a state uses, and of missions embedded in that."""
         below = (d.part for d in self._using() if draft in d.up())
         return dict.fromkeys(name for part in below if part is not None for name in part.context)
 
