@@ -351,7 +351,7 @@ class Memory:
                     del found[name]
 
     def go_on(self, before: Chart, chart: Chart) -> None:
-        """Drop the entries whose owner another chart lacks, except those that it takes over all."""
+        """Drop the entries that another chart does not take over (see `Owner.goes_on`)."""
         for one in self.schema():
             if one.owner is None or one.owner.goes_on is GoesOn.ALL:
                 continue

@@ -142,16 +142,15 @@ class Mock:
 
 @dataclass(frozen=True)
 class Operation:
-    """Something that takes time and ends: done with `result`, or in an error with one of `codes`.
+    """An operation takes time and ends: done with `result`, or in an error with one of `codes`.
 
-    `uses` names resources (`base`, `lift`): an attempt waits until the previous attempt that uses one of
-    them has ended. `on_hold` says what a hold does to it. With `cut_short` the driver gives the
-    result, as far as it came, of an attempt that was cancelled; after a timeout the mission waits for that.
-    One that `adopts` goes on when the orchestrator was started again, where a hold would not end it either.
-    One that `replaces` begins although the server refuses to end an earlier attempt with the same resource:
-    its server puts the new order in the place of the old one. It is for ways home.
-    `classes` are results that missions should be proven with, good ones and bad ones; each has the fields in
-    which it differs from the mock's.
+    `uses` names resources (`base`, `lift`): an attempt waits until the previous attempt that uses one of them
+    has ended. `on_hold` is the effect of a hold on it. With `cut_short` the driver gives the partial result
+    of an attempt that was cancelled; after a timeout the mission waits for that. An operation that `adopts`
+    continues after a restart of the orchestrator, unless a hold would end it. One that `replaces` begins
+    although the server refuses to end an earlier attempt with the same resource: its server replaces the old
+    order by the new one. It is for ways home. `classes` are results that missions should be proven with, good
+    ones and bad ones; each has the fields in which it differs from the mock's.
     """
 
     doc: str

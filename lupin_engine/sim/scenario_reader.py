@@ -278,7 +278,7 @@ class ScriptReader:
         )
 
     def _limit(self) -> float:
-        """Return the time limit: the written one, else one after the last time that is named."""
+        """Return the time limit: the written one, else `LIMIT`, or a later time that the scenario names."""
         node, words = self._node, self._words
         limit = words.duration(node.at("limit"), "limit", node.limit)
         if limit is not None:

@@ -89,7 +89,7 @@ class UsedMissionReader:
             self._findings.add(at, "conflicting-definition", f"context.{name}", problem, "rename one")
 
     def _check_apart(self, draft: Draft, node: StateNode, mission: MissionNode, begun: Iterable[str]) -> None:
-        """Refuse variables that begin anew while somebody else reckons with them."""
+        """Refuse variables that restart here while another state relies on them."""
         rule, around = "conflicting-definition", list(draft.up())
         for file in each_once(above.file for above in around if isinstance(above.file, MissionNode)):
             self._check_context(file, mission)

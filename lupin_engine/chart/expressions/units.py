@@ -191,7 +191,7 @@ def arithmetic(sign: str, left: Type, right: Type) -> Type | None:
 
 @cache
 def _combined(first: str, second: str, power: int) -> str | None:
-    """Return the unit of `first` times `second` to a power of 1 or -1; None for what is in no base unit."""
+    """Return the unit of `first` times `second` to a power of 1 or -1; None if there is no such unit."""
     if first == second and power == -1:
         return ""
     if not second or (not first and power == 1):

@@ -111,7 +111,7 @@ class Texts:
         self._by_mission = {mission: "\n".join(texts) for mission, texts in by_mission.items()}
 
     def names(self, name: str, mission: str | None = None) -> bool:
-        """Tell whether a name is read, by anyone or within one mission."""
+        """Say whether a name is read, anywhere or within one mission."""
         word = re.compile(rf"(?<![\w.'\"]){re.escape(name)}(?![\w'\"])")
         return any(name in text and word.search(text) for text in self._of(mission))
 
