@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from lupin_engine import __version__
-from lupin_engine.machine import HELD_BACK, TOLD, Event, Machine, Possibility, Refusal, Step, View
+from lupin_engine.machine import CODE_REPORTED, HELD_BACK, Event, Machine, Possibility, Refusal, Step, View
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import (
     BOOL,
@@ -109,14 +109,14 @@ class Keeping:
 
     def close(self) -> None:
         """Have all that was noted on the disk, and end."""
-        self._refusals.tell_all()
+        self._refusals.report_all()
         self._writes.finish()
         self._slices.finish()
         self.journal.close()
 
-    def when_kept(self, then: Callable[[], None]) -> None:
+    def when_flushed(self, then: Callable[[], None]) -> None:
         """Call `then` when what was recorded is flushed; at once while no file is open or the disk fails."""
-        self.journal.when_kept(self._ros.guarded(then))
+        self.journal.when_flushed(self._ros.guarded(then))
 
     # -- which file -------------------------------------------------------------------------------------
 
@@ -124,7 +124,7 @@ class Keeping:
         self, loaded: LoadedMissions, machine: Machine, mission: str = "", mission_id: str = ""
     ) -> None:
         """Begin a file with the memory of a machine as it is, for a mission or for the time between them."""
-        self._refusals.tell_all()
+        self._refusals.report_all()
         self._writes.finish()  # the outcomes of a file's steps are in that file
         if loaded is not self._loaded or self.journal.problem:  # the folder may have been removed
             names = loaded.short_names
@@ -177,7 +177,7 @@ class Keeping:
             return
         counts = {outcome.counter: view.counts.get(outcome.name, 0) for outcome in profile.outcomes}
         self.journal.ended({"state": view.lifecycle, "code": view.code, "total": view.total, **counts})
-        self.when_kept(lambda: self._writes.add(lambda: self._rest(head.mission_id, machine)))
+        self.when_flushed(lambda: self._writes.add(lambda: self._rest(head.mission_id, machine)))
 
     def _note_targets(self, machine: Machine) -> None:
         """Write the targets that are new in a mission's file."""
@@ -211,8 +211,8 @@ class Keeping:
 
     def look(self, machine: Machine) -> None:
         """Notice a disk that does not answer, and try again where it has failed; called now and then."""
-        self.journal.look()
-        self._refusals.look(self._ros.elapsed())
+        self.journal.check_disk()
+        self._refusals.report_due(self._ros.elapsed())
         if self.journal.problem and self._ros.elapsed() >= self._retry_at:
             self._retry_at = self._ros.elapsed() + RETRY_S
             self._begin_anew(machine)
@@ -245,7 +245,7 @@ class Keeping:
             except Exception as problem:  # the journal has fields that are none of the message
                 self._ros.log.warning("an outcome cannot be published again", problem=str(problem))
 
-        for number, fields in found.left.told.items():
+        for number, fields in found.left.newest.items():
             self._send_when_kept(number, fields, send_again)
         for told, fields in new:
             self.publish([told], partial(_given, fields), send)
@@ -302,7 +302,7 @@ class Keeping:
             else:
                 self._slices.add(publish)
 
-        self.when_kept(kept)
+        self.when_flushed(kept)
 
     # -- the disk -----------------------------------------------------------------------------------------
 
@@ -319,7 +319,7 @@ class Keeping:
         self._ros.trouble("journal", problem and f"the journal cannot be written: {where}")
         if not problem:
             self._ros.log.info("the journal is written again", folder=str(self.folder))
-            self._tell(Event(TOLD, {"code": RECORDED_CODE, "detail": ""}))
+            self._tell(Event(CODE_REPORTED, {"code": RECORDED_CODE, "detail": ""}))
             return
         self._ros.log.error("the journal cannot be written", problem=problem, folder=str(self.folder))
         self._retry_at = self._ros.elapsed() + RETRY_S
@@ -327,7 +327,7 @@ class Keeping:
         if self.required and head is not None and head.mission_id and not self._is_returning:
             self._tell(Event(HELD_BACK, {"hold": UNRECORDED, "detail": where}))
         else:
-            self._tell(Event(TOLD, {"code": UNRECORDED_CODE, "detail": where}))
+            self._tell(Event(CODE_REPORTED, {"code": UNRECORDED_CODE, "detail": where}))
         self._work()  # before what has waited goes on
 
 

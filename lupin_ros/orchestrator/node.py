@@ -19,9 +19,9 @@ from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, shortened
 from lupin_engine.machine import (
+    CODE_REPORTED,
     NOTHING,
     RELEASED,
-    TOLD,
     UNKNOWN_MISSION,
     Event,
     Machine,
@@ -178,7 +178,7 @@ class Orchestrator:
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._publish_state)
         self._begin(back)
         if lost:
-            self._engine.post(Event(TOLD, {"code": CLOSED_CODE, "detail": lost}))
+            self._engine.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": lost}))
         self._work()
         self._offer()
         self._telling.chart()
@@ -221,13 +221,13 @@ class Orchestrator:
         self._keeping.begin(self._loaded, self._machine)
         self._engine.start()
         told = f"{head.mission} {head.mission_id}: {closing}; left out: {count}"
-        self._engine.post(Event(TOLD, {"code": CLOSED_CODE, "detail": told}))
+        self._engine.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": told}))
 
     def _untold(self, back: LookBack) -> list[tuple[Publish, Fields]]:
         """Return outcomes that were not even written, as they would have been, and a closed mission's."""
         old = back.recovered
         found = []
-        for record, told in old.untold if old is not None else ():
+        for record, told in old.unreported if old is not None else ():
             found.append((told, self._told_then(old.machine if old else self._machine, record).outcome(told)))
         return found + [(told, self._told.outcome(told)) for told in back.left_out]
 
@@ -287,7 +287,7 @@ class Orchestrator:
         if not commands.counts_however_late(event, self._chart):
             return False
         self._work()
-        return not self._machine.foresee(Event(event), self._clock.now(), dry=True).releases
+        return not self._machine.dry_run(Event(event), self._clock.now(), skip_fields=True).releases
 
     def _answer_when_kept(
         self,
@@ -307,7 +307,7 @@ class Orchestrator:
             def act() -> None:
                 found = callback(request, response)
                 try:
-                    self._keeping.when_kept(lambda: answer(found))
+                    self._keeping.when_flushed(lambda: answer(found))
                 except Exception:
                     self._ros.log.exception("answered without the journal", service=name)
                     answer(found)
@@ -425,7 +425,7 @@ class Orchestrator:
 
     def _refusal(self, event: Event) -> Refusal | None:
         """Return why a request is refused without a step; else begin the journal of what it starts."""
-        foreseen = self._machine.foresee(event, self._clock.now())
+        foreseen = self._machine.dry_run(event, self._clock.now())
         refusal = self._keeping.refusal(event, foreseen, self._chart.profile)
         if refusal is None:
             self._keeping.before(event, foreseen, self._machine)
@@ -570,7 +570,7 @@ class Orchestrator:
     def _failed(self, problem: Exception) -> None:
         """Go on after an exception in the loop; the journal may lack a step, so it begins with a snapshot."""
         self._ros.log.error("the loop failed", exc_info=problem)
-        self._keeping.journal.spoilt(f"{type(problem).__name__}: {problem}")
+        self._keeping.journal.discontinue(f"{type(problem).__name__}: {problem}")
 
     def _sleep(self) -> None:
         self._sleep_until(self._engine.next_deadline)

@@ -21,8 +21,8 @@ from lupin_engine.sim import (
     StepLine,
     load_scenario_text,
     mission_name,
+    narrate,
     short_name,
-    tell,
 )
 from lupin_verify.outcomes import OUTCOMES
 from lupin_verify.proof import Proven
@@ -58,7 +58,7 @@ class FailingScenario:
     @property
     def lines(self) -> list[StepLine]:
         """The story, with the breach where it comes."""
-        told = tell(self.run.chart, self.run.history)
+        told = narrate(self.run.chart, self.run.history)
         before = [line for line in told if line.time <= self.breach.time + _NEARLY]
         return [*before, self.breach, *told[len(before) :]]
 

@@ -109,7 +109,7 @@ def check(values: Mapping[str, Any]) -> None:
         load_layout(values["tag_locations_file"])
     with problems.collecting():
         senses.places(values["pests"])
-    problems.tell()
+    problems.raise_any()
 
 
 class SimNode:
