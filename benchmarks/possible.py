@@ -18,7 +18,7 @@ from pathlib import Path
 
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
-from lupin_engine.runtime.possible import Foresight
+from lupin_engine.runtime.possible import RequestPreview
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario, scenario_files
 from lupin_engine.sim.simulation import Simulation
 from lupin_ros.service.chart_record import chart_picture, chart_record
@@ -41,11 +41,11 @@ def follow(scenario: Scenario, tally: Tally) -> None:
     world = scenario.missions.world(scenario.chart, scenario.parameters)
     simulation = Simulation(scenario.chart, scenario.script, scenario.parameters, world)
     simulation.begin()
-    foresight, machine, told = Foresight(simulation.machine), simulation.machine, None
-    while not simulation.is_over and simulation.go_on() and simulation.now < scenario.script.limit:
+    foresight, machine, told = RequestPreview(simulation.machine), simulation.machine, None
+    while not simulation.is_over and simulation.advance() and simulation.now < scenario.script.limit:
         if simulation.machine is not machine:  # made anew after a crash
             machine = simulation.machine
-            foresight = Foresight(machine)
+            foresight = RequestPreview(machine)
         begun = time.process_time()
         found = foresight.news(simulation.now)
         if found is not None and found != told:

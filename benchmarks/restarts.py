@@ -29,7 +29,7 @@ from lupin_engine.runtime.journal.journal import Journal, Keep
 from lupin_engine.runtime.journal.records import JournalHead, journal_of
 from lupin_engine.runtime.journal.replay import replay
 from lupin_engine.runtime.journal.writer import MemoryWriter
-from lupin_engine.sim.simulation import Happening, Script, Simulation, Tell
+from lupin_engine.sim.simulation import Happening, Script, SetValue, Simulation
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -87,16 +87,16 @@ def inspected(log: Any, journal: Journal) -> Simulation:
     folder = default_missions_folder()
     chart = load_chart(folder / LIFECYCLE, [folder / "inspection.yaml"], load_catalog())
     poses = [
-        Happening(Tell("robot.pose", {"x": t / 7, "y": 1 / (t + 1), "yaw": 0.1 * t}), round(0.2 * t, 6))
+        Happening(SetValue("robot.pose", {"x": t / 7, "y": 1 / (t + 1), "yaw": 0.1 * t}), round(0.2 * t, 6))
         for t in range(1500)
     ]
-    stops = [Happening(Tell("robot.estop", False), round(0.1 * t, 6)) for t in range(3000)]
+    stops = [Happening(SetValue("robot.estop", False), round(0.1 * t, 6)) for t in range(3000)]
     script = Script("InspectionMission", {"tag_sequence": TARGETS}, happenings=(*poses, *stops))
     run = Simulation(chart, script, {}, log=log)
     journal.wall_ns = lambda: round(run.wall * 1e9)
     journal.begin(head_of(run.machine, VirtualClock(0.0, run.wall)))
     run.begin()
-    while not run.is_over and run.go_on():
+    while not run.is_over and run.advance():
         journal.compact(run.machine)
     return run
 

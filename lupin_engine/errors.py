@@ -1,9 +1,9 @@
-"""The error family, and the one form in which a problem is told to a person.
+"""The error family, and the one form of a problem for people.
 
-A problem with something a user wrote is a `Diagnostic`; several of them travel in one `ChartError`, because
-a checker that stops at the first mistake costs its user one run per mistake. Everything that is the user's
-to mend derives from `LupinError`: the command line prints its text and nothing else. Any other exception is
-a defect of the engine.
+A problem with a user's input is a `Diagnostic`; several of them travel in one `ChartError`, because a checker
+that stops at the first mistake costs its user one run per mistake. Every error that the user can fix derives
+from `LupinError`: the command line prints its text and nothing else. Any other exception is a defect of the
+engine.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def near(file: str) -> str:
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """One finding: where, what is wrong, what is allowed, what to do."""
+    """One finding: its place, the problem, and the allowed values or the remedy."""
 
     place: Place
     rule: str
@@ -72,7 +72,7 @@ class Diagnostic:
 
     @property
     def kind(self) -> str:
-        """What it is called: an error, a warning, or a note, as which a warning is accepted in its file."""
+        """Its kind: an error, a warning, or a note, which is a warning that its file accepts."""
         return ("note", "warning", "error")[self.severity]
 
     @property
@@ -87,13 +87,13 @@ class Diagnostic:
 
 
 class LupinError(Exception):
-    """A failure that the user can mend; its text is all the user needs."""
+    """A failure that the user can fix; its text is all the user needs."""
 
     exit_code = 1
 
 
 class UsageError(LupinError):
-    """The command line, or a call of the public interface, asks for something that does not exist."""
+    """The command line, or a call of the public interface, names something that does not exist."""
 
     exit_code = 2
 
@@ -115,25 +115,25 @@ class ChartError(LupinError):
 
 
 class Problems:
-    """What is wrong in several places, to be told at once: each problem once, in the order of finding.
+    """Collects problems, to be raised together: each once, in the order of finding.
 
     False while there is none.
     """
 
     def __init__(self, kind: type[LupinError] = LupinError) -> None:
-        """`kind` is what they are told as."""
+        """Collect problems that are raised as `kind`."""
         self._kind = kind
         self._texts: dict[str, None] = {}
 
     def add(self, *texts: str) -> None:
-        """Take notice of problems."""
+        """Add problems."""
         self._texts.update(dict.fromkeys(texts))
 
     @contextlib.contextmanager
     def collecting(self) -> Iterator[None]:
-        """Take notice of what the body refuses, and go on behind it.
+        """Add the errors that the body raises, and continue behind it.
 
-        The findings of a chart pass: each has a place of its own, and they are told as such.
+        A `ChartError` passes, because its findings have places of their own.
         """
         try:
             yield
@@ -142,8 +142,8 @@ class Problems:
         except LupinError as problem:
             self.add(str(problem))
 
-    def tell(self) -> None:
-        """Raise all of them as one error of their kind, each on a line; nothing where there is none."""
+    def raise_any(self) -> None:
+        """Raise all of them as one error, each on a line; do nothing without one."""
         if self._texts:
             raise self._kind("\n".join(self._texts))
 
@@ -152,7 +152,7 @@ class Problems:
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """Say what was probably meant by `name`, else list all that is allowed, sorted so the text is stable."""
+    """Return a hint: the most similar name, else all allowed names, sorted so the text is stable."""
     names = sorted(set(allowed))
     guess = meant(name, names)
     if guess:
@@ -164,7 +164,7 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
 
 
 def meant(name: str, allowed: Iterable[str]) -> str:
-    """Say what was probably meant by `name`; '' where nothing is like it."""
+    """Return a hint with the most similar name; '' where none is similar."""
     guess = guessed(name, allowed)
     return f"did you mean {guess!r}?" if guess else ""
 
@@ -179,7 +179,7 @@ def guessed(name: str, allowed: Iterable[str]) -> str:
 
 
 def or_else(hint: str, otherwise: str) -> str:
-    """Join what was probably meant with what there is to do where it was not."""
+    """Join a hint, if any, with the other remedy."""
     return f"{hint} Or {otherwise}" if hint.endswith("?") else "; or ".join(filter(None, (hint, otherwise)))
 
 
@@ -195,13 +195,13 @@ def declared_as(family: str, name: str) -> str:
 
 
 def reason(problem: Exception) -> str:
-    """Return what an exception says, in a sentence's middle; a KeyError says no more than the key."""
+    """Return the text of an exception, for the middle of a sentence; of a KeyError the key."""
     said = str(problem) or type(problem).__name__
     return f"there is no {said}" if isinstance(problem, KeyError) else said
 
 
 def shortened(text: str, most: int = MAX_SHOWN) -> str:
-    """Return what somebody else wrote, for a message: all of a short text, the beginning of a long one."""
+    """Return a foreign text for a message: all of a short one, the beginning of a long one."""
     return text if len(text) <= most else f"{text[:most]}..."
 
 

@@ -10,14 +10,14 @@ from lupin_engine.errors import ChartError, Diagnostic, LupinError, Place, Probl
 def test_every_problem_is_told_once_in_the_order_of_finding() -> None:
     problems = Problems(UsageError)
     assert not problems
-    problems.tell()
+    problems.raise_any()
     problems.add("two", "one")
     with problems.collecting():
         raise LupinError("three")
     problems.add("two")
     assert problems
     with pytest.raises(UsageError) as told:
-        problems.tell()
+        problems.raise_any()
     assert str(told.value) == "two\none\nthree"
 
 

@@ -28,15 +28,15 @@ from lupin_engine.plugin.profile import Publish
 from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scripted import MockOutcome, Rule
-from lupin_engine.sim.simulation import Ask, Effect, Script, Simulation, Tell
+from lupin_engine.sim.simulation import Ask, Effect, Script, SetValue, Simulation
 
 INSPECTION, EXPLORATION = "InspectionMission", "ExplorationMission"
 TAGS = ("1", "2", "3")
 LOW, FULL = 0.1, 0.9
 
-STOP, LET_GO = Tell("robot.estop", True), Tell("robot.estop", False)
-EMPTY, CHARGED = Tell("robot.battery", LOW), Tell("robot.battery", FULL)
-LOST, BACK = Tell(MISSING, ["action server navigate_to_pose"]), Tell(MISSING, [])
+STOP, LET_GO = SetValue("robot.estop", True), SetValue("robot.estop", False)
+EMPTY, CHARGED = SetValue("robot.battery", LOW), SetValue("robot.battery", FULL)
+LOST, BACK = SetValue(MISSING, ["action server navigate_to_pose"]), SetValue(MISSING, [])
 START = Ask("mission.start")
 PAUSE, ABORT, DOCK, SKIP = (Ask(f"operator.{name}") for name in ("pause", "abort", "dock", "skip_current"))
 
@@ -148,9 +148,9 @@ _FOUND = [
 DISCOVERY = (
     *GO,
     "PREPARE",
-    Tell("robot.pose", {"x": 0.0, "y": 0.0, "yaw": 0.0}),
+    SetValue("robot.pose", {"x": 0.0, "y": 0.0, "yaw": 0.0}),
     "EXPLORING · choosing",
-    Tell("tags.discovered", _FOUND),
+    SetValue("tags.discovered", _FOUND),
 )
 
 
@@ -266,7 +266,7 @@ class Lab:
             if not isinstance(stage, str):
                 simulation.do(stage)
             while isinstance(stage, str) and _row(simulation) != stage:
-                assert simulation.go_on(), f"{row}: {stage} is never reached, it ends in {_row(simulation)}"
+                assert simulation.advance(), f"{row}: {stage} is never reached, it ends in {_row(simulation)}"
         holding, held = COLUMNS[column]
         for effect in (*holding, *situation.when_held):
             simulation.do(effect)

@@ -29,11 +29,11 @@ export interface PublishedPossible {
 }
 
 /**
- * The missions with all that is said of them once.
+ * The mission catalogue.
  *
- * `codes` are all, `holds` the code of each hold, also of the engine's own, `outcomes` how a visit can end,
- * `stages` what published states mean, `ends` the verb that ends a mission. `problems` say what is wrong
- * with files that were not loaded.
+ * `codes` are all, `holds` the code of each hold, also of the engine's own, `outcomes` the ends of a visit,
+ * `stages` the meaning of published states, `ends` the verb that ends a mission. `problems` are the errors
+ * in files that were not loaded.
  */
 export interface MissionsRecord {
   readonly missions: readonly OfferedMission[];
@@ -57,7 +57,7 @@ export interface ChartRecord {
   readonly boot: string;
 }
 
-/** What a state or transition would do now. */
+/** A dry run of a state's transitions, or of one transition. */
 export interface ExplanationRecord {
   readonly element: string;
   readonly sequence: number;
@@ -121,15 +121,15 @@ export interface NotificationsRecord {
 }
 
 /**
- * One macrostep, as the log stores it.
+ * One macrostep, as it is logged.
  *
  * `sequence` counts from 1, `time` is the caller's. `taken` are the ids of the transitions, `exited` and
  * `entered` full names of states, all in their order; `configuration` are the active states afterwards, in
- * document order. `accepted` is the answer to a request (None for every other event), `refusal` why it was
- * not accepted. `notes` say what was dropped, deferred or blocked and why. `why` are the transitions that
- * listen to the event, when none was taken. `trail` is what was to be seen after each microstep, the last
- * one being now. `codes` are those that were reported, in their order, `broken` the invariants that broke in
- * this step, also those that hold again after it.
+ * document order. `accepted` is the answer to a request (None for every other event), `refusal` the reason
+ * against it. `notes` name dropped, deferred and blocked events with the reason. `why` are the transitions
+ * that listen to the event, when none was taken. `trail` is the published state after each microstep, the
+ * last one being now. `codes` are those that were reported, in their order, `broken` the invariants that
+ * broke in this step, also those that hold again after it.
  */
 export interface Step {
   readonly sequence: number;
@@ -152,11 +152,10 @@ export interface Step {
 /**
  * The machine at one moment. `lifecycle` is the published top state, `phase` the innermost phase.
  *
- * `total` and `counts` are about all itineraries of the mission: how many targets they have, and how many
- * visits ended in each of the profile's outcomes, over all sweeps.
- * `cancelling` are the operations that nobody wants any more and whose end the server has not confirmed.
- * `code` and `detail` are the newest of the worst that were reported, `codes` says how many were, ever.
- * `paused`: held, or in a state that waits for the operator.
+ * `total` and `counts` are about all itineraries of the mission: the number of targets, and the number of
+ * visits that ended in each of the profile's outcomes, over all sweeps. `cancelling` are abandoned
+ * operations whose end the server has not confirmed. `code` and `detail` are the newest of the worst
+ * reported codes, `codes` counts all reports. `paused`: held, or in a state that waits for the operator.
  */
 export interface View {
   readonly configuration: readonly string[];
@@ -189,9 +188,9 @@ export interface CommandOrigin {
 }
 
 /**
- * What one request would do now: the holds that it engages and releases, or why it is refused.
+ * The dry run of one request: the holds that it engages and releases, or why it is refused.
  *
- * `fields`: of a start, nothing but the defaults of its request keeps it from beginning.
+ * `fields`: a start is refused only for the defaults of its request.
  */
 export interface PossibleRecord {
   readonly request: string;
@@ -213,7 +212,7 @@ export interface OfferedMission {
   readonly request: readonly FieldRecord[];
 }
 
-/** What is said of a code; severity 0 is information, 1 a warning, 2 an error. */
+/** The declaration of a code; severity 0 is information, 1 a warning, 2 an error. */
 export interface CodeRecord {
   readonly label: string;
   readonly severity: number;
@@ -228,7 +227,7 @@ export interface OutcomeRecord {
   readonly rating: "good" | "bad" | "left out";
 }
 
-/** What published lifecycle states mean: the labels of the lifecycles of this profile. */
+/** The meaning of published lifecycle states: the labels of the lifecycles of this profile. */
 export interface Stages {
   readonly starting: readonly string[];
   readonly ready: readonly string[];
@@ -350,7 +349,7 @@ export interface Act {
   readonly command: "act";
 }
 
-/** What became of a target, to be told to the world. `status` is the name of an outcome. */
+/** The outcome of a target, to be published. `status` is the name of an outcome. */
 export interface Publish {
   readonly source: string;
   readonly mission_id: string;
@@ -376,7 +375,7 @@ export interface Refusal {
   readonly text: string;
 }
 
-/** A code that was reported, with what is declared of it; `target` is what was processed then. */
+/** A reported code with its declaration; `target` was the current one then. */
 export interface CodeEvent {
   readonly code: string;
   readonly label: string;
@@ -386,9 +385,9 @@ export interface CodeEvent {
 }
 
 /**
- * An open question: what can be answered, and what counts when nobody does before `deadline`.
+ * An open question: its choices, and the default that counts after `deadline`.
  *
- * While a hold is engaged the clock stands still: there is no deadline, and `left` seconds remain after it.
+ * During a hold its clock stands still: there is no deadline, and `left` seconds remain after it.
  */
 export interface Question {
   readonly state: string;
@@ -417,7 +416,7 @@ export interface Attempting {
 }
 
 /**
- * What a state does by itself later: `event` is `after.0`, `every.0`, `at.0`, `budget`, or `retry`.
+ * A pending timer of a state: `event` is `after.0`, `every.0`, `at.0`, `budget`, or `retry`.
  *
  * While a hold stops its clock there is no deadline, and `left` seconds remain after it.
  */
@@ -431,9 +430,9 @@ export interface Countdown {
 /**
  * A field of a request, with a type and its base unit.
  *
- * `kind` and what follows from it are of the elements of a list: `name` is that of something which a plugin
- * finds by it. A default that is computed is told as it would be now, and as it is written
- * (`computed`). Of a list `at_most` says how many elements there may be.
+ * `kind` and the fields that follow from it describe the elements of a list: `name` is looked up by a
+ * plugin. A computed default is given as it would be now, and as its expression (`computed`). `at_most`
+ * limits the number of elements of a list.
  */
 export interface FieldRecord {
   readonly name: string;
@@ -464,8 +463,8 @@ export interface FailureRecord {
 /**
  * A reason that can reach the published state: raw name, label for people, severity.
  *
- * `advice` is one sentence for whoever operates the robot: what to do about it. Whoever declares the code as
- * well need not repeat it.
+ * `advice` is one sentence for the operator of the robot. A second declaration of the code need not repeat
+ * it.
  */
 export interface Code {
   readonly name: string;

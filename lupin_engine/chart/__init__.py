@@ -1,4 +1,4 @@
-"""What a mission says: YAML, positions, models, and one composed, checked chart."""
+"""Loads missions: YAML with positions, models, and one composed, checked chart."""
 
 import lazy_loader
 

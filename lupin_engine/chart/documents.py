@@ -1,10 +1,9 @@
-"""The words of the language: one model for each mapping that a mission file may contain.
+"""The vocabulary of the language: one model for each mapping that a mission file may contain.
 
-There are three kinds of file: a lifecycle, a mission, a part. The models are the single source of what keys
-exist and what stands under them (`Meaning`): the editor, its schema and the reference are made from them.
-Short forms (a target as text, one action instead of a list) are brought to the long form here, so nothing
-after this module knows that they exist. Texts that may be expressions stay as they were read; names are
-checked for shape only, what they mean is `compose`'s work.
+There are three kinds of file: a lifecycle, a mission, a part. The models are the single source of keys and of
+the meaning of their values (`Meaning`): the editor, its schema and the reference are made from them. Short
+forms (a target as text, one action instead of a list) are expanded here, so no later module handles them.
+Texts that may be expressions are left unparsed; the shape of names is checked here, `compose` resolves them.
 """
 
 from __future__ import annotations
@@ -673,7 +672,7 @@ def written_in(node: Node, kind: type[_N]) -> Iterator[_N]:
 
 
 def _each_in(value: Any) -> Iterator[Any]:
-    """Yield what a field holds: itself, or what stands in its list, its mapping or the lists in that."""
+    """Yield the values of a field: itself, or the elements of its list, its mapping or the lists in that."""
     for each in value.values() if isinstance(value, dict) else (value,):
         yield from each if isinstance(each, (list, tuple)) else (each,)
 

@@ -1,8 +1,8 @@
-"""The list that every step of loading writes its findings to, and the rules they can name.
+"""The collection of findings of all steps of loading, and the rules that they name.
 
-A step reports and goes on: it answers with what it could make of the input (or None), never with an
-exception. `RULES` is the whole list of rule ids with what each of them protects; a test holds a broken
-mission for every one of them, and docs/rules.md shows it.
+A step reports and continues: it returns the usable part of its result (or None), and never raises. `RULES` is
+the whole list of rule ids, each with its purpose; a test holds a broken mission for every one of them, and
+docs/rules.md shows it.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ RULES: Mapping[str, str] = MappingProxyType(
 
 
 class Findings:
-    """Collects diagnostics once each: a part that is used twice tells its mistakes once, of its first use."""
+    """Collects diagnostics, each once: a part that is used twice reports its mistakes at its first use."""
 
     def __init__(self) -> None:
         self._found: dict[tuple[Place, str, str], Diagnostic] = {}
@@ -129,7 +129,7 @@ class Findings:
         self._put(Diagnostic(place, rule, path, problem, hint))
 
     def warn(self, place: Place, rule: str, path: str, problem: str, hint: str = "") -> None:
-        """Report what is probably a mistake but can be loaded."""
+        """Report a probable mistake that does not prevent loading."""
         self._put(Diagnostic(place, rule, path, problem, hint, Severity.WARN))
 
     def unknown(
@@ -160,7 +160,7 @@ class Findings:
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
-        """What makes the chart unusable, in file order."""
+        """The errors, which make the chart unusable, in file order."""
         return tuple(d for d in self.all if d.severity is Severity.ERROR)
 
 
@@ -183,9 +183,9 @@ class _LimitedFindings(Findings):
 def collected(
     work: Callable[[Findings], _T | None], known: Iterable[Diagnostic] = ()
 ) -> tuple[_T | None, tuple[Diagnostic, ...]]:
-    """Do what makes findings; return what it made, and all that is found then, with what was `known` before.
+    """Run `work` with findings; return its result, and all findings with those `known` before.
 
-    Nothing is made when there are too many.
+    The result is None when there are too many.
     """
     findings = _LimitedFindings()
     findings.extend(known)
@@ -214,13 +214,13 @@ def answered(
     """Return findings in file order, each once; warnings that their file accepts are notes with the reason.
 
     `# accept RULE: REASON` stands on the line of a warning or just above it. One that accepts nothing is a
-    warning itself, unless there are errors, after which not every rule has looked, or a proof would find it,
-    or the file is `shared` by missions of which not all may be here.
+    warning itself, except after errors, when not every rule has run, for a rule of proofs, and in a file
+    `shared` by missions of which not all may be loaded.
     """
     findings = Findings()
     findings.extend(found)
     found = findings.all
-    told = [accepted(one, files.get(one.place.file, ())) for one in found]
+    result = [accepted(one, files.get(one.place.file, ())) for one in found]
     broken = any(one.severity is Severity.ERROR for one in found)
     used = {(one.place.file, _answer_to(one, files.get(one.place.file, ())), one.rule) for one in found}
     for file, lines in files.items():
@@ -232,8 +232,8 @@ def answered(
                 problem, hint = "this gives no reason", f"write '# accept {rule}: REASON'"
             elif broken or file in shared or rule in SUBJECTS[_PROVEN] or (file, place.line, rule) in used:
                 continue
-            told.append(warning(place, "unused-answer", "", problem, hint))
-    return tuple(sorted(told, key=lambda d: (d.place, d.rule, d.problem)))
+            result.append(warning(place, "unused-answer", "", problem, hint))
+    return tuple(sorted(result, key=lambda d: (d.place, d.rule, d.problem)))
 
 
 def _answers(file: str, lines: Sequence[str]) -> Iterator[tuple[Place, str, str | None]]:

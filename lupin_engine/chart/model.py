@@ -1,9 +1,9 @@
-"""The composed chart: what loading produces and what every other room reads, never the YAML.
+"""The composed chart: the result of loading, which all other rooms read in place of the YAML.
 
 A chart is a lifecycle with the missions standing in its slot and all parts expanded. States are named by
-their path from the top (`MISSION.Patrol.ROUND.DRIVING`); the root's name is the empty
-text. Everything is frozen, resolved (targets are full names) and checked (expressions are typed); every
-piece keeps the `Place` where the author wrote it, in the author's file.
+their path from the top (`MISSION.Patrol.ROUND.DRIVING`); the root's name is the empty text. Everything is
+frozen, resolved (targets are full names) and checked (expressions are typed); every piece has its `Place` in
+the author's file.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class ActionCall:
     """One action with its arguments: built-in (`set`, `raise`, `itinerary.close`, ...) or a plugin's.
 
     For those in `WRITING` the arguments are the context variables; for `raise` the single argument `event` is
-    the name, and `data` what the event carries.
-    An `if` has no arguments, but a `guard` that chooses between the actions `then` and `otherwise`.
+    the name, and `data` the payload. An `if` has no arguments, but a `guard` that chooses between the actions
+    `then` and `otherwise`.
     """
 
     KEY: ClassVar[str] = "name"
@@ -56,7 +56,7 @@ def every_call(actions: Iterable[ActionCall]) -> Iterator[ActionCall]:
 
 @record(frozen=True)
 class Transition:
-    """What an event does in a state.
+    """A transition of a state, on an event or without one.
 
     `event` is a name (`operator.abort`), a prefix (`nav.*`), any (`*`), or one of the engine's own: ``
     (eventless, written `always`), `done`, `error` (the end of the state's invocation, or for `done` of the
@@ -99,7 +99,7 @@ class Timer:
 
     @property
     def word(self) -> str:
-        """What it is called in missions."""
+        """Its key in missions."""
         return self.event.partition(".")[0]
 
 
@@ -122,8 +122,8 @@ class Retry:
 class Invoke:
     """An operation that lives exactly as long as its state. `timeout` is None for `never`.
 
-    `on_hold` is what the release of a hold does that cancelled it: `continue`, `fail`, or
-    nothing for `again`.
+    `on_hold` is the reaction at the release of a hold that cancelled it: `continue`, `fail`, or empty for
+    `again`.
     """
 
     name: str = field(metadata=said(Role.PLAIN, "do"))
@@ -160,12 +160,12 @@ class ForEach:
 
 @record(frozen=True)
 class Itinerary:
-    """The list that a state walks; every item is visited and closed exactly once a sweep.
+    """The list of targets that a state iterates over; every item is visited and closed exactly once a sweep.
 
     `order` is a number for each `target`: the open one with the smallest is next, the first among equals;
-    without it the list's order counts. `sweeps` is how often the list is walked, 0 without end; it is made
-    anew for every sweep. What `leaves_open` is not closed by `itinerary.close_rest`. `source` is what its
-    observations name as their source, '' for the mission's name.
+    without it the list's order counts. `sweeps` is the number of passes, 0 without end; the list is evaluated
+    again for each. With `leaves_open`, `itinerary.close_rest` closes none of its visits. `source` is named as
+    the source of its observations, '' for the mission's name.
     """
 
     items: Value = field(metadata=said(Role.VALUE, "items"))
@@ -178,7 +178,7 @@ class Itinerary:
 
 @record(frozen=True)
 class Prompt:
-    """A question to the operator; when nobody has answered `after` so many seconds, `default` counts.
+    """A question to the operator; without an answer for `after` seconds, `default` counts.
 
     An answer is the event `answer.CHOICE`, for the states around as well.
     """
@@ -199,7 +199,7 @@ class Prompt:
 class Field:
     """A field of a mission's request: type, default, and the code that refuses an empty list.
 
-    In a use of the mission the default is what the use gives, if it gives the field.
+    In an embedded mission the default is the argument of its use, if there is one.
     """
 
     name: str
@@ -213,10 +213,10 @@ class Field:
 
 @record(frozen=True)
 class UsedMission:
-    """A mission whose states stand in a state: with which request, and what begins whenever that is entered.
+    """An embedded mission: its request, and the variables that restart whenever its state is entered.
 
-    `variables` are those of the mission and of what it uses; they begin anew. `entry` and `exit` are the
-    mission's own.
+    `variables` are those of the mission and of missions embedded in it. `entry` and `exit` are the mission's
+    own.
     """
 
     mission: str = field(metadata=said(Role.PLAIN, "use"))
@@ -295,8 +295,7 @@ class Hold:
     """A suspension of the whole chart.
 
     `engage` is a request (`operator.pause`) or a level (`input.danger`); `release` are requests. A guard that
-    is false refuses the request with `engage_code` or, for a release, with `code`. `code` is what engaging
-    reports.
+    is false refuses the request with `engage_code` or, for a release, with `code`. Engaging reports `code`.
     """
 
     name: str
@@ -354,10 +353,10 @@ class Level:
 
 @record(frozen=True)
 class Input:
-    """A live value of a plugin under the chart's own name for it; unknown when older than freshness.
+    """A live value of a plugin under the chart's own name for it; unknown when older than its freshness.
 
-    A report outside `minimum` to `maximum` is dropped. With `of_mission` only what was reported since the
-    mission began counts, of a list only elements that were not the same before; until then it is `initial`.
+    A report outside `minimum` to `maximum` is dropped. With `of_mission` only reports since the mission began
+    count, of a list only new or changed elements; until then it is `initial`.
     """
 
     name: str
@@ -385,10 +384,10 @@ class Invariant:
 
 @record(frozen=True)
 class TemporalProperty:
-    """What is true of every run; exactly one of `always`, `never` and `eventually`, which has a `within`.
+    """A property of every run: one of `always`, `never` and `eventually`, which has a `within`.
 
-    With `after` it is asked from each moment on at which that holds, with `until` no longer from there on.
-    One that reads the request of a `mission` is about the runs of that one; '' is about every moment.
+    With `after` it is checked from each moment on at which that holds, with `until` up to the next such
+    moment. One that reads the request of a `mission` is about the runs of that one; '' is about every moment.
     """
 
     name: str
@@ -407,10 +406,10 @@ class TemporalProperty:
 class Chart:
     """A lifecycle with its missions, checked. `states` are in document order, parents before children.
 
-    `plugins` are those that the missions use; `catalog` is what it was checked against: all that the
-    installed plugins and the bindings beside the missions offer.
+    `plugins` are those that the missions use; `catalog` is the one that it was checked against: all
+    declarations of the installed plugins and of the bindings beside the missions.
 
-    Two charts are equal only when they are the same one; what is worked out for a chart is kept under it.
+    Charts are compared by identity, because results are cached by chart.
     """
 
     name: str
@@ -430,7 +429,7 @@ class Chart:
 
     @property
     def profile(self) -> Profile:
-        """What these missions visit, and how visits can end."""
+        """The profile: kinds of targets, and outcomes of visits."""
         return self.catalog.profile
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What every model of a written mapping has: where it was read, and what a text in it stands for."""
+"""The base of every model of a mapping: its place, and the meaning of its texts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NUMBER = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]+)?")
 
 
 class Meaning(enum.Enum):
-    """What a text stands for."""
+    """The meaning of a text."""
 
     KEY = "key"  #: a word of the language
     STATE = "state"  #: looked for in the nearest enclosing scope
@@ -57,13 +57,13 @@ class Meaning(enum.Enum):
 
 
 class Keyed(NamedTuple):
-    """Says of a mapping what its keys stand for."""
+    """Marks a mapping with the meaning of its keys."""
 
     meaning: Meaning
 
 
 class Named(NamedTuple):
-    """Says of a mapping what its keys stand for, and that it declares them."""
+    """Marks a mapping that declares its keys, with their meaning."""
 
     meaning: Meaning
 
@@ -105,7 +105,7 @@ class Node(BaseModel):
 
     @classmethod
     def _line_for(cls, data: Any) -> str:
-        """Return what to write for a number alone, with the unit that the line has where it has none."""
+        """Return a corrected line for a number alone, with the unit that the line has where it has none."""
         given = _NUMBER.fullmatch(str(data)) if isinstance(data, (str, int, float)) else None
         if given is None or not cls.LINE:
             return ""
@@ -122,7 +122,7 @@ class Node(BaseModel):
 
     @property
     def written(self) -> bool:
-        """Tell whether this was read as a mapping, not as a short form."""
+        """Say whether this was read as a mapping, not as a short form."""
         return isinstance(self._raw, Map)
 
     def at(self, key: str, index: int | None = None) -> Place:
@@ -165,7 +165,7 @@ class Node(BaseModel):
 
 
 def wrong_shape(text: str) -> PydanticCustomError:
-    """Return what a model raises when a mapping is no mapping of its own; `text` is problem and hint."""
+    """Return the exception of a model for a value of another shape; `text` is problem and hint."""
     return PydanticCustomError("wrong-shape", "{text}", {"text": text})
 
 

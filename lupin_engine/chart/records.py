@@ -1,9 +1,8 @@
-"""The records that a composed chart is made of, and the one walk through their parts.
+"""The base of a composed chart's records, and the one walk through their parts.
 
-A field of a record that authors write says with `said` what it is and by which word; the others are what
-makes the record the one that it is (names, places), or follow from that. Whoever looks at everything that a
-chart says (the checker, SCXML, what compares declarations) walks by that, so that a word that is added needs
-no entry in a list of theirs.
+A field that authors write declares its role and its word with `said`; the others identify the record (names,
+places), or follow from that. The checker, SCXML and comparisons of declarations all walk by that, so that a
+new word needs no entry in lists of theirs.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ else:
 
 
 class Role(enum.Enum):
-    """What a field of a record holds; of the optional ones, None or nothing where it is not written."""
+    """The role of a field of a record; an optional one is None or empty where it is not written."""
 
     #: A yes or no, a number, a word or a text for people.
     PLAIN = enum.auto()
@@ -57,7 +56,7 @@ COMPUTED = DECIDING | {Role.CARRIED}
 
 
 class Part(NamedTuple):
-    """A field of a record; `word` is what it is called where it is written."""
+    """A field of a record; `word` is its key in a file."""
 
     field: str
     role: Role
@@ -65,7 +64,7 @@ class Part(NamedTuple):
 
 
 class Walked(NamedTuple):
-    """Something that a record says: the way of words that leads to it, what it is, and it."""
+    """A part of a record: the path of words that leads to it, its role, and its value."""
 
     words: tuple[str, ...]
     role: Role
@@ -79,7 +78,7 @@ def said(role: Role, word: str = "") -> Mapping[str, Any]:
 
 @cache
 def parts_of(kind: type) -> tuple[Part, ...]:
-    """Return what a kind of record can say, in the order of its fields."""
+    """Return the parts of a kind of record, in the order of its fields."""
     return tuple(Part(f.name, f.metadata["role"], f.metadata["word"]) for f in fields(kind) if f.metadata)
 
 
@@ -93,9 +92,9 @@ _NESTED = (Role.INSIDE, Role.ACTIONS)
 
 
 def walk(thing: Any, roles: frozenset[Role], words: tuple[str, ...] = ()) -> Iterator[Walked]:
-    """Yield all of some roles that a record says, and the records in it.
+    """Yield all parts of a record with one of some roles, also those of records in it.
 
-    Records in a list are told apart by the field that is their `KEY`; an `id` is a whole path.
+    Records in a list are distinguished by the field that is their `KEY`; an `id` is a whole path.
     """
     kind: type = type(thing)
     for field, role, word in _asked(kind, roles):
@@ -113,7 +112,7 @@ def walk(thing: Any, roles: frozenset[Role], words: tuple[str, ...] = ()) -> Ite
 
 
 def own(thing: Any, roles: frozenset[Role]) -> list[Any]:
-    """Return what a record itself says of some roles, without the records in it."""
+    """Return the values of a record's own parts with some roles, without the records in it."""
     kind: type = type(thing)
     values = [getattr(thing, part.field) for part in _asked(kind, roles) if part.role in roles]
     return [value for value in values if value is not None]
@@ -132,11 +131,11 @@ def _inside(value: Any, words: tuple[str, ...]) -> Iterator[tuple[Any, tuple[str
 
 
 #: Fields that make no difference to what a declaration means.
-_ASIDE = ("place", "summary", "doc", "advice")
+_NOT_COMPARED = ("place", "summary", "doc", "advice")
 
 
 def same_meaning(first: Any, second: Any) -> bool:
-    """Tell whether two declarations of one name say the same, wherever and however they are written."""
+    """Say whether two declarations of one name are equal, apart from place and documentation."""
     if type(first) is not type(second):
         return False
     if isinstance(first, tuple):
@@ -146,7 +145,7 @@ def same_meaning(first: Any, second: Any) -> bool:
         return bool(getattr(first, attribute) == getattr(second, attribute))
     if not is_dataclass(first):
         return bool(first == second)
-    names = [field.name for field in fields(first) if field.name not in _ASIDE]
+    names = [field.name for field in fields(first) if field.name not in _NOT_COMPARED]
     return all(same_meaning(getattr(first, name), getattr(second, name)) for name in names)
 
 

@@ -1,12 +1,13 @@
 """Statechart semantics without data, by SCXML's algorithm (W3C SCXML 1.0, appendix D).
 
-* The states left are the active ones below the transition's domain, children before parents, last first.
-* Of transitions that would leave the same state one is taken: whose source lies deeper, else the first.
+* The exit set are the active states below the transition's domain (the LCCA), children before parents,
+  last first.
+* Of transitions whose exit sets meet one is taken: whose source lies deeper, else the first.
 * What SCXML lacks: where a history of limited depth would restore a state with an embedded mission in it, it
   restores the active direct child of the innermost such mission, even below the history's depth.
 
-Checker and machine choose by the same rules. Which guards hold and what history remembers is asked of the
-caller. What is entered is up to who executes the transitions (`machine.structure`).
+Checker and machine choose by the same rules. The caller supplies guards and history values. The entry set is
+computed where transitions are executed (`machine.structure`).
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ REQUESTS = frozenset({"operator", "answer", "mission"})
 def matches(pattern: str, event: str) -> bool:
     """Say whether an event pattern (`a.b`, `a.*`, `*`) covers an event's name, or all that a pattern covers.
 
-    `*` means no events of the engine, no levels of inputs, and no requests: who asks to abort must not get
-    something else.
+    `*` covers no events of the engine, no levels of inputs, and no requests: a request to abort must not have
+    another effect.
     """
     if pattern == event:
         return True
@@ -84,10 +85,10 @@ class Semantics:
         return rule.target is not None and self.chart.states[rule.target].kind is Kind.HISTORY
 
     def domain(self, rule: Transition, target: str) -> str:
-        """Return the innermost compound state that holds source and target and is itself not left.
+        """Return the LCCA: the innermost compound state that holds source and target and is itself not left.
 
-        A history state counts as itself, a child of the state whose past it is: what is left must not depend
-        on what is remembered.
+        A history state counts as itself, a child of its parent: the exit set must not depend on the history
+        value.
         """
         source = self.chart.states[rule.source]
         if rule.internal and source.kind is Kind.COMPOUND and self.is_below(target, rule.source):
@@ -115,13 +116,13 @@ class Semantics:
         remembered: Callable[[State], tuple[str, ...]],
         resume: Callable[[State], str | None],
     ) -> Aim:
-        """Return the states that a transition leads to, which for one to a history state depends on the past.
+        """Return the states that a transition leads to, for one to a history state by its value.
 
         Args:
             rule: a transition that is taken.
             mission: the default child of the slot is its mission's.
-            remembered: the states that a history state stands for; none: its parent is entered anew.
-            resume: the child to enter when a state comes back by history; None: what is remembered.
+            remembered: returns the value of a history state; none: its parent is entered anew.
+            resume: returns the child to enter in a state restored from history; None: the remembered one.
         """
         if rule.target is None:
             return NOWHERE
@@ -141,7 +142,7 @@ class Semantics:
     def _brought_back(
         self, history: State, name: str, resume: Callable[[State], str | None]
     ) -> tuple[str, str]:
-        """Return where to go on for a remembered state, and which state goes on there.
+        """Return the target for a remembered state, and the state that resumes there.
 
         That is the outermost one, from the history's parent inwards, of which a `resume_at` holds; else the
         remembered state as a whole.
@@ -163,7 +164,7 @@ class Semantics:
     def remembers(
         self, configuration: tuple[str, ...], exits: Iterable[str]
     ) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """Return what the history states of the states left will stand for."""
+        """Return the new values of the history states in the exit set."""
         leaving = set(exits)
         return tuple(
             (child, self._descendants(configuration, name, self.chart.states[child].depth, leaving))
@@ -175,9 +176,9 @@ class Semantics:
     def _descendants(
         self, configuration: tuple[str, ...], name: str, depth: int | None, among: set[str]
     ) -> tuple[str, ...]:
-        """Return the active descendants `depth` levels down (None: the leaves), or leaves above that.
+        """Return the active descendants `depth` levels down, or atomic ones above (None: the atomic ones).
 
-        In place of one with a mission that is used stands what is active of that mission.
+        An embedded mission among them is replaced by its active direct child.
         """
         leaves = set(self.leaves(among))
         base = len(self.lineage[name]) - 1
@@ -209,7 +210,7 @@ class Semantics:
     def without_conflicts(
         self, configuration: tuple[str, ...], chosen: Sequence[Transition]
     ) -> tuple[Transition, ...]:
-        """Drop transitions that would leave what an earlier or deeper one leaves (SCXML: preemption)."""
+        """Drop transitions whose exit set meets that of an earlier or deeper one (SCXML: preemption)."""
         kept: list[Transition] = []
         for rule in {rule.id: rule for rule in chosen}.values():
             leaving = self.exits(configuration, [rule])

@@ -1,14 +1,14 @@
-"""YAML as a tired human wrote it: plain data in which every key and value knows its place.
+"""Reads YAML as plain data in which every key and value knows its place.
 
 Promises:
 - YAML 1.2 core scalars: `on`, `off`, `yes` and `12:30:45` are words, no scalar is a date. Keys are text.
-- A key that stands twice is an error that names both lines; the first one counts.
+- A duplicate key is an error that names both lines; the first one counts.
 - Nothing in a file is executed: tags are refused, aliases are shared and counted, size and depth are bounded.
 - No exception for a bad file: a finding with a place, and None.
 
-The tree is built from parser events (the C parser where PyYAML has it) rather than from `yaml.compose`:
-only events still know where an alias stands, it takes half the time, and the nesting is ours to bound.
-This is the only module of the chart that reads files.
+The tree is built from parser events (the C parser where PyYAML has it) rather than from `yaml.compose`: only
+events have the places of aliases, it takes half the time, and the depth can be bounded. This is the only
+module of the chart that reads files.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class _Position(NamedTuple):
 
 
 class File:
-    """What all places of a file share: what it is called, and its lines, which are split when asked for."""
+    """The name of a file and its lines, which are split on demand; shared by all its places."""
 
     def __init__(self, name: str, text: str) -> None:
         self.name = name
@@ -159,7 +159,7 @@ class Text(str):
 
 
 def text_at(value: str, place: Place) -> Text:
-    """Make a text that stands at `place` on one line, for what is not written as text in the file."""
+    """Make a text that stands at `place` on one line, for a value that is not written as text."""
     line, column = place.line - 1, place.column - 1
     return _text(value, File(place.file, "\n" * line + " " * column + value), _spot_of(place), None)
 
@@ -178,9 +178,9 @@ def _ink(text: str) -> int:
 
 
 def _inked(text: Text) -> Iterator[_Position]:
-    """Yield the place of every character of the file that stands for one which is no blank.
+    """Yield the place of every non-blank character of the file.
 
-    It goes on behind the end of the text, which only its caller knows.
+    It continues behind the end of the text, which only its caller knows.
     """
     lines, style = text.file.lines, text.style or ""
     line, column = _first_character(text)
@@ -220,10 +220,9 @@ def _character(row: str, column: int, style: str) -> tuple[int, bool]:
 
 
 class Map(dict[str, Any]):
-    """A mapping from a file, which knows where each of its keys and values stands.
+    """A mapping from a file, with the places of its keys and values.
 
-    `model` is set by the document model that read it, so that an unknown key can be answered with what is
-    known there.
+    `model` is set by the document model that read it, for hints about unknown keys.
     """
 
     __slots__ = ("_elsewhere", "file", "key_starts", "model", "start")
@@ -236,7 +235,7 @@ class Map(dict[str, Any]):
         self.model: Any = None
 
     def note(self, key: str, start: Mark) -> None:
-        """Note where a value stands that does not tell it itself, as texts, mappings and lists do."""
+        """Record the place of a value that has none itself, unlike texts, mappings and lists."""
         if self._elsewhere is None:
             self._elsewhere = {}
         self._elsewhere[key] = start
@@ -269,7 +268,7 @@ class Map(dict[str, Any]):
 
 
 def map_at(place: Place) -> Map:
-    """Make an empty mapping that stands at `place`, for what is not written in the file."""
+    """Make an empty mapping that stands at `place`, for one that is not written."""
     return Map(File(place.file, ""), _spot_of(place))
 
 
@@ -343,7 +342,7 @@ def _content(path: Path) -> tuple[bytes, int]:
 
 
 def parse_bytes(raw: bytes, name: str, findings: Findings) -> Map | None:
-    """Turn the bytes of a file into a mapping with places; `name` is what places call the file."""
+    """Parse the bytes of a file to a mapping with places; `name` is the file's name in them."""
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -356,7 +355,7 @@ def parse_bytes(raw: bytes, name: str, findings: Findings) -> Map | None:
 
 
 def parse(text: str, name: str, findings: Findings) -> Map | None:
-    """Turn the text of a file into a mapping with places; `name` is what places call the file."""
+    """Parse the text of a file to a mapping with places; `name` is the file's name in them."""
     builder = _Builder(text, name, findings)
     try:
         root = builder.document()
@@ -505,7 +504,7 @@ class _Builder:
             else:
                 value = self._node(event, at, depth)
             if key in key_starts:
-                self._tell_twice(key, found.key_place(key), self._file.place(key_start))
+                self._report_duplicate(key, found.key_place(key), self._file.place(key_start))
                 continue
             found[key] = value
             key_starts[key] = key_start
@@ -513,12 +512,12 @@ class _Builder:
                 found.note(key, at)
         return found
 
-    def _tell_twice(self, key: str, first: Place, second: Place) -> None:
+    def _report_duplicate(self, key: str, first: Place, second: Place) -> None:
         problem = f"the key {key!r} stands twice, in line {first.line} and in line {second.line}"
         self._findings.add(second, "duplicate-key", "", problem, "remove or rename one")
 
     def _check_key(self, event: Any, start: Mark) -> None:
-        """Look at a key that is not just a word: with an anchor it may be, and is remembered by it."""
+        """Check a key that is not just a word: one with an anchor may be, and is stored under it."""
         if type(event) is not ScalarEvent:
             self._refuse(start, "wrong-yaml", "a key must be a plain word")
         self._check_count(start)

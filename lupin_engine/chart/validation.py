@@ -1,4 +1,4 @@
-"""Reading a file as a document: its kind, its shape, and a finding for each key that should not be there."""
+"""Validates a file as a document: its kind, its shape, and a finding for each unknown key."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ KEYS_OF_KINDS = (*KINDS, "binding")
 def read_document(
     raw: Map, model: type[_D], findings: Findings, left_out: list[Way] | None = None
 ) -> _D | None:
-    """Validate a file against its model; None after findings that leave nothing to go on with.
+    """Validate a file against its model; None after findings that leave it unusable.
 
-    What is left out because of its shape is added to `left_out`.
+    Parts with a wrong shape are added to `left_out`.
     """
     kind = next(word for word, known in KINDS.items() if known is model)
     if not is_kind(raw, kind, findings):
@@ -55,7 +55,7 @@ def read_document(
 
 
 def follows(found: Diagnostic, left_out: Iterable[Way]) -> bool:
-    """Tell whether a finding may only follow from what was left out of the file."""
+    """Say whether a finding may only follow from parts that were left out of the file."""
     return any(_follows(found, *map(str, way)) for way in left_out)
 
 
@@ -75,7 +75,7 @@ def _follows(found: Diagnostic, *way: str) -> bool:
 
 
 def want_defaults(raw: Map, findings: Findings) -> None:
-    """Tell the parameters without a default: only a part has users who can give one."""
+    """Report the parameters without a default: only the user of a part can give one."""
     params = raw.get("params")
     for name, written in params.items() if isinstance(params, Map) else ():
         if isinstance(written, Map) and "default" not in written:
@@ -84,7 +84,7 @@ def want_defaults(raw: Map, findings: Findings) -> None:
 
 
 def is_kind(raw: Map, kind: str, findings: Findings) -> bool:
-    """Tell whether a file says that it is of a kind; a finding otherwise."""
+    """Say whether a file declares a kind; a finding otherwise."""
     if kind in raw:
         return True
     other = next((word for word in KEYS_OF_KINDS if word in raw), None)
@@ -95,9 +95,9 @@ def is_kind(raw: Map, kind: str, findings: Findings) -> bool:
 
 
 def validate(raw: Map, model: type[_M], findings: Findings, left_out: list[Way] | None = None) -> _M | None:
-    """Read the mapping of a whole file as `model`; None after findings that leave nothing to go on with.
+    """Validate the mapping of a whole file as `model`; None after findings that leave it unusable.
 
-    What has the wrong shape is left out like unknown keys, and the rest is read; `left_out` gets it.
+    Parts with a wrong shape are left out like unknown keys, and the rest is read; `left_out` gets them.
     """
     pruned: list[Way] = []
     for _ in range(MAX_PRUNINGS):
@@ -134,7 +134,7 @@ def _way(raw: Map, details: ErrorDetails) -> Way:
 
 
 def _prune(raw: Map, way: Way) -> None:
-    """Drop what has been told to be wrong, so that the rest of the file can still be read."""
+    """Drop a part that was reported as wrong, so that the rest of the file can still be read."""
     holder: Any = raw
     for step in way[:-1]:
         holder = holder[step]

@@ -1,4 +1,4 @@
-"""What a mission does: one pure step from (configuration, event, time) to (configuration, commands)."""
+"""Runs a chart: one pure step from (configuration, event, time) to (configuration, commands)."""
 
 import lazy_loader
 

@@ -2,11 +2,11 @@ from . import event as event
 from .actions import CompiledAction as CompiledAction
 from .actions import ExecutableContent as ExecutableContent
 from .event import ANSWERED as ANSWERED
+from .event import CODE_REPORTED as CODE_REPORTED
 from .event import HELD_BACK as HELD_BACK
 from .event import NOTHING as NOTHING
 from .event import RELEASED as RELEASED
 from .event import RESUMED as RESUMED
-from .event import TOLD as TOLD
 from .event import Act as Act
 from .event import Cancel as Cancel
 from .event import Event as Event

@@ -1,7 +1,8 @@
-"""Executable content: the actions of transitions, entries and exits, the built-in ones carried out here.
+"""Executable content: runs the actions of transitions, entries and exits; built-in ones are carried out here.
 
 As in SCXML, an error in an action ends its block and becomes an internal error event (see `Macrostep.fail`);
-the step goes on, so a configuration is never left half-way.
+the step goes on, so a configuration is never left half-way. Actions of plugins become commands; one that
+moves the robot during a hold waits for the release.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from lupin_engine.machine.event import NOTHING, Act, InternalEvent, Report, Trig
 from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.scope import CONTEXT, Arguments, EvaluationScope
-from lupin_engine.machine.step import Macrostep, fields_told
+from lupin_engine.machine.step import Macrostep, fields_text
 from lupin_engine.plugin.profile import Publication
 from lupin_engine.plugin.types import fitted
 
 
 class CompiledAction:
-    """An action with what is known of it before it is carried out."""
+    """An action whose name is resolved and whose arguments are prepared, once for each chart."""
 
     __slots__ = ("arguments", "builtin", "call", "data", "publication")
 
@@ -40,7 +41,7 @@ class ExecutableContent:
     __slots__ = ("_compiled", "_scope", "itineraries")
 
     def __init__(self, scope: EvaluationScope, compiled: dict[int, CompiledAction]) -> None:
-        """Make what runs the actions of a machine; `compiled` are those of its chart, by id of the call."""
+        """Make the runner of one machine's actions; `compiled` caches them by id of the call."""
         self._scope = scope
         self._compiled = compiled
         self.itineraries = Itineraries(scope)
@@ -81,13 +82,13 @@ class ExecutableContent:
             step.commands.append(Act(action.call.name, arguments))
 
     def resume(self, step: Macrostep) -> None:
-        """The last hold was released: carry out what it kept waiting."""
+        """Send the actions that waited for the last hold's release."""
         waiting = self._scope.memory.waiting_actions
         step.commands.extend(Act(name, arguments) for _, name, arguments in waiting)
         waiting.clear()
 
     def forget_actions(self, left: Container[str]) -> None:
-        """Drop what waits for a release in states that are left: it was meant for there."""
+        """Drop the waiting actions of states that are left."""
         waiting = self._scope.memory.waiting_actions
         waiting[:] = [action for action in waiting if action[0] not in left]
 
@@ -119,17 +120,17 @@ class ExecutableContent:
             except ValueError as problem:
                 raise ValueError(f"{name} is {problem}") from None
         self._scope.memory.context.update(kept)
-        self._scope.touch(CONTEXT)
+        self._scope.mark_dirty(CONTEXT)
 
     def raise_event(self, arguments: Mapping[str, Any], _: str, step: Macrostep) -> None:
         """`raise`: queue an internal event."""
         name, data = str(arguments["event"]), arguments.get("data", NOTHING)
         if data:
-            step.note(f"{name} carries {fields_told(data)}")
+            step.note(f"{name} carries {fields_text(data)}")
         step.queue.append(InternalEvent(name, None, Trigger(data)))
 
     def advance(self, _: Mapping[str, Any], state: str, step: Macrostep) -> None:
-        """`itinerary.advance`: go on to the next target."""
+        """`itinerary.advance`: make the next target the current one."""
         self.itineraries.advance(self.itineraries.of(state), step)
 
     def close(self, arguments: Mapping[str, Any], state: str, step: Macrostep) -> None:
@@ -141,7 +142,7 @@ class ExecutableContent:
         self.itineraries.close_rest(state, arguments, step)
 
     def publish(self, publication: Publication, arguments: Mapping[str, Any], step: Macrostep) -> None:
-        """Publish what was read at a target outside of a visit: an action of the profile."""
+        """Publish a reading that belongs to no visit: an action of the profile."""
         target, reading = arguments[publication.target[0]], arguments[publication.reading[0]]
         self.itineraries.publish(Visit(target, publication.outcome, reading=reading), step)
 
@@ -154,10 +155,10 @@ class ExecutableContent:
         step.note(arguments["text"])
 
     def summary(self, _: Mapping[str, Any], __: str, step: Macrostep) -> None:
-        """`report.summary`: say what became of every target."""
+        """`report.summary`: publish the outcome of every target."""
         memory = self._scope.memory
-        told = ("target", "status", "code", "detail", "reading", "tries")
-        visits = tuple([{name: getattr(visit, name) for name in told} for visit in memory.outcomes])
+        fields = ("target", "status", "code", "detail", "reading", "tries")
+        visits = tuple([{name: getattr(visit, name) for name in fields} for visit in memory.outcomes])
         step.commands.append(Report(memory.mission, memory.mission_id, visits))
 
 

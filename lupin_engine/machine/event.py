@@ -1,4 +1,4 @@
-"""What goes into the machine (events) and what comes out of it (commands); both are plain frozen data."""
+"""Events go into the machine, commands come out of it; both are plain frozen data."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Event:
 
     @property
     def is_attempt_event(self) -> bool:
-        """Reports say how an attempt goes on, or that it has ended."""
+        """Whether a server reports the progress or the end of an attempt."""
         return self.name.startswith("attempt.")
 
 
@@ -41,7 +41,7 @@ CLOCK = "clock"
 #: Told by whoever runs the machine: another process goes on with it, a code to report, an own hold to engage,
 #: that it goes in circles without time, an own hold to release.
 RUNNERS = ("engine.resumed", "engine.told", "engine.held", "engine.standstill", "engine.released")
-RESUMED, TOLD, HELD_BACK, STILL, RELEASED = RUNNERS
+RESUMED, CODE_REPORTED, HELD_BACK, STANDSTILL, RELEASED = RUNNERS
 #: The fields of what servers and sensors say, and of which type they are.
 _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
     {
@@ -54,9 +54,9 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
         "value": {"name": str, "value": object, "stamp": (int, float)},
         CLOCK: {"ahead": (int, float)},
         RESUMED: {"detail": str, "held": bool, "away": (int, float)},
-        TOLD: {"code": str, "detail": str},
+        CODE_REPORTED: {"code": str, "detail": str},
         HELD_BACK: {"hold": str, "detail": str},
-        STILL: {"detail": str},
+        STANDSTILL: {"detail": str},
         RELEASED: {"hold": str},
     }
 )
@@ -66,7 +66,7 @@ _END_OF_TIME = 1e11
 
 
 class Failure(dict[str, Any]):
-    """The error of an attempt. What it does not have is not known: the result of one that gave none."""
+    """The error of an attempt. A missing field is unknown to expressions, such as the `result` of one."""
 
     def __missing__(self, name: str) -> Any:
         raise UnknownValue(f"error.{name} is unknown")
@@ -98,7 +98,7 @@ class InternalEvent:
 
 
 def flaw(event: Event) -> str:
-    """Return what is wrong with the form of a request, a report or a value, or an empty text."""
+    """Return the error in the form of a request, a report or a value, or an empty text."""
     if not isinstance(event.name, str):
         return f"the name of an event is no text: {reprlib.repr(event.name)}"
     fields = _FIELDS.get(event.name)
@@ -133,7 +133,7 @@ def accepted(attempt: str) -> Event:
 
 
 def progress(attempt: str, detail: str) -> Event:
-    """What the attempt waits for; the detail of its timeout, should it come to that."""
+    """The reason for which the attempt waits; it becomes the detail of a timeout."""
     return Event("attempt.progress", {"attempt": attempt, "detail": detail})
 
 
@@ -154,7 +154,7 @@ def cancelled(attempt: str, result: Mapping[str, Any] | None = None) -> Event:
 
 
 def cancel_refused(attempt: str, detail: str) -> Event:
-    """The server refuses to end the attempt; the detail tells people what that means."""
+    """The server refuses to end the attempt; the detail says what that means for people."""
     return Event("attempt.cancel_refused", {"attempt": attempt, "detail": detail})
 
 

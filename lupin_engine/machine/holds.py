@@ -1,20 +1,18 @@
-"""Holds: suspensions of the whole chart. The rule of holds, all of it kept here:
+"""Holds suspend the whole chart (ISA-88: hold). Their rules, all of them implemented here:
 
-* a request or the level of an input engages one; a level goes before everything else in a step;
-* while any is engaged, eventless transitions, levels, timers about the chart, what times of day lead to, the
-  ends of operations and the events of plugins wait, and no element of a `for_each` is taken up; what moves
-  the robot is cancelled, or waits if it would begin now (operations with `on_hold: cancel`, and actions that
-  move);
-* a transition is taken all the same where it says `during` (the hold stays) or `releases` for every engaged
-  hold; an event or an end waits unless all transitions that listen to it may pass;
-* when the last hold is released, timers and actions go on, then events, in the order in which they came;
-  operations begin when the chart has come to rest, in the states that are active then;
-* two more are the engine's own, in every chart: `restarted`, when another process goes on with the mission,
-  and `unrecorded`, when what happens cannot be written down though it must be. While one of them is engaged
-  no operation of a plugin begins, moving or not; built-in ones do. The profile's request to resume releases
-  them, and so does every request whose transition releases any hold; what comes by itself does not. Who runs
-  the machine may release one of these two by an event of its own (`event.RELEASED`), and never a hold of the
-  chart.
+* a request or the level of an input engages one; levels are checked before everything else in a step;
+* while any is engaged, these wait: eventless transitions, levels, the chart's timers, transitions on times
+  of day, ends of operations and events of plugins; no element of a `for_each` is started. Operations with
+  `on_hold: cancel` are cancelled, or wait if they would begin now, as do actions that move the robot;
+* a transition passes where it says `during` (the hold stays) or `releases` for every engaged hold; an event
+  or an end waits unless all transitions that listen to it pass;
+* when the last hold is released, timers and actions resume, then events in the order in which they came;
+  operations begin at the stable configuration, in the states that are active then;
+* every chart has two more, the engine's own: `restarted`, when a new process has recovered the mission, and
+  `unrecorded`, when the write-ahead log fails though it is required. While one of them is engaged no
+  operation of a plugin begins, moving or not; built-in ones do. The profile's request to resume releases
+  them, and so does every request whose transition releases any hold; no other event does. The runner of
+  the machine may release one of these two (`event.RELEASED`), and never a hold of the chart.
 """
 
 from __future__ import annotations
@@ -111,9 +109,9 @@ class Holds:
 
         Args:
             scope: that of the machine.
-            reads: what decides whether a level engages one.
-            suspend: what the first hold stops, beside the clocks.
-            resume: what goes on at once after the last one.
+            reads: the dependencies of the levels.
+            suspend: called when the first hold is engaged, after the clocks have stopped.
+            resume: called when the last one is released, after the clocks have started.
         """
         self._scope = scope
         self._suspend = suspend
@@ -130,23 +128,23 @@ class Holds:
         inputs, held = self._scope.inputs, self._scope.memory.held
         inputs.now = step.now
         self._scope.doubtful = False
-        self.watch.settle(self._reads, self._scope, step.now)
+        self.watch.cache_false(self._reads, self._scope, step.now)
         rising = [hold for hold in self._levels if hold.name not in held and inputs.holds(hold.engage)]
         for hold in rising:
             self.engage(hold, step)
         return bool(rising)
 
     @property
-    def calm_until(self) -> float:
-        """Until when no level can engage one, if nothing changes."""
-        return self.watch.calm_until
+    def false_until(self) -> float:
+        """The time until which no level can engage a hold, if nothing changes."""
+        return self.watch.false_until
 
     def engage(self, hold: Hold, step: Macrostep, detail: str = "") -> None:
         """Engage a hold; the first one stops the chart."""
         scope = self._scope
         first = not scope.memory.held
         scope.memory.held.append(hold.name)
-        scope.touch(HELD)
+        scope.mark_dirty(HELD)
         step.note(f"hold {hold.name} engaged")
         # That it is held shows by itself, and is over with the release: mere information is not remembered.
         scope.record_code(hold.code, detail, step, least=Severity.WARN)
@@ -155,19 +153,19 @@ class Holds:
             self._suspend(step)
 
     def release(self, names: Iterable[str], step: Macrostep) -> None:
-        """Release those of some holds that are engaged; after the last one what it stopped goes on."""
+        """Release those of some holds that are engaged; after the last one the chart resumes."""
         memory = self._scope.memory
         if not memory.held:
             return
         for name in memory.release(names):
             step.note(f"hold {name} released")
-        self._scope.touch(HELD)
+        self._scope.mark_dirty(HELD)
         if not memory.held:
             self._scope.timers.thaw(step.now)
             self._resume(step)
 
     def asked(self, event: Event, step: Macrostep) -> HoldChanges:
-        """Return what a request would do with the holds, or the code that it is refused with."""
+        """Return the holds that a request engages and releases, or the code of its refusal."""
         found = HoldChanges()
         for hold in all_holds(self._scope.chart).values():
             code = self._ask(hold, event.name, found, step)
@@ -190,7 +188,7 @@ class Holds:
         return ""
 
     def _keeps(self, hold: Hold, step: Macrostep) -> bool:
-        """Say whether a hold is engaged that its guard does not release; where it does, nobody need know."""
+        """Say whether the guard of an engaged hold forbids its release; only then note its failures."""
         guard = hold.release_guard
         if guard is None or self._allows(guard, Macrostep(step.event, step.now)):
             return False

@@ -1,4 +1,4 @@
-"""What comes by itself: live values (bounded, compared with their levels, growing old), and times of day."""
+"""Live values, with range check, hysteresis of levels and freshness; and times of day on the wall clock."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from lupin_engine.plugin.types import TIME_OF_DAY, Notation, beyond, fitted, pro
 class Inputs:
     """The live values of one machine."""
 
-    __slots__ = ("_parts", "_scope", "_told")
+    __slots__ = ("_by_value", "_parts", "_scope")
 
     def __init__(self, scope: EvaluationScope) -> None:
         self._scope = scope
-        self._parts, self._told = _parts_and_told(scope.chart)
+        self._parts, self._by_value = _parts_and_inputs(scope.chart)
 
     def begin(self, step: Macrostep) -> None:
-        """Set what the chart starts with."""
+        """Set the initial values of all inputs."""
         for spec in self._scope.chart.inputs.values():
             self._begin(spec, step)
 
     def go_on(self, step: Macrostep) -> None:
-        """Begin what is not known, and compare what is known with the levels as they are now."""
+        """Set the initial values of unknown inputs, and compare known ones with the levels of this chart."""
         for spec in self._scope.chart.inputs.values():
             known = self._scope.memory.inputs.get(spec.name)
             if known is None or _flaw(spec, known.value):
@@ -42,9 +42,9 @@ class Inputs:
                 self._set(spec, known, step)
 
     def begin_mission(self, step: Macrostep) -> None:
-        """Forget what was reported before the mission of those inputs that are about it.
+        """Drop the values of inputs about a mission that were reported before it.
 
-        Of a list the last report is remembered all the same: who tells it again has nothing new to tell.
+        The last report of a list is kept to compare with: elements that are only repeated are not new.
         """
         memory = self._scope.memory
         for spec in self._scope.chart.inputs.values():
@@ -53,7 +53,7 @@ class Inputs:
                     memory.before[spec.name] = memory.heard[spec.name]
                 memory.drop(_known_of(self._scope.chart, spec.name))
                 self._scope.timers.disarm("fresh", spec.name)
-                self._scope.touch(self._parts[spec.name])
+                self._scope.mark_dirty(self._parts[spec.name])
                 self._begin(spec, step)
 
     def _begin(self, spec: Input, step: Macrostep) -> None:
@@ -64,7 +64,7 @@ class Inputs:
         """Take in a report; one that is too old, older than the last, or out of range, is dropped."""
         data = event.data
         self._project(data["name"], data["value"])
-        for spec in self._told.get(data["name"], ()):
+        for spec in self._by_value.get(data["name"], ()):
             known = self._scope.memory.inputs.get(spec.name)
             flaw = _flaw(spec, data["value"])
             if flaw:
@@ -79,21 +79,21 @@ class Inputs:
                 age = step.now - data["stamp"]
                 step.note(f"dropped: a report of input.{spec.name} that is {age:g} s old, so too old already")
             else:
-                self._set(spec, Reported(self._news(spec, data["value"]), data["stamp"]), step)
+                self._set(spec, Reported(self._new_items(spec, data["value"]), data["stamp"]), step)
 
     def _project(self, name: str, value: Any) -> None:
-        """Take a report into what the profile's messages say; one of a wrong type says nothing."""
+        """Fold a report into the profile's projections; one of a wrong type is ignored."""
         chart, projected = self._scope.chart, self._scope.memory.projected
         keys = _projections(chart).get(name, ())
         if keys and not problems(value, chart.catalog.values[name].type, Notation.DATA):
             for key in keys:
                 projected[key] = chart.profile.projections[key].fold(projected.get(key), name, value)
 
-    def _news(self, spec: Input, value: Any) -> Any:
-        """Return what counts of a report: of a list about the mission, what was not the same before it.
+    def _new_items(self, spec: Input, value: Any) -> Any:
+        """Return the part of a report that counts: of a list about the mission, its new elements.
 
-        A registry that forgets nothing tells the finds of earlier missions again and again. What it has once
-        left out, or told otherwise, it has found anew: that counts from then on, whatever it is like.
+        A source that forgets nothing repeats the elements of earlier missions. An element that was missing
+        once, or changed, counts as new from then on, even if it comes back as it was.
         """
         if not spec.of_mission or spec.type.kind != "list":
             return value
@@ -101,8 +101,8 @@ class Inputs:
         memory.heard[spec.name] = list(value)
         if spec.name not in memory.before:
             return value
-        told = _by_name(value)
-        same = [item for item in memory.before[spec.name] if item in told.get(_name_of(item), ())]
+        reported = _by_name(value)
+        same = [item for item in memory.before[spec.name] if item in reported.get(_name_of(item), ())]
         memory.before[spec.name] = same
         old = _by_name(same)
         return [item for item in value if item not in old.get(_name_of(item), ())]
@@ -125,15 +125,15 @@ class Inputs:
             except Exception as problem:
                 step.fail("", f"{level.place}: level {level.name}: {reason(problem)}")
         if not same:
-            self._scope.touch(self._parts[spec.name])
-        self._watch_age(spec, known, found, step)
+            self._scope.mark_dirty(self._parts[spec.name])
+        self._arm_freshness(spec, known, found, step)
 
     @staticmethod
     def _is_old(spec: Input, known: Reported, step: Macrostep) -> bool:
         return spec.freshness is not None and step.now >= known.stamp + spec.freshness
 
-    def _watch_age(self, spec: Input, known: Reported | None, found: Reported, step: Macrostep) -> None:
-        """Look again when the value will have grown old; a newer report is looked for only then."""
+    def _arm_freshness(self, spec: Input, known: Reported | None, found: Reported, step: Macrostep) -> None:
+        """Arm the timer that checks freshness; a newer report is noticed only when it fires."""
         if spec.freshness is None:
             return
         timers = self._scope.timers
@@ -153,8 +153,8 @@ class Inputs:
         assert level.above is not None, f"{name} has no bound"
         return value > float(level.above.evaluate(env)) - margin
 
-    def grew_old(self, name: str, step: Macrostep) -> None:
-        """A value that was to be looked at again is unknown now, unless a newer one came: then look later."""
+    def became_stale(self, name: str, step: Macrostep) -> None:
+        """Make a value unknown whose freshness has passed; if a newer report came, arm the timer for that."""
         spec, found = self._scope.chart.inputs[name], self._scope.memory.inputs[name]
         assert spec.freshness is not None, f"input.{name} does not grow old"
         if step.now < found.stamp + spec.freshness:
@@ -164,10 +164,10 @@ class Inputs:
 
 
 class WallClock:
-    """The robot's clock: when it comes to the times of day that active states wait for (`at`).
+    """The robot's wall clock: fires the times of day (`at`) of active states.
 
-    It goes on during a hold; what it comes to then waits for the release, once. A state deals with a time
-    once on a date, also where the clock is set back. A time that it is set forward over is come to at once.
+    It runs on during a hold; a time that it reaches then waits for the release, once. A state handles a time
+    once on a date, also where the clock is set back. A time that it is set forward over fires at once.
     """
 
     __slots__ = ("_scope", "_timers")
@@ -189,7 +189,7 @@ class WallClock:
         if before is not None:
             step.note(f"the clock was set {_long(abs(forward))} {'forward' if forward > 0 else 'back'}")
         if calendar is not None:
-            step.note(f"the clock says {calendar.told(step.now + memory.wall)}")
+            step.note(f"the clock says {calendar.as_text(step.now + memory.wall)}")
         self.arm_all(step, forward)
 
     def arm_all(self, step: Macrostep, forward: float = 0.0) -> None:
@@ -239,14 +239,14 @@ class WallClock:
                 self._arm(state, timer, step)
 
     def defer(self, state: str, event: str, step: Macrostep) -> None:
-        """Keep what a time leads to for the release, once however often it comes."""
+        """Queue a time of day for the release, once however often it comes."""
         waiting = Event(WAITS, {"owner": state, "event": event})
         if waiting not in self._scope.memory.deferred:
             self._scope.memory.deferred.append(waiting)
             step.note(f"{step.event.data['time']} waits for the release")
 
     def leave(self, state: str) -> None:
-        """Forget what a state that is left waits for."""
+        """Drop the timers and waiting times of a state that is left."""
         if state not in self._timers:
             return
         self._scope.timers.disarm("at", state)
@@ -280,7 +280,7 @@ _MADE_OF: Mapping[str, type | tuple[type, ...]] = {
 
 
 def _by_name(items: Collection[Any]) -> dict[Any, list[Any]]:
-    """Return elements of a list by what equal ones have in common."""
+    """Index the elements of a list by `_name_of`."""
     found: dict[Any, list[Any]] = {}
     for item in items:
         found.setdefault(_name_of(item), []).append(item)
@@ -288,7 +288,7 @@ def _by_name(items: Collection[Any]) -> dict[Any, list[Any]]:
 
 
 def _name_of(item: Any) -> Any:
-    """Return what equal elements of a list have in common, and others mostly not: a key to find them by."""
+    """Return the index key of an element: equal elements share it, different ones seldom do."""
     name = item.get("id") if isinstance(item, Mapping) else item
     return name if isinstance(name, (str, int, float)) else None
 
@@ -307,7 +307,7 @@ def _flaw(spec: Input, value: Any) -> str:
 
 
 def _is_outside(spec: Input, value: Any) -> bool:
-    """Tell whether a report lies outside of what is believed, or of what can be reckoned with."""
+    """Say whether a value is outside the input's range, or of the range of its type."""
     if spec.minimum is not None and value < spec.minimum:
         return True
     if spec.type.kind in ("integer", "number") and beyond(value, spec.type):
@@ -317,19 +317,19 @@ def _is_outside(spec: Input, value: Any) -> bool:
 
 @lru_cache(maxsize=256)
 def _known_of(chart: Chart, name: str) -> list[tuple[str, list[str]]]:
-    """Return the entries of the memory that tell what is known of an input."""
+    """Return the memory's entries about an input, by field."""
     own = {INPUTS: [name], LEVELS: levels_of(chart, name)}
     fields = ((one.name, one.owner) for one in Memory.schema() if one.life is Life.OWNER)
     return [(field, own[owner]) for field, owner in fields if owner in own]
 
 
 @lru_cache(maxsize=32)
-def _parts_and_told(chart: Chart) -> tuple[Mapping[str, int], Mapping[str, list[Input]]]:
-    """Return the bit of each input, and the inputs that each live value is told as."""
-    told: dict[str, list[Input]] = {}
+def _parts_and_inputs(chart: Chart) -> tuple[Mapping[str, int], Mapping[str, list[Input]]]:
+    """Return the dependency bit of each input, and the inputs that each live value is bound to."""
+    by_value: dict[str, list[Input]] = {}
     for spec in chart.inputs.values():
-        told.setdefault(spec.value, []).append(spec)
-    return {name: input_part(chart, name) for name in chart.inputs}, told
+        by_value.setdefault(spec.value, []).append(spec)
+    return {name: input_part(chart, name) for name in chart.inputs}, by_value
 
 
 @lru_cache(maxsize=32)

@@ -1,4 +1,7 @@
-"""Itineraries: the lists that states walk, one target after the other, sweep after sweep."""
+"""Itineraries: iteration over lists of targets, in one or several passes (`sweeps`), with one visit for each.
+
+Each visit is closed once, with an outcome that is published; advancing over an open visit is an error.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from lupin_engine.plugin.profile import Publish
 
 
 class OpenVisit(Exception):
-    """An itinerary was to go on although its current visit has no outcome."""
+    """`itinerary.advance` was called while the current visit had no outcome."""
 
 
 class Itineraries:
@@ -28,7 +31,7 @@ class Itineraries:
         self._scope = scope
 
     def begin(self, state: State, trigger: Trigger, step: Macrostep, comes_back: bool) -> None:
-        """Lay out the itinerary of a state that is entered; one brought back by history goes on with it."""
+        """Build the itinerary of a state that is entered; one restored from history keeps its own."""
         rule, memory = state.itinerary, self._scope.memory
         if rule is None:
             return
@@ -44,10 +47,10 @@ class Itineraries:
             memory.itineraries[state.name] = traversal
             self._choose(traversal, 0, step)
         memory.current_itinerary = state.name
-        self._scope.touch(ITINERARY)
+        self._scope.mark_dirty(ITINERARY)
 
-    def foresee(self, state: State) -> None:
-        """Know the targets of a mission that begins, so that they are told of however early it ends."""
+    def register(self, state: State) -> None:
+        """Register the targets of a mission that begins: each gets an outcome, however early it ends."""
         rule, memory = state.itinerary, self._scope.memory
         if rule is None:
             return
@@ -69,7 +72,7 @@ class Itineraries:
         Raises:
             OpenVisit: the current visit has no outcome. Going on as if it had would walk to it for ever.
         """
-        self._scope.touch(ITINERARY)
+        self._scope.mark_dirty(ITINERARY)
         if traversal is None or traversal.visit is None:
             step.note("itinerary.advance refused: there is no target to go on from")
         elif not traversal.visit.closed:
@@ -110,13 +113,13 @@ class Itineraries:
         return [] if last is None else [last]
 
     def publish(self, visit: Visit, step: Macrostep, source: str = "") -> None:
-        """Tell the world what became of a target; the mission is the source unless another one is named."""
+        """Publish the outcome of a visit; the mission is the source unless another one is named."""
         memory = self._scope.memory
-        told = (visit.target, visit.status, visit.code, visit.detail, visit.reading)
-        step.commands.append(Publish(source or memory.mission, memory.mission_id, *told))
+        fields = (visit.target, visit.status, visit.code, visit.detail, visit.reading)
+        step.commands.append(Publish(source or memory.mission, memory.mission_id, *fields))
 
     def _close(self, traversal: Traversal, visit: Visit, outcome: Mapping[str, Any], step: Macrostep) -> None:
-        self._scope.touch(ITINERARY)
+        self._scope.mark_dirty(ITINERARY)
         visit.status = outcome["status"]
         visit.code = outcome.get("code", "")
         visit.detail = outcome.get("detail", "")
@@ -132,7 +135,7 @@ class Itineraries:
         traversal.index = 0
 
     def _sweep_again(self, traversal: Traversal, step: Macrostep) -> None:
-        """Begin the next sweep with what the list is now; one that became empty stays as it was."""
+        """Evaluate the list again for the next sweep; an empty one leaves the list as it was."""
         state = self._scope.chart.states[traversal.state]
         assert state.itinerary is not None, f"{traversal.state} walks without an itinerary"
         self._pass_on(traversal.visits, traversal)
@@ -190,7 +193,7 @@ class Itineraries:
 
 
 def identity_of(item: Any) -> str:
-    """Return what a target is called in messages: its `id`, or itself.
+    """Return a target's name in messages: its `id`, or the target itself.
 
     Raises:
         ValueError: it has none; the checker lets that pass only where it does not know the type.

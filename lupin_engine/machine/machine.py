@@ -1,12 +1,12 @@
-"""The machine: one chart, its memory, and the step from an event at a time to commands.
+"""The machine: runs one chart on its memory, an event at a time, to completion (SCXML's macrostep).
 
-A macrostep is SCXML's: the event's transitions, then eventless ones, then internal events, until nothing
-more happens; then the operations of the states that stayed are begun. What SCXML lacks: holds (see `holds`),
-requests, which are resolved as a whole before anything changes (see `requests`), and invariants: one that
-does not hold when the machine has come to rest is an error, once.
+A macrostep takes the event's transitions, then eventless ones, then internal events, until the configuration
+is stable; then the operations of the active states begin. More than `MICROSTEP_LIMIT` microsteps lead to
+FAULT. Beyond SCXML there are holds (see `holds`), requests, which are resolved as a whole before anything
+changes (see `requests`), and invariants: one that is false in a stable configuration is an error, once.
 
-What depends on the configuration alone is compiled (see `structure`). Time is an argument of every call and
-must not go backwards.
+`structure` compiles and caches everything that depends on the configuration alone. Time is an argument of
+every call and must not go backwards.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from lupin_engine.machine.actions import ExecutableContent
 from lupin_engine.machine.event import (
     ANSWERED,
     CLOCK,
+    CODE_REPORTED,
     NO_TRIGGER,
     NOTHING,
     RELEASED,
     RESUMED,
     RUNNERS,
-    STILL,
-    TOLD,
+    STANDSTILL,
     Event,
     InternalEvent,
     Trigger,
@@ -68,7 +68,7 @@ from lupin_engine.machine.step import (
     Refusal,
     Step,
     View,
-    fields_told,
+    fields_text,
     view_of,
 )
 from lupin_engine.machine.structure import (
@@ -116,7 +116,7 @@ class Machine:
 
         Args:
             world: the chart with checked parameters and bound functions.
-            memory: what another machine of this chart remembered; this one goes on from there.
+            memory: that of another machine of this chart, to go on from.
         """
         self.memory = memory or Memory()
         self._table: DispatchTable = dispatch_table(world.chart)
@@ -138,7 +138,7 @@ class Machine:
 
     @property
     def world(self) -> World:
-        """What never changes while the machine lives."""
+        """The chart, parameters and functions, constant while the machine lives."""
         return self.scope.world
 
     @property
@@ -151,8 +151,8 @@ class Machine:
 
         Args:
             now: the time, in seconds of the caller's clock.
-            ahead: how far the robot's clock, in POSIX time, is ahead of that one; without, nobody knows what
-                time of day it is.
+            ahead: how far the robot's clock, in POSIX time, is ahead of that one; without, the time of day is
+                unknown.
         """
         step = self._open(Event("start") if ahead is None else Event("start", {"ahead": ahead}), now)
         self._wall.set(step.event, step)
@@ -162,7 +162,7 @@ class Machine:
         return self._finish()
 
     def go_on(self, now: float) -> Step:
-        """Take over the memory of a machine of another chart (see `reload`): begin what is new here."""
+        """Take the first step after a reload (see `reload`): begin what is new in this chart."""
         step = self._open(Event("loaded"), now)
         self._begin_context(step)
         self._inputs.go_on(step)
@@ -199,7 +199,7 @@ class Machine:
         elif event.is_request:
             self._request(event)
         elif name in RUNNERS:
-            self._told_by_runner(event)
+            self._handle_runner(event)
         else:
             self._happened(event)
         return self._finish()
@@ -219,23 +219,23 @@ class Machine:
 
     @property
     def view(self) -> View:
-        """What the machine shows of itself now."""
+        """The machine's displayed state now."""
         return view_of(self.chart, self.memory)
 
     @property
-    def calm(self) -> tuple[bool, ...]:
-        """Which of its conditions a machine at rest knows to be false: holds, levels, work to begin.
+    def known_false(self) -> tuple[bool, ...]:
+        """For holds, levels and work to begin: whether their conditions are cached as false.
 
-        A machine made of a memory looks at all of them in its first step; one that has gone on need not, and
-        so one that is told with `trust` what the other one knew does the same.
+        A machine made of a memory evaluates all of them in its first step. With `restore_known_false` it
+        skips those that the original machine had cached.
         """
-        return tuple(watch.is_calm(reads) for watch, reads in self._watched())
+        return tuple(watch.is_known_false(reads) for watch, reads in self._watched())
 
-    def trust(self, calm: tuple[bool, ...]) -> None:
-        """Go on as the machine that had this `calm` with the same memory."""
-        for (watch, reads), known in zip(self._watched(), calm, strict=True):
-            if known:
-                watch.trust(reads)
+    def restore_known_false(self, known: tuple[bool, ...]) -> None:
+        """Restore the cache of false conditions that a machine with the same memory had."""
+        for (watch, reads), is_false in zip(self._watched(), known, strict=True):
+            if is_false:
+                watch.mark_false(reads)
 
     def _watched(self) -> tuple[tuple[Watch, Reads], ...]:
         active = self._active
@@ -256,24 +256,24 @@ class Machine:
         return snapshot(self.chart, self.memory)
 
     def explain(self, now: float) -> tuple[Possibility, ...]:
-        """Return what every request and event of the chart would do now, and why not; nothing changes."""
+        """Dry-run every request and event of the chart, each with the reasons against it; nothing changes."""
         return self._explainer().explain(now)
 
     def explain_event(self, event: str, now: float) -> Possibility:
-        """Return what one request or event would do now, as `explain` does of all."""
+        """Dry-run one request or event, as `explain` does with all."""
         return self._explainer().one(event, now)
 
     def consider(self, rule: Transition, now: float) -> Considered:
-        """Return what keeps a transition from being taken now, were its state active; nothing changes."""
+        """Return why a transition could not be taken now, were its state active; nothing changes."""
         return consider(self.scope, rule, Macrostep(Event(rule.event), now))
 
-    def foresee(self, request: Event, now: float, dry: bool = False) -> Possibility:
-        """Return what `handle` would do with a request that came at time `now`; nothing changes.
+    def dry_run(self, request: Event, now: float, skip_fields: bool = False) -> Possibility:
+        """Return the result that `handle` would have for a request at time `now`; nothing changes.
 
-        What was due before `now` must have been fired, as for `handle`. What was considered is left out;
-        with `dry` so are the fields of a mission's request.
+        Deadlines before `now` must have been fired, as for `handle`. The evaluated candidates are left out.
+        With `skip_fields` the fields of a mission's request are not checked.
         """
-        return self._explainer().request(request, now, dry)
+        return self._explainer().request(request, now, skip_fields)
 
     def _explainer(self) -> Explainer:
         return Explainer(self.scope, self._requests, self._table.structure, self._active)
@@ -299,13 +299,13 @@ class Machine:
             self._active.known.add(event.name)
         step.queue.append(_as_internal(event))
 
-    def _told_by_runner(self, event: Event) -> None:
-        """Take in what happened to the machine itself: see `event.RUNNERS`."""
+    def _handle_runner(self, event: Event) -> None:
+        """Handle an event of the machine's runner: see `event.RUNNERS`."""
         step, data = self._step, event.data
-        if event.name == TOLD:
+        if event.name == CODE_REPORTED:
             self.scope.record_code(data["code"], data["detail"], step)
             return
-        if event.name == STILL:
+        if event.name == STANDSTILL:
             step.fail("", data["detail"])
             return
         if event.name == RELEASED:
@@ -314,7 +314,7 @@ class Machine:
         name = data.get("hold", RESTARTED)
         if event.name == RESUMED:
             self._operations.recover(step)
-            self.scope.timers.tell_passed(step)
+            self.scope.timers.note_passed(step)
             self.scope.timers.catch_up(step.now)
         if (event.name != RESUMED or data["held"]) and name not in self.memory.held:
             self._holds.engage(all_holds(self.chart)[name], step, data["detail"])
@@ -338,13 +338,13 @@ class Machine:
         elif kind == "retry":
             self._operations.retry(owner)
         elif kind == "fresh":
-            self._inputs.grew_old(owner, step)
+            self._inputs.became_stale(owner, step)
         else:
             self._operations.abandon(owner, step)
         return self._finish()
 
     def _came_to(self, state: str, about: str) -> None:
-        """Take what an `at` leads to; during a hold it waits, unless all that listens may pass."""
+        """Fire an `at`; during a hold its event waits, unless all transitions that listen to it pass."""
         event, memory = about.partition(" ")[0], self.memory
         self._wall.came_to(state, about, self._step)
         rules = [rule for some in self._active.rules_of(state, event) for rule in some]
@@ -359,7 +359,7 @@ class Machine:
             self._break_cycle()
         memory.sequence += 1
         self._step = _NO_STEP
-        self.scope.forget()
+        self.scope.clear_event()
         return step.record(memory.sequence, memory.configuration)
 
     def _comes_to_rest(self) -> bool:
@@ -369,7 +369,7 @@ class Machine:
         return left > 0
 
     def _break_cycle(self) -> None:
-        """Lead a chart that never comes to rest to FAULT, which cancels what it did."""
+        """Lead a chart without a stable configuration to FAULT, whose exits cancel its operations."""
         step = self._step
         cycle = ", ".join(dict.fromkeys(step.taken[-20:]))
         detail = f"the chart does not come to rest after {step.event.name}: it repeats {cycle}"
@@ -390,7 +390,7 @@ class Machine:
     def _progress(self) -> bool:
         """Do the next thing of this macrostep; False when there is nothing left to do."""
         step, memory = self._step, self.memory
-        if step.now >= self.scope.calm_until and self._levels_move():
+        if step.now >= self.scope.false_until and self._levels_move():
             return True
         if step.queue:
             self._offer(step.queue.pop(0))
@@ -415,12 +415,12 @@ class Machine:
                 self._take(rules, step.bound)
                 return True
         scope = self.scope
-        scope.calm_until = min(self._holds.calm_until, watch.calm_until)
+        scope.false_until = min(self._holds.false_until, watch.false_until)
         scope.level_reads = self._table.hold_reads.parts | levels.reads.parts
         return False
 
     def _come_back_to(self, event: Event) -> None:
-        """Deal with what waited for the release."""
+        """Handle an event that waited for the release."""
         if event.name == ANSWERED:
             self._operations.hear_answer(event.data["attempt"], self._step)
         elif event.name == WAITS:
@@ -463,7 +463,7 @@ class Machine:
         return ()
 
     def _say_why(self, internal: InternalEvent) -> None:
-        """Tell why an event did nothing."""
+        """Record why an event had no effect."""
         rules = _distinct(self._offered(internal))
         self._step.why = tuple(consider(self.scope, rule, self._step, internal.trigger) for rule in rules)
         if not rules and internal.state is None:
@@ -496,9 +496,9 @@ class Machine:
                     chosen.append(rule)
                     break
         if chosen:
-            self._level_watch.forget()
+            self._level_watch.invalidate()
         else:
-            self._level_watch.settle(levels.reads, scope, step.now)
+            self._level_watch.cache_false(levels.reads, scope, step.now)
         return chosen
 
     # -- requests, holds --------------------------------------------------------------------------------
@@ -534,17 +534,17 @@ class Machine:
         self._begin_context(self._step)
         for walker in self._table.walks:
             if walker.mission == memory.mission:
-                self._foresee(walker)
-        self.scope.touch(CONTEXT | REQUEST | ITINERARY)
+                self._register_targets(walker)
+        self.scope.mark_dirty(CONTEXT | REQUEST | ITINERARY)
         self._inputs.begin_mission(self._step)
 
     def _stop_budgets(self) -> None:
-        """Stop the clocks of states that are not active: what they counted is over."""
+        """Stop the budget timers of states that are not active."""
         for state in self.memory.budgets.keys() - set(self.memory.configuration):
             self.scope.timers.disarm("budget", state)
 
-    def _foresee(self, state: State) -> None:
-        """Know the targets of a state that walks what the request says, perhaps as a mission is given it."""
+    def _register_targets(self, state: State) -> None:
+        """Register the targets of a state, possibly in an embedded mission, that follow from the request."""
         scope, given = self.scope, self.memory.given
         for name in reversed(self.chart.lineage[state.name]):
             use = self.chart.states[name].use
@@ -553,21 +553,21 @@ class Machine:
                     given[name] = read_given(scope.world, use, scope.see(name, self._step))
                 except ValueError:
                     return  # entering the state tells
-        self._content.itineraries.foresee(state)
+        self._content.itineraries.register(state)
 
     def _begin_used(self, state: State, use: UsedMission, trigger: Trigger) -> None:
-        """Begin a mission as a part: its request, its variables and those of what it uses, its `entry`."""
+        """Begin an embedded mission: its request, its variables, missions inside, its `entry`."""
         step, memory = self._step, self.memory
         memory.given[state.name] = {}
         try:
             memory.given[state.name] = read_given(self.world, use, self.scope.see(state.name, step, trigger))
         except ValueError as problem:
             step.fail(state.name, str(problem))
-            step.spoilt = state.name
+            step.failed_use = state.name
         for name in memory.begin_part(state):
             self.scope.timers.disarm("budget", name)
         self._begin_context(step)
-        self.scope.touch(CONTEXT | REQUEST)
+        self.scope.mark_dirty(CONTEXT | REQUEST)
         self._content.run(use.entry, state.name, trigger, step)
 
     # -- invariants -------------------------------------------------------------------------------------
@@ -603,7 +603,7 @@ class Machine:
         return self.memory.history.get(history.name, ())
 
     def _resume_child(self, state: State) -> str | None:
-        """Choose where a state goes on that comes back by history."""
+        """Choose the child in which a state resumes that is restored from history."""
         for rule in state.resume_at:
             if rule.guard is None or self.scope.check(rule.guard, rule.source, self._step):
                 return rule.target
@@ -624,7 +624,7 @@ class Machine:
         if plan.remembers:
             memory.history.update(plan.remembers)
         if plan.moves:
-            self.scope.touch(CONFIGURATION)
+            self.scope.mark_dirty(CONFIGURATION)
             if memory.waiting_actions:
                 self._content.forget_actions(plan.exited)
         for state, configuration in plan.exits:
@@ -636,7 +636,7 @@ class Machine:
             self._enter(state, configuration, trigger, state.name in plan.back)
         active = plan.leads_to
         if active.levels is not self._active.levels:
-            self.scope.calm_until = -math.inf
+            self.scope.false_until = -math.inf
         self._active = active
         memory.configuration = active.states
         if memory.budgets and plan.moves and active.label in self._without_mission:
@@ -648,14 +648,14 @@ class Machine:
             self._pass_through()
 
     def _act(self, rule: Transition, trigger: Trigger, target: str) -> None:
-        """Do what a transition that is taken says: its actions, and its code."""
+        """Carry out the actions of a transition, and report its code."""
         if rule.actions:
             self._content.run(rule.actions, rule.source, trigger, self._step)
         if rule.code is not None:
             self._report_code(rule, rule.code, trigger, target)
 
     def _follow(self, plan: Microstep) -> None:
-        """Put into the step what a microstep took, left and entered."""
+        """Record the transitions, exits and entries of a microstep in the step."""
         step = self._step
         if step.taken or step.exited or step.entered:
             step.taken += plan.taken
@@ -665,7 +665,7 @@ class Machine:
             step.taken, step.exited, step.entered = plan.taken, plan.exited, plan.entered
 
     def _pass_through(self) -> None:
-        """Put into the step what can be seen of it from outside now."""
+        """Append the published state after a microstep to the step's trail."""
         step, memory, active = self._step, self.memory, self._active
         target = memory.target if memory.itineraries else ""
         moment = Moment(active.label, active.phase, target) if target else active.moment
@@ -701,9 +701,9 @@ class Machine:
             self._requests.questions.close(state.name)
 
     def _keep_budget(self, state: State, exited: Container[str]) -> None:
-        """Remember what a state has left, unless it was entered before the mission began.
+        """Store the time that is left of a state's budget, unless it was entered before the mission began.
 
-        One that goes on in a divert keeps its clock where the mission itself is left.
+        A budget with `goes_on` keeps running while the mission is diverted.
         """
         timers, known = self.scope.timers, self.memory.budgets
         mission = self.chart.missions.get(state.mission)
@@ -743,7 +743,7 @@ class Machine:
                 self._arm(timer, "budget" if timer is state.budget else "after", state, trigger)
 
     def _arm(self, timer: Timer, kind: str, state: State, trigger: Trigger) -> None:
-        """Start a timer of a state, unless it goes on from an earlier visit."""
+        """Start a timer of a state, unless an earlier visit's is still running."""
         step = self._step
         if timer.goes_on and self.scope.timers.left(kind, state.name, step.now) is not None:
             return
@@ -768,7 +768,7 @@ class Machine:
             return None
 
     def _tick_again(self, state: str, event: str, due: float) -> None:
-        """Set the next tick of an `every`, by when this one was due; what was missed is left out."""
+        """Schedule the next tick of an `every` from when this one was due; missed ticks are skipped."""
         step = self._step
         for timer in self.chart.states[state].timers:
             if timer.word == "every" and timer.event == event:
@@ -781,7 +781,7 @@ class Machine:
                 self.scope.timers.arm("after", state, due + missed * period, period, event)
 
     def _result(self, final: State, trigger: Trigger) -> Mapping[str, Any]:
-        """Return what the end of a state gives; nothing where that cannot be computed."""
+        """Return the done data of a final state; empty if an expression fails."""
         if not final.result:
             return NOTHING
         step = self._step
@@ -790,7 +790,7 @@ class Machine:
         except Exception as problem:
             step.fail(final.name, f"{final.place}: result: {reason(problem)}")
             return NOTHING
-        step.note(f"{final.local_name} gives {fields_told(found)}")
+        step.note(f"{final.local_name} gives {fields_text(found)}")
         return found
 
     def _completed(self, final: State, result: Mapping[str, Any]) -> None:
@@ -828,7 +828,7 @@ def _delay(timer: Timer, env: Environment) -> float:
 
 
 def _as_internal(event: Event) -> InternalEvent:
-    """Return the internal event for one from outside; what are no fields are none."""
+    """Return the internal event for an external one; data that is no mapping is dropped."""
     data = event.data
     # To ask whether something is a Mapping takes ten times as long as the rest.
     if data is not NOTHING and type(data) is not dict and not isinstance(data, Mapping):

@@ -1,4 +1,4 @@
-"""Everything that a machine remembers between steps, as plain data that goes through JSON (`snapshot`)."""
+"""The machine's memory: its whole state between steps, as plain data for JSON (see `snapshot`)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from lupin_engine.machine.schema import (
 
 @dataclass(slots=True)
 class Visit:
-    """What became of one target. Closed exactly once; then nothing about it changes.
+    """The outcome of one target. Closed exactly once; then it never changes.
 
     `tries` counts the attempts of each operation; one that a hold or a divert ended does not count.
     """
@@ -60,12 +60,12 @@ class Visit:
 
 @dataclass(slots=True)
 class Traversal:
-    """An itinerary under way: the items, one visit for each, and where we are.
+    """The iteration over an itinerary: its items, one visit for each, and the current index.
 
-    `sweep` counts from 1, `sweeps` is how many there will be (0: no end). `past` counts the visits of earlier
-    sweeps by status, `earlier` is the newest of them for each target. With `leaves_open` nobody closes what
-    was not visited. One that is not `begun` is known from the request alone. When its state is entered
-    anew it is walked anew; `before` is how many targets it had until then.
+    `sweep` counts from 1, `sweeps` is their number (0: no end). `past` counts the visits of earlier sweeps by
+    status, `earlier` is the newest of them for each target. With `leaves_open` open visits stay open at the
+    end. Without `begun` it is registered from the request alone. When its state is entered anew the iteration
+    restarts; `before` counts the targets until then.
     """
 
     state: str
@@ -92,7 +92,7 @@ class Traversal:
 
     @property
     def outcomes(self) -> tuple[Visit, ...]:
-        """What became of each target: its visit in this sweep, or while that is open the newest before it."""
+        """The visit of each target: of this sweep, or while that is open the newest one before."""
         now = {visit.target for visit in self.visits}
         gone = [visit for target, visit in self.earlier.items() if target not in now]
         return (*gone, *[v if v.closed else self.earlier.get(v.target, v) for v in self.visits])
@@ -114,7 +114,7 @@ class Traversal:
 
 
 class Phase(str, enum.Enum):
-    """The life of an attempt, as far as the engine must know it; `operations.LIFE` says what leads where."""
+    """The phases of an attempt; `operations.LIFE` is their transition table."""
 
     WAITING = "waiting"  #: for the resource that an earlier attempt still uses
     REQUESTED = "requested"  #: the server was asked
@@ -126,10 +126,10 @@ class Phase(str, enum.Enum):
 
 @dataclass(slots=True)
 class Attempt:
-    """One request to a server. Only the current attempt of an invocation can speak.
+    """One request to a server. Only the current attempt of an invocation is listened to.
 
-    `answer` is its end, while that waits for the release of a hold. `detail` is its last progress, of one
-    whose cancel is refused what that means.
+    `answer` is its end, while that waits for the release of a hold. `detail` is its last progress, or the
+    reason for which the server refuses the cancel.
     """
 
     id: str
@@ -144,7 +144,7 @@ class Attempt:
 
 
 class ResourceClaim(NamedTuple):
-    """What an attempt uses; one that `waits` has not begun yet, the cancel of one that is `refused` was."""
+    """The resources of an attempt; `waits`: it has not begun yet; `refused`: its cancel was refused."""
 
     attempt: str
     uses: tuple[str, ...]
@@ -163,9 +163,9 @@ def claim_of(attempt: Attempt) -> ResourceClaim | None:
 
 @dataclass(slots=True)
 class CutShort:
-    """What follows when an attempt that was cut short has ended, or does not say so in time.
+    """The pending result of an attempt that was cut short: taken at its end, or when its cancel times out.
 
-    `way` is what `on_hold` says, or empty after a timeout.
+    `way` is the value of `on_hold`, or empty after a timeout.
     """
 
     attempt: str
@@ -180,10 +180,10 @@ class CutShort:
 class Invocation:
     """One activation of an `invoke`: its tries and its current attempt.
 
-    It is made when its state is entered. One that is not `begun`, which is also what a hold makes of it and
-    what a back-off ends in, gets its next attempt when a step comes to rest. `event` is what led to the
-    state, for arguments that read it, in every try. `item` is the element that a `for_each` started it for,
-    `key` what that is called. With `cut` it waits for what its last attempt gives.
+    It is made when its state is entered. When it is not `begun`, at first and after a hold or a back-off, it
+    gets its next attempt at the end of a step. `event` led to the state; its fields are arguments in every
+    try. `item` is the element of a `for_each`, `key` its key. With `cut` it waits for the result of its last
+    attempt.
     """
 
     id: str
@@ -198,7 +198,7 @@ class Invocation:
 
     @property
     def name(self) -> str:
-        """What it is kept under: its state, for an element of a `for_each` with the element's key."""
+        """Its key in the memory: its state, for an element of a `for_each` with the element's key."""
         return self.state if self.key is None else f"{self.state}[{self.key}]"
 
 
@@ -215,7 +215,7 @@ def _later(timer: Timer, seconds: float) -> Timer:
 
 
 class Reported(NamedTuple):
-    """A live value, when it was true, and whether it was reported at all or is what the chart starts with."""
+    """A live value, its time stamp, and whether it was reported or is the input's initial value."""
 
     value: Any
     stamp: float
@@ -228,20 +228,19 @@ class Reported(NamedTuple):
 
 @dataclass(slots=True)
 class Memory:
-    """The whole state of a machine. `code` is the newest of the worst that were reported, with its detail,
-    `codes` how many were reported.
+    """The whole state of a machine.
 
-    `given` is the request of each mission that is used as a part, by the state that uses it. `timers` are in
-    the order in which they fire. `budgets` is the time that each state with a budget had left
-    when it was last entered or left, `handled` the keys that each `for_each` has dealt with, both in this
-    mission. `asked` are the open questions by their states. `levels` is by `input.NAME.LEVEL`. For
-    inputs that are lists about the mission, `heard` is the last report as a whole, `before` that from before,
-    as far as it is still reported just the same.
-    `projected` is what the profile's projections have made of live values; no step reads it.
-    `broken` names the invariants that do not hold. `wall` is how far the robot's clock, in POSIX time, is
-    ahead of the caller's; nobody may have told. `reached` are the dates on which each state has dealt with
-    each time of day of its `at`: those of a mission's states in this mission.
-    What steps want to know of claims and holds has methods of its own, so that a proof knows what was asked.
+    `code` is the newest of the worst reported codes, with its `detail`; `codes` counts all that were
+    reported. `given` is the request of each embedded mission, by the state that uses it. `timers` are in
+    firing order. `budgets` is the time that each state with a budget had left when it was last entered or
+    left, `handled` the keys that each `for_each` has finished, both in this mission. `asked` are the open
+    questions by their states. `levels` is by `input.NAME.LEVEL`. For inputs that are lists about the mission,
+    `heard` is the last report as a whole, `before` the elements from before the mission that are still
+    reported unchanged. `projected` holds the profile's projections of live values; no step reads it. `broken`
+    names the invariants that do not hold. `wall` is how far the robot's clock, in POSIX time, is ahead of the
+    caller's, or None. `reached` are the dates on which each state has handled each time of day of its `at`:
+    those of a mission's states in this mission. Steps read claims and holds through methods, so that a proof
+    can record these reads.
     """
 
     configuration: tuple[str, ...] = field(default=(), metadata=kept(Life.CHART, owner=STATES))
@@ -322,7 +321,7 @@ class Memory:
         return fields_of(kind)
 
     def begin_mission(self, chart: Chart) -> None:
-        """Forget what was of the mission before, but for what is known of its inputs (see `Inputs`)."""
+        """Reset the fields of a mission; values of its inputs stay (see `Inputs`)."""
         kind: type = type(self)
         cleared, others = _of_missions(kind)
         for found in cleared(self):
@@ -332,7 +331,7 @@ class Memory:
         self.drop(_entries_of_missions(kind, chart))
 
     def begin_part(self, part: State) -> list[str]:
-        """Forget what is of the states and variables of a mission that is used; return these states."""
+        """Reset the states and variables of an embedded mission; return these states."""
         kind: type = type(self)
         states: list[str] = []
         for field_name, owner in _of_parts(kind):
@@ -352,7 +351,7 @@ class Memory:
                     del found[name]
 
     def go_on(self, before: Chart, chart: Chart) -> None:
-        """Forget what another chart does not have, as far as it is not what the machine rests on."""
+        """Drop the entries that another chart does not take over (see `Owner.goes_on`)."""
         for one in self.schema():
             if one.owner is None or one.owner.goes_on is GoesOn.ALL:
                 continue
@@ -411,9 +410,9 @@ class Memory:
 
     @property
     def outcomes(self) -> tuple[Visit, ...]:
-        """What became of the targets of all itineraries of this mission, one itinerary after the other.
+        """The visits of all itineraries of this mission, one itinerary after the other.
 
-        Of one that is not begun only those count that no other has.
+        An itinerary that is not begun adds only targets that no other has.
         """
         begun = [visit for walk in self.itineraries.values() if walk.begun for visit in walk.outcomes]
         return (*begun, *self.ahead)
@@ -439,7 +438,7 @@ class Memory:
 
 @cache
 def _of_missions(kind: type) -> tuple[operator.attrgetter[Any], list[tuple[str, Any]]]:
-    """Return what of a memory begins with a mission: what is cleared, and what the other fields are then."""
+    """Return a getter of the collections that begin with a mission, and other such fields' initial values."""
     lives = (Life.MISSION, Life.USE)
     empty = [(one.name, one.empty()) for one in fields_of(kind) if one.life in lives]
     cleared = [name for name, value in empty if isinstance(value, (dict, list))]

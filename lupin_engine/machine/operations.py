@@ -1,22 +1,23 @@
-"""Operations in attempts: requested, accepted, perhaps cancelling, ended.
+"""Operations run in attempts: requested, accepted, perhaps cancelling, ended (`LIFE` is the table).
 
 An `Invocation` is one activation of a state's `invoke`, or of its `for_each` for one element; it lives from
-the end of the step that entered the state until the state is left. It speaks through one `Attempt` at a
-time. The rules, all kept here:
+the end of the step that entered the state until the state is left, and has one current `Attempt` at a time.
+The rules, all implemented here:
 
-* only the current attempt of a live invocation can speak; what another one says is dropped and counted;
-* leaving the state, a hold, a timeout or a retry ends the attempt: it is cancelled, and cancelled again
-  when the server accepts it late; one whose answer waits for a release has ended, and is only forgotten;
+* only the current attempt of a live invocation is listened to; other reports are dropped and counted;
+* leaving the state, a hold, a timeout or a retry cancels the attempt, and again when the server accepts it
+  late; an attempt whose answer waits for a release has ended, and is only forgotten;
 * an attempt waits until every earlier one that uses one of its resources has ended, or has been cancelling
-  for `CANCEL_DEADLINE` seconds, so that a late cancel can never hit the new goal; it then starts when the
-  step has come to rest, if somebody still wants it;
-* silence ends that wait, a refusal does not: an attempt whose server refuses to end it keeps what it uses to
-  its end, and is reported after `REFUSAL_LIMIT` seconds. Only an operation that `replaces` begins beside it;
-* an attempt that a timeout, or a hold with `on_hold` other than `again`, cuts short is waited for where its
-  operation gives a result then, as long as a cancel may take; the state hears of both together;
-* a failed attempt is tried again up to the number that `retry` gives; one that a hold ended is refunded;
-* attempts begin when a step has come to rest, after a hold and a back-off too: in a state that the same step
-  leaves nothing is begun.
+  for `CANCEL_DEADLINE` seconds, so that a late cancel can never hit the new goal; it then starts at the end
+  of a step, if its invocation still exists;
+* a server that does not answer the cancel ends that wait, one that refuses it does not: that attempt keeps
+  its resources to its end, and is reported after `REFUSAL_LIMIT` seconds. Only an operation that `replaces`
+  begins beside it;
+* an attempt that is cut short by a timeout, or by a hold with `on_hold` other than `again`, is awaited for
+  up to a cancel's deadline if its operation gives a result then; the state gets failure and result together;
+* a failed attempt is retried up to the number that `retry` gives; one that a hold ended is not counted;
+* attempts begin when the configuration is stable, after a hold and a back-off too, so nothing begins in a
+  state that the same step leaves.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ from lupin_engine.machine.event import (
 from lupin_engine.machine.holds import is_held_back, passes
 from lupin_engine.machine.memory import Attempt, CutShort, Invocation, Phase
 from lupin_engine.machine.scope import OPERATIONS, Arguments, EvaluationScope, Watch
-from lupin_engine.machine.step import Macrostep, fields_told
+from lupin_engine.machine.step import Macrostep, fields_text
 from lupin_engine.machine.structure import Configuration
 from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.contract import EXECUTION_CODE, REFUSED_CODE, OnHold
@@ -111,7 +112,7 @@ class Operations:
 
         Args:
             scope: that of the machine.
-            content: runs what a `for_each` does about an element's end.
+            content: runs the `for_each` actions at an element's end.
             arguments: those of the chart's invokes, by id of the invoke.
         """
         self._scope = scope
@@ -127,7 +128,7 @@ class Operations:
         self._scope.memory.invocations[state] = Invocation(self._name(), state, dict(event))
 
     def begin_missing(self, active: Configuration, step: Macrostep) -> bool:
-        """Begin what waits and what the active states have not begun; say whether there was any of that."""
+        """Start waiting attempts and the operations that active states lack; say whether there were any."""
         scope = self._scope
         if not self.watch.is_due(active.work, step.now):
             return False
@@ -143,7 +144,7 @@ class Operations:
             if not found.begun and not is_held_back(scope.memory, self._invoke(found))
         ]
         # Before anything is begun: what an attempt that cannot be made changes is looked at again.
-        self.watch.settle(active.work, scope, step.now)
+        self.watch.cache_false(active.work, scope, step.now)
         for invocation in waiting:
             invocation.begun = True
             self._issue(invocation, step)
@@ -181,17 +182,17 @@ class Operations:
         return self._of(map(self._scope.chart.states.__getitem__, self._scope.memory.configuration))
 
     def suspend(self, step: Macrostep) -> None:
-        """A hold was engaged: cancel what moves the robot, and refund the try."""
+        """Interrupt the operations with `on_hold: cancel` when the first hold is engaged."""
         for invocation in self._every():
             invoke = self._invoke(invocation)
             if invoke.operation.on_hold is OnHold.CANCEL and invocation.attempt:
                 self._interrupt(invocation, "hold", step)
 
     def recover(self, step: Macrostep) -> None:
-        """Another process goes on: have all that the old one began ended, and begin it again later.
+        """Take over after a restart: cancel the attempts of the old process, to begin them again later.
 
-        Nobody hears what it would still have given. Nothing is begun before its end is known, or has been
-        waited for as long as `RECOVERY_DEADLINE`.
+        Operations that can be adopted and finish during a hold go on. Results of the others are ignored.
+        Nothing begins before their end is confirmed, or `RECOVERY_DEADLINE` has passed.
         """
         memory = self._scope.memory
         for invocation in self._every():
@@ -213,7 +214,7 @@ class Operations:
             if not any(isinstance(c, Cancel) and c.attempt == attempt.id for c in step.commands):
                 step.commands.append(Cancel(attempt.id, attempt.operation))
             attempt.phase, attempt.uses = Phase.CANCELLING, (EVERYTHING,)
-        self._scope.touch(OPERATIONS)
+        self._scope.mark_dirty(OPERATIONS)
 
     def _interrupt(self, invocation: Invocation, why: str, step: Macrostep) -> None:
         """Cancel the attempt: it is begun again later and its try refunded, or fails as `on_hold` says."""
@@ -229,27 +230,27 @@ class Operations:
         invocation.begun = False
 
     def _cut_short(self, invocation: Invocation, cut: CutShort, step: Macrostep) -> None:
-        """Cancel the attempt, and wait for what it gives where its operation says that it does."""
+        """Cancel the attempt, and await its result where its operation declares one."""
         self._cancel_current(invocation, step)
         gives = self._invoke(invocation).operation.cut_short
         cut.over = not gives or cut.attempt not in self._scope.memory.attempts
         invocation.cut = cut
-        self._scope.touch(OPERATIONS)
+        self._scope.mark_dirty(OPERATIONS)
 
     def _gave(self, attempt: Attempt, result: Mapping[str, Any] | None, step: Macrostep) -> bool:
-        """Take in what an attempt that was cut short gave; say whether anybody waits for that."""
+        """Store the result of an attempt that was cut short; say whether its invocation waits for it."""
         invocation = self._scope.memory.invocations.get(attempt.invocation)
         cut = None if invocation is None else invocation.cut
         if cut is None or cut.attempt != attempt.id or cut.over:
             return False
         cut.over, cut.result = True, result
         if result:
-            step.note(f"{attempt.operation} gave {fields_told(result)}")
-        self._scope.touch(OPERATIONS)
+            step.note(f"{attempt.operation} gave {fields_text(result)}")
+        self._scope.mark_dirty(OPERATIONS)
         return True
 
     def _settle(self, active: Configuration, step: Macrostep) -> bool:
-        """Tell what came of operations that were cut short; say whether there were any."""
+        """Signal the ends of operations that were cut short; say whether there were any."""
         memory = self._scope.memory
         over = [found for found in self._of(active.working) if found.cut is not None and found.cut.over]
         for invocation in () if memory.held else over:
@@ -268,7 +269,7 @@ class Operations:
     # -- one invocation for each element ------------------------------------------------------------------
 
     def _take_up(self, state: str, rule: ForEach, step: Macrostep) -> bool:
-        """Begin the operations of new elements, as many as may run at once; say whether there were any."""
+        """Start the operations of new elements, as many as may run at once; say whether there were any."""
         memory = self._scope.memory
         if memory.held:
             return False
@@ -316,7 +317,7 @@ class Operations:
         assert rule is not None, f"{invocation.name} has no for_each"
         self._scope.memory.handled.setdefault(invocation.state, []).append(str(invocation.key))
         del self._scope.memory.invocations[invocation.name]
-        self._scope.touch(OPERATIONS)
+        self._scope.mark_dirty(OPERATIONS)
         if trigger.error.get("code") == EXECUTION_CODE:
             step.fail(invocation.state, trigger.error["detail"])
         actions = rule.on_done if word == "done" else rule.on_error
@@ -377,7 +378,7 @@ class Operations:
         """Lead an attempt on in its life; one that has ended or is lost leaves its resources free."""
         phase = LIFE[attempt.phase, word]
         if phase is None or phase is Phase.LOST:
-            self._scope.touch(OPERATIONS)
+            self._scope.mark_dirty(OPERATIONS)
         if phase is not None:
             attempt.phase = phase
             return
@@ -386,7 +387,7 @@ class Operations:
         del self._scope.memory.attempts[attempt.id]
 
     def _before(self, attempt: Attempt) -> Attempt | None:
-        """Return the earlier attempt that still uses what this one needs."""
+        """Return the earlier attempt that still holds a resource of this one."""
         needs, memory = set(attempt.uses), self._scope.memory
         replaces = self._invoke(memory.invocations[attempt.invocation]).operation.replaces
         for claim in memory.claims:
@@ -441,7 +442,7 @@ class Operations:
     # -- what servers and clocks say --------------------------------------------------------------------
 
     def report(self, event: Event, step: Macrostep) -> None:
-        """Take in what a server says of an attempt."""
+        """Handle a server's report about an attempt."""
         kind = event.name.removeprefix("attempt.")
         attempt = self._scope.memory.attempts.get(event.data["attempt"])
         if attempt is None:
@@ -473,9 +474,9 @@ class Operations:
         self.report(event, step)
 
     def _may_pass(self, attempt: Attempt, kind: str) -> bool:
-        """Say whether the engaged holds let through whatever may follow the end of an operation.
+        """Say whether every transition for this end of the operation passes the engaged holds.
 
-        All of its transitions, for which one is taken is only known when the answer is looked at.
+        All are asked because guards are evaluated only when the answer is handled.
         """
         state = self._scope.chart.states.get(attempt.invocation)
         rules = [rule for rule in state.transitions if rule.event == _ENDS[kind]] if state else []
@@ -499,7 +500,7 @@ class Operations:
         self._move(attempt, kind, step)
 
     def _be_refused(self, attempt: Attempt, detail: str, step: Macrostep) -> None:
-        """The server refuses to end the attempt: it keeps what it uses, whoever began it."""
+        """Note that the server refuses the cancel: the attempt keeps its resources to its end."""
         if attempt.phase is Phase.REFUSED:
             return
         declared = self._scope.chart.catalog.operations.get(attempt.operation)
@@ -509,7 +510,7 @@ class Operations:
         step.note(f"{attempt.operation} refuses to end")
         self._scope.timers.disarm("cancel", attempt.id)
         self._scope.timers.arm("cancel", attempt.id, step.now, REFUSAL_LIMIT)
-        self._scope.touch(OPERATIONS)
+        self._scope.mark_dirty(OPERATIONS)
 
     def _end_current(self, kind: str, attempt: Attempt, data: Mapping[str, Any], step: Macrostep) -> None:
         invocation = self._scope.memory.invocations[attempt.invocation]
@@ -535,9 +536,9 @@ class Operations:
         self._failed(invocation, code, attempt.detail, step)
 
     def abandon(self, attempt_id: str, step: Macrostep) -> None:
-        """The cancel was never confirmed: stop waiting for it. A late accept is still cancelled.
+        """Stop waiting for a cancel that was never confirmed; a late accept is still cancelled.
 
-        One that was refused is reported, and goes on.
+        An attempt whose cancel was refused is reported, and stays.
         """
         attempts = self._scope.memory.attempts
         attempt = attempts[attempt_id]
@@ -554,9 +555,9 @@ class Operations:
             del attempts[oldest]
 
     def retry(self, invocation_id: str) -> None:
-        """The back-off is over: try again when the step has come to rest."""
+        """Mark the invocation to be tried again at the end of this step: the back-off is over."""
         next(found for found in self._every() if found.id == invocation_id).begun = False
-        self._scope.touch(OPERATIONS)
+        self._scope.mark_dirty(OPERATIONS)
 
     def _failed(
         self,
@@ -601,7 +602,7 @@ class Operations:
         return seconds(pause * factor ** (invocation.tries - 1) * (1.0 + jitter * (2.0 * share - 1.0)))
 
     def _signal(self, word: str, invocation: Invocation, trigger: Trigger, step: Macrostep) -> None:
-        """Tell the state how its operation ended; for an element it is dealt with at once."""
+        """Raise the operation's end for the state; for an element of a `for_each`, handle it at once."""
         if invocation.key is None:
             step.queue.append(InternalEvent(word, invocation.state, trigger))
         else:
@@ -615,12 +616,12 @@ def _keeps_nothing(attempt: Attempt) -> bool:
 
 
 def _answered(attempt: Attempt) -> Event:
-    """Return what stands for the answer of an attempt among the events that wait for a release."""
+    """Return the deferred event that stands for an attempt's answer."""
     return Event(ANSWERED, {"attempt": attempt.id})
 
 
 def _cause(invocation: Invocation) -> Trigger:
-    """Return what the expressions of an invocation see as event and element."""
+    """Return the event and element that expressions of an invocation see."""
     return Trigger(event=invocation.event, item=invocation.item)
 
 

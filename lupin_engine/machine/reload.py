@@ -1,10 +1,9 @@
-"""A machine of another chart that goes on where one is idle: for missions that are loaded anew meanwhile.
+"""Hot reload: moves an idle machine's memory to another chart, for missions that are changed while it runs.
 
-A machine is idle where a mission could start, and while nothing is under way but the engine's own
-operations (a robot that waits for its servers may get other missions). What is not about a mission goes on
-as it was: the states, holds, what is known of the world with its hysteresis, the variables, the code
-reported last, the counters of the last mission. What the other chart does not have any more is forgotten,
-what it has more begins as it would at the start.
+A machine is idle where a mission could start, and while no operation but the engine's own is running (a robot
+that waits for its servers may get other missions). Kept are the states, holds, inputs with their hysteresis,
+variables, the last code and the counters of the last mission. Entries that the other chart lacks are dropped,
+its additional ones begin as at the start.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from lupin_engine.plugin.profile import START
 
 
 def is_idle(machine: Machine) -> bool:
-    """Tell whether nothing runs that another chart would have to know of."""
+    """Say whether the chart may be exchanged: no mission and no operation of a plugin is running."""
     chart, memory = machine.chart, machine.memory
     if any(chart.states[name].mission for name in memory.configuration):
         return False
@@ -32,7 +31,7 @@ def is_idle(machine: Machine) -> bool:
 
 
 def successor(machine: Machine, world: World) -> Machine:
-    """Return a machine of another chart that goes on from an idle one; `Machine.go_on` is its first step.
+    """Return a machine of another chart on the memory of an idle one; `Machine.go_on` is its first step.
 
     Raises:
         SnapshotError: the other chart has no such state, or no such hold that is engaged.
@@ -43,7 +42,7 @@ def successor(machine: Machine, world: World) -> Machine:
 
 
 def _forget(memory: Memory, before: Chart, chart: Chart) -> None:
-    """Forget what another chart does not have, as far as it is not what the machine rests on."""
+    """Drop the entries whose owner another chart lacks, and initial values of inputs."""
     memory.inputs = {name: found for name, found in memory.inputs.items() if found.reported}
     memory.go_on(before, chart)
     memory.mission_id = memory.mission_id if memory.mission else ""
@@ -55,7 +54,7 @@ def _forget(memory: Memory, before: Chart, chart: Chart) -> None:
 
 
 def _goes_on(timer: Timer, memory: Memory, chart: Chart) -> bool:
-    """Tell whether a deadline goes on; those of live values are set anew."""
+    """Say whether a deadline stays armed; those of live values are set anew."""
     _, _, kind, (owner, event) = timer
     if kind in ("after", "at"):
         event = event.partition(" ")[0]

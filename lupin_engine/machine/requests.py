@@ -1,14 +1,14 @@
-"""Requests: resolved as a whole before anything changes; what could be asked for now, and why not the rest.
+"""Requests: resolved as a whole before anything changes. Dry runs say which are available, and why not.
 
 A request is refused for the first of these that applies:
 
 1. an answer to a question that is not open, or that has no such choice;
 2. a refusal of the chart, or a hold that blocks the transition that listens to it; else a hold's own guard;
-3. it would let the robot go on while a motion operation refuses to end; what leads home passes;
+3. it would resume the robot while a motion operation refuses to end; the way home stays open;
 4. it starts a mission: an invariant is broken, or the mission's request or parameters are wrong;
 5. it would change nothing.
 
-Refused means that nothing changed, not even a hold.
+A refused request changes nothing, not even a hold.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from lupin_engine.plugin.types import Type, convert, fitted
 NOT_POSSIBLE = "not_possible"
 UNKNOWN_MISSION = "unknown_mission"
 BAD_REQUEST = "bad_request"
-#: Wrong elements of a list that are told of.
+#: Wrong elements of a list that are named.
 MAX_PROBLEMS = 5
 #: How eventless transitions are called where an event's name is expected.
 ALWAYS = "always"
@@ -49,10 +49,10 @@ BY_OPERATOR, BY_DEFAULT = {"by": "operator"}, {"by": "default"}
 
 @dataclass(slots=True)
 class Resolution:
-    """What a request would do: transitions, holds, the request's values; or why it is refused.
+    """The effects of a request: transitions, holds, the request's values; or its refusal.
 
-    `trigger` is what its transitions see; `releases` are the holds that it or one of them releases, engaged
-    or not.
+    `trigger` is the event for its transitions; `releases` are the holds that it or one of them releases,
+    engaged or not.
     """
 
     trigger: Trigger
@@ -77,7 +77,7 @@ class Requests:
         self.questions = Questions(scope)
 
     def _refused(self, event: Event, code: str, resumes: bool, starts: bool) -> Refusal | None:
-        """Return why a request is refused that something answers: a code, work that goes on, an invariant."""
+        """Return why a request with effects is refused: a code, a motion that does not end, an invariant."""
         broken = self._broken() if starts else None
         if code:
             return self._refusal(event, code)
@@ -89,8 +89,10 @@ class Requests:
         text = f"{_verb(event)} refused: the invariant {broken.name} does not hold: "
         return Refusal(INVARIANT_CODE, text + (broken.summary or broken.that.source))
 
-    def resolve(self, event: Event, active: Configuration, step: Macrostep, dry: bool = False) -> Resolution:
-        """Return what a request does here. With `dry` the fields of a mission's request are not looked at."""
+    def resolve(
+        self, event: Event, active: Configuration, step: Macrostep, skip_fields: bool = False
+    ) -> Resolution:
+        """Return the effects of a request here; with `skip_fields` a mission's request is not checked."""
         is_answer = event.name.startswith(ANSWER)
         found = Resolution(Trigger(event=BY_OPERATOR if is_answer else event.data))
         found.refusal = self.questions.refusal(event) if is_answer else None
@@ -106,7 +108,7 @@ class Requests:
         found.starts = any(target.slot for target in targets)
         resumes = event.name == self._resume or self._scope.memory.is_any_engaged(holds.releases)
         found.refusal = self._refused(event, code, resumes, found.starts)
-        if found.refusal is None and found.starts and not dry:
+        if found.refusal is None and found.starts and not skip_fields:
             env = self._scope.see("", step, found.trigger)
             found.values, found.refusal = read_request(self._scope.world, event.data, env)
         changes = found.rules or found.engages or self._scope.memory.is_any_engaged(found.releases)
@@ -115,7 +117,7 @@ class Requests:
         return found
 
     def _goes_on(self) -> Attempt | None:
-        """Return what moves the robot and refuses to end."""
+        """Return the motion operation that refuses to end."""
         memory, known = self._scope.memory, self._scope.chart.catalog.operations
         for claim in memory.claims:
             if claim.refused:
@@ -227,7 +229,7 @@ def _verb(event: Event) -> str:
 def consider(
     scope: EvaluationScope, rule: Transition, step: Macrostep, trigger: Trigger = NO_TRIGGER
 ) -> Considered:
-    """Return what keeps a transition from being taken, or that nothing does."""
+    """Return why a transition cannot be taken: guard and hold, empty where it can."""
     blocking = blocking_hold(rule, scope.memory) or ""
     if rule.guard is None:
         return Considered(rule.id, rule.place, "", holds=True, held=blocking)
@@ -236,14 +238,14 @@ def consider(
     if value and not problem:
         return Considered(rule.id, rule.place, source, holds=True, held=blocking)
     values = [(text, _value(scope, part, rule, step, trigger)) for text, part in parts]
-    told = tuple((text, problem or value) for text, (value, problem) in values)
-    return Considered(rule.id, rule.place, source, holds=False, held=blocking, parts=told)
+    shown = tuple((text, problem or value) for text, (value, problem) in values)
+    return Considered(rule.id, rule.place, source, holds=False, held=blocking, parts=shown)
 
 
 def _value(
     scope: EvaluationScope, part: Any, rule: Transition, step: Macrostep, trigger: Trigger
 ) -> tuple[object, str]:
-    """Return what a part of a guard is, and what keeps it from being evaluated."""
+    """Return the value of a part of a guard, and the problem if it cannot be evaluated."""
     try:
         return part(scope.see(rule.source, step, trigger)), ""
     except UnknownValue as unknown:
@@ -260,14 +262,14 @@ def read_request(
     Args:
         world: gives the missions and the readers of plugin types.
         data: the event's fields; `mission_type` names the mission, a field that is absent means its default.
-        env: what defaults are evaluated in.
+        env: the environment of defaults.
     """
     mission = world.chart.missions.get(data.get("mission_type", ""))
     if mission is None:
         return {}, _unknown_mission(world, shortened(data.get("mission_type", "")))
-    told = ", ".join(map(described, lacking(mission, data)))
-    if told:
-        return {}, Refusal(BAD_REQUEST, f"{mission.name} needs {told}")
+    missing = ", ".join(map(described, lacking(mission, data)))
+    if missing:
+        return {}, Refusal(BAD_REQUEST, f"{mission.name} needs {missing}")
     values: dict[str, Any] = {}
     for asked in mission.request.values():
         value, refusal = _read_field(world, asked, data.get(asked.name), env)
@@ -283,7 +285,7 @@ def lacking(mission: Mission, given: Mapping[str, Any]) -> list[Field]:
 
 
 def described(field: Field) -> str:
-    """Return what a field of a request is called, and what it holds."""
+    """Return the name of a request's field, with its type and summary."""
     return f"{field.name} ({field.type}{f': {field.summary}' if field.summary else ''})"
 
 
@@ -307,8 +309,8 @@ def read_given(world: World, use: UsedMission, env: Environment) -> dict[str, An
     for asked in use.request.values():
         value, refusal = _read_field(world, asked, None, env)
         if refusal is not None:
-            told = refusal.text.removeprefix(f"{asked.place}: ")
-            raise ValueError(f"{asked.place}: use {use.mission}: {told}")
+            text = refusal.text.removeprefix(f"{asked.place}: ")
+            raise ValueError(f"{asked.place}: use {use.mission}: {text}")
         values[asked.name] = value
     return values
 
@@ -343,12 +345,12 @@ def _read_field(world: World, field: Field, given: Any, env: Environment) -> tup
 
 
 def _too_many(world: World, field: Field, value: Any) -> Refusal | None:
-    """Refuse a list that is too long, before its elements are looked at; a default may be one, too."""
+    """Refuse a list that is too long, before its elements are checked; a default may be one, too."""
     most = world.parameters.get(MAX_TARGETS, DEFAULT_MAX_TARGETS)
     if not isinstance(value, list) or len(value) <= most:
         return None
-    told = f"{field.name} has {len(value)} elements; at most {most} are taken (parameter {MAX_TARGETS})"
-    return Refusal(BAD_REQUEST, told)
+    text = f"{field.name} has {len(value)} elements; at most {most} are taken (parameter {MAX_TARGETS})"
+    return Refusal(BAD_REQUEST, text)
 
 
 def _read(world: World, wanted: Type, given: Any) -> Any:
@@ -360,7 +362,7 @@ def _read(world: World, wanted: Type, given: Any) -> Any:
 
 
 def _read_list(world: World, item: Type, given: list[Any]) -> list[Any]:
-    """Read every element, so that all wrong ones are told at once."""
+    """Read every element, and report all wrong ones at once."""
     values, problems = [], []
     for element in given:
         try:
@@ -373,14 +375,14 @@ def _read_list(world: World, item: Type, given: list[Any]) -> list[Any]:
 
 
 def _together(problems: list[str]) -> str:
-    """Join problems; what is allowed ("...; what is allowed") is said once when it is the same for all."""
+    """Join problems; a common ending ("...; allowed: ...") is written once."""
     left_out = f" and {len(problems) - MAX_PROBLEMS} more" if len(problems) > MAX_PROBLEMS else ""
     problems = problems[:MAX_PROBLEMS]
-    told = [problem.partition("; ") for problem in problems]
-    allowed = {tail for _, _, tail in told}
+    parts = [problem.partition("; ") for problem in problems]
+    allowed = {tail for _, _, tail in parts}
     if len(allowed) > 1:
         return "; ".join(problems) + left_out
-    return "; ".join(filter(None, (", ".join(head for head, _, _ in told) + left_out, *allowed)))
+    return "; ".join(filter(None, (", ".join(head for head, _, _ in parts) + left_out, *allowed)))
 
 
 def _code_of(world: World, wanted: Type) -> str:
@@ -391,12 +393,11 @@ def _code_of(world: World, wanted: Type) -> str:
 
 @dataclass(frozen=True)
 class Possibility:
-    """What an event would do if it came now.
+    """The dry run of an event: its effects if it came now.
 
-    The level of an input is no event that comes: it is possible when it is true, which `level` says. `taken`
-    are the transitions that the event would take, `engages` and `releases` the holds. `refusal` says why a
-    request would be refused. `considered` are the transitions that listen to the event, each with what keeps
-    it from being taken.
+    For the level of an input, `level` says whether it is true. `taken` are the transitions that the event
+    would take, `engages` and `releases` the holds. `refusal` says why a request would be refused.
+    `considered` are the transitions that listen to the event, each with the reason against it.
     """
 
     event: str
@@ -420,7 +421,7 @@ class Possibility:
 
 
 class Explainer:
-    """Tells what one machine could do in a configuration, without changing anything."""
+    """Dry-runs events of one machine in one configuration; changes nothing."""
 
     __slots__ = ("_active", "_requests", "_scope", "_structure")
 
@@ -433,11 +434,11 @@ class Explainer:
         self._active = active
 
     def explain(self, now: float) -> tuple[Possibility, ...]:
-        """Return for every request and every event of the chart what it would do at time `now`.
+        """Dry-run every request and every event of the chart at time `now`.
 
-        Requests come first, then the other events by name, with `always` for transitions without one; how
-        operations end and time passes is not asked for. What a mission's request must carry is
-        looked at only when it comes, and a guard that reads the event's data sees none.
+        Requests come first, then the other events by name, with `always` for transitions without one; ends of
+        operations and timers are left out. Fields of a mission's request are not checked, and a guard that
+        reads the event's data sees none.
         """
         requests = (*self._scope.chart.profile.events, *self._scope.chart.answers)
         others = [n for n in (*self._structure.events, "") if n not in requests and not _is_internal(n)]
@@ -445,22 +446,22 @@ class Explainer:
         return tuple(one for one in found if one.considered or one.event != ALWAYS)
 
     def one(self, event: str, now: float) -> Possibility:
-        """Return of one request or event what `explain` returns of all."""
+        """Dry-run one request or event, as `explain` does with all."""
         chart = self._scope.chart
         is_request = event in chart.profile.events or event in chart.answers
         return self._request(event, now) if is_request else self._event(event, now)
 
     def considered(self, event: str, now: float, trigger: Trigger = NO_TRIGGER) -> tuple[Considered, ...]:
-        """Return the transitions that listen to an event here, and what keeps each from being taken."""
+        """Return the transitions that listen to an event here, each with the reason against it."""
         step = Macrostep(Event(event), now)
         offered = self._active.candidates(event)
         rules = {rule.id: rule for some in offered for rule in some}
         return tuple(consider(self._scope, rule, step, trigger) for rule in rules.values())
 
-    def request(self, event: Event, now: float, dry: bool = False) -> Possibility:
-        """Return what a request would do at time `now`; with `dry` its fields are not looked at."""
+    def request(self, event: Event, now: float, skip_fields: bool = False) -> Possibility:
+        """Dry-run a request at time `now`; with `skip_fields` its fields are not checked."""
         step = Macrostep(event, now)
-        found = self._requests.resolve(event, self._active, step, dry)
+        found = self._requests.resolve(event, self._active, step, skip_fields)
         if found.refusal is not None:
             return Possibility(event.name, possible=False, refusal=found.refusal)
         taken = tuple(rule.id for rule in found.rules)
@@ -468,7 +469,7 @@ class Explainer:
         return Possibility(event.name, True, taken, found.engages, releases)
 
     def _request(self, name: str, now: float) -> Possibility:
-        found = self.request(Event(name), now, dry=True)
+        found = self.request(Event(name), now, skip_fields=True)
         return replace(found, considered=self.considered(name, now))
 
     def _event(self, name: str, now: float) -> Possibility:

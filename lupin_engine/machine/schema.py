@@ -1,8 +1,7 @@
-"""How a field of the memory is kept: how long, what its entries are named after, and what a proof compares.
+"""Metadata of the memory's fields: lifetime, owner of the entries, and comparison in a proof.
 
-A field says so once, in its metadata (`kept`). What begins anew with a mission or with a part, what another
-chart takes over, what a snapshot may speak of, what another clock moves, and which situations a proof tells
-apart follow from that: nobody else lists fields.
+Each field declares it once (`kept`). Reset with a mission or an embedded one, hot reload, validation of
+snapshots, change of clock and equality of abstract states all follow from it: no other place lists fields.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ class FieldKind(enum.Enum):
 
 
 class Compare(enum.Enum):
-    """What a proof compares of a field, or of an entry."""
+    """Which part of a field, or of an entry, a proof compares."""
 
     #: The value; of what has a class of its own, what matters of that.
     VALUE = enum.auto()
@@ -59,7 +58,7 @@ class Compare(enum.Enum):
 
 
 class GoesOn(enum.Enum):
-    """What of entries another chart takes over."""
+    """Which entries another chart takes over at a reload."""
 
     #: Nothing.
     NONE = enum.auto()
@@ -71,10 +70,10 @@ class GoesOn(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class Owner:
-    """A kind of things of the chart that entries are named after; `word` is what one is called in errors.
+    """A kind of chart element that entries are named after; `word` names one in errors.
 
-    Without a word nobody looks whether the chart has them. Those `of_mission` begin anew with each mission,
-    of some names those `in_part` with a state that uses one. Two charts may have one that is not the `same`.
+    Without a word a snapshot is not checked against the chart's names. Those `of_mission` begin anew with
+    each mission, those `in_part` with the state that embeds one. `same` compares one between two charts.
     """
 
     word: str
@@ -86,7 +85,7 @@ class Owner:
     in_part: Callable[[Iterable[str], State], list[str]] = lambda _names, _part: []
 
     def known(self, before: Chart, chart: Chart) -> set[str]:
-        """Return the names of those that go on in another chart, which has them as the one before had."""
+        """Return the names that another chart takes over: those that it has, and has the same."""
         if self.goes_on is GoesOn.NONE:
             return set()
         return {name for name in self.names(chart) if self.same(before, chart, name)}
@@ -105,7 +104,7 @@ def states_with(part: str, word: str, goes_on: GoesOn = GoesOn.SAME, **more: Any
 
 
 def levels_of(chart: Chart, of_input: str = "") -> list[str]:
-    """Return what the levels of all inputs are called, or those of one."""
+    """Return the names of the levels of all inputs, or of one."""
     specs = [chart.inputs[of_input]] if of_input else chart.inputs.values()
     return [f"input.{spec.name}.{level.name}" for spec in specs for level in spec.levels]
 
@@ -166,9 +165,9 @@ INVARIANTS = Owner("invariant", lambda chart: chart.invariants)
 
 
 class MemoryField(NamedTuple):
-    """How a field of the memory is kept; what it is when it is empty; the type of it, or of what it holds.
+    """The metadata of a field, with its empty value and the type of the field or of its entries.
 
-    `later` gives the value, or one that it holds, by a clock that is so many seconds ahead.
+    `later` shifts a value, or an entry, to a clock that is so many seconds ahead.
     """
 
     life: Life
@@ -197,7 +196,7 @@ def fields_of(memory: type) -> tuple[MemoryField, ...]:
     """Return the fields of a memory, in their order.
 
     Raises:
-        TypeError: one does not say how it is kept, or not what owns its entries.
+        TypeError: a field has no metadata, or its entries no owner.
     """
     types = get_type_hints(memory)
     return tuple(_field(memory, one, types[one.name]) for one in fields(memory))

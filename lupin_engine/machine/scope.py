@@ -1,4 +1,8 @@
-"""The evaluation scope: what an expression sees, and what the parts of one machine share."""
+"""The evaluation scope: the environment of expressions, and cached conditions with their dependencies.
+
+Conditions that were evaluated as false are not evaluated again before one of their dependencies is marked
+dirty or becomes stale (`Watch`). Dependencies are bits: `CONTEXT` and so on, and one for each input.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,7 @@ from lupin_engine.plugin.types import Notation, problems
 
 
 class Calendar(Protocol):
-    """What clocks show in one time zone, of moments in POSIX time, to the millisecond.
+    """Local dates and times of day in one time zone, for moments in POSIX time, to the millisecond.
 
     Dates and times of day are texts as `plugin.types` has them.
     """
@@ -45,15 +49,15 @@ class Calendar(Protocol):
         the clock leaps over it, one that comes twice counts the first time.
         """
 
-    def told(self, moment: float) -> str:
+    def as_text(self, moment: float) -> str:
         """Return a moment as people write it, with the zone."""
 
 
 @dataclass(frozen=True)
 class World:
-    """What never changes while a machine lives: chart, checked parameters, bound functions and readers.
+    """The constants of a machine: chart, checked parameters, bound functions and readers.
 
-    `seed` is what the jitter of retries is drawn from. Without a `calendar` nobody knows what time it is.
+    `seed` seeds the jitter of retries. Without a `calendar` the time of day is unknown.
     """
 
     chart: Chart
@@ -89,15 +93,16 @@ def input_part(chart: Chart, name: str) -> int:
 
 
 class Reads:
-    """What some conditions read: `parts` as bits, and of the inputs those that grow old.
+    """The dependencies of some conditions: `parts` as bits, and those inputs that become stale.
 
-    `certain` is false when one of them is no checked expression: nobody knows then what it reads.
+    Without `certain` they are not fully known, because a condition is no checked expression or reads the
+    clock.
     """
 
     __slots__ = ("ageing", "certain", "parts")
 
     def __init__(self, chart: Chart, conditions: Iterable[Value], levels: Iterable[str] = ()) -> None:
-        """Collect what conditions and levels (`input.NAME` or `input.NAME.LEVEL`) read."""
+        """Collect the dependencies of conditions and levels (`input.NAME` or `input.NAME.LEVEL`)."""
         found = {("input", level.split(".")[1]) for level in levels}
         self.certain = True
         for condition in conditions:
@@ -121,7 +126,7 @@ class Reads:
 
 @lru_cache(4096)
 def reads_of(code: str) -> tuple[tuple[str, str], ...]:
-    """Return the roots of the environment that checked code reads, with what of the root ('' if not said)."""
+    """Return the roots of the environment that checked code reads, each with the name below, if constant."""
     tree = ast.parse(code, mode="eval")
     roots = {
         id(node): str(node.slice.value)
@@ -143,48 +148,47 @@ def reads_of(code: str) -> tuple[tuple[str, str], ...]:
 
 
 class Watch:
-    """Says when conditions that were found false must be looked at again.
+    """Caches that conditions are false, until a dependency changes or becomes stale.
 
-    That is when something that they read has changed, or an input that they read has grown old; or when
-    others than before are watched.
+    Conditions with other `Reads` than the cached ones are always due.
     """
 
-    __slots__ = ("_reads", "calm_until", "unseen")
+    __slots__ = ("_reads", "dirty", "false_until")
 
     def __init__(self) -> None:
         #: What has changed since the conditions were found false.
-        self.unseen = _EVERYTHING
+        self.dirty = _EVERYTHING
         self._reads: Reads | None = None
         #: Until when none of the conditions can become true, if nothing changes.
-        self.calm_until = -math.inf
+        self.false_until = -math.inf
 
     def is_due(self, reads: Reads, now: float) -> bool:
-        """Say whether the conditions must be looked at now."""
-        return reads is not self._reads or self.unseen & reads.parts != 0 or now >= self.calm_until
+        """Say whether the conditions must be evaluated now."""
+        return reads is not self._reads or self.dirty & reads.parts != 0 or now >= self.false_until
 
-    def forget(self) -> None:
-        """Look at the conditions again: one of them is true."""
+    def invalidate(self) -> None:
+        """Drop the cache: one of the conditions is true."""
         self._reads = None
-        self.calm_until = -math.inf
+        self.false_until = -math.inf
 
-    def is_calm(self, reads: Reads) -> bool:
-        """Say whether these conditions are known to be false as long as nothing changes."""
-        return reads is self._reads and not self.unseen & reads.parts
+    def is_known_false(self, reads: Reads) -> bool:
+        """Say whether these conditions are cached as false, and no dependency is dirty."""
+        return reads is self._reads and not self.dirty & reads.parts
 
-    def trust(self, reads: Reads) -> None:
-        """Mark these conditions as known to be false, without evaluating them: a restored state says so."""
-        self._reads, self.unseen, self.calm_until = reads, 0, math.inf
+    def mark_false(self, reads: Reads) -> None:
+        """Cache these conditions as false without evaluating them, as the model checker restores a state."""
+        self._reads, self.dirty, self.false_until = reads, 0, math.inf
 
-    def settle(self, reads: Reads, scope: EvaluationScope, now: float) -> None:
-        """Remember that all of the conditions are false now."""
+    def cache_false(self, reads: Reads, scope: EvaluationScope, now: float) -> None:
+        """Cache that all conditions are false now, unless dependencies or evaluations were uncertain."""
         self._reads = reads if reads.certain and not scope.doubtful else None
-        self.unseen = 0
-        self.calm_until = math.inf if self._reads is not None else -math.inf
+        self.dirty = 0
+        self.false_until = math.inf if self._reads is not None else -math.inf
         for name in reads.ageing:
             known = scope.memory.inputs.get(name)
             end = known.stamp + (scope.chart.inputs[name].freshness or 0.0) if known is not None else now
-            if now < end < self.calm_until:
-                self.calm_until = end
+            if now < end < self.false_until:
+                self.false_until = end
 
 
 class LiveInputs(Mapping[str, Any]):
@@ -230,18 +234,18 @@ class LiveInputs(Mapping[str, Any]):
 
 
 class EvaluationScope(dict[str, Any]):
-    """What every expression of one machine sees; one object for the machine's whole life.
+    """The environment of all expressions of one machine; one object for the machine's whole life.
 
-    Making a mapping for each evaluation would cost more than most evaluations. What few expressions ask for
-    is looked up only when it is read: the itinerary depends on the state that the expression is written in.
+    A mapping for each evaluation would cost more than most evaluations. Rare roots are computed only when
+    they are read: the itinerary depends on the state that the expression is written in.
     """
 
     __slots__ = (
         "_state",
         "_trigger",
-        "calm_until",
         "chart",
         "doubtful",
+        "false_until",
         "inputs",
         "level_reads",
         "memory",
@@ -260,7 +264,7 @@ class EvaluationScope(dict[str, Any]):
         #: Whether a condition could not be evaluated since this was last set to False.
         self.doubtful = False
         #: Until when no level and no eventless transition can become true, if nothing changes.
-        self.calm_until = -math.inf
+        self.false_until = -math.inf
         #: The parts that decide on those.
         self.level_reads = _EVERYTHING
         self._state = ""
@@ -276,20 +280,20 @@ class EvaluationScope(dict[str, Any]):
         self["functions"] = world.functions
 
     def at(self, state: str, now: float, trigger: Trigger = NO_TRIGGER) -> Environment:
-        """Return what an expression written in `state` sees now; good until the next call."""
+        """Return the environment of an expression written in `state` at `now`; valid until the next call."""
         self._state = state
         self.inputs.now = now
         self._trigger = trigger
         self["event"] = trigger.event
         return self
 
-    def forget(self) -> None:
-        """Let go of what the last step was about."""
+    def clear_event(self) -> None:
+        """Clear the event of the last step."""
         self._trigger = NO_TRIGGER
         self["event"] = NOTHING
 
     def see(self, state: str, step: Macrostep, trigger: Trigger = NO_TRIGGER) -> Environment:
-        """Return what an expression written in `state` sees now; good until the next call."""
+        """Return the environment of an expression written in `state` in a step; valid until the next call."""
         return self.at(state, step.now, trigger)
 
     def check(self, guard: Expression, state: str, step: Macrostep, trigger: Trigger = NO_TRIGGER) -> bool:
@@ -304,12 +308,12 @@ class EvaluationScope(dict[str, Any]):
             step.fail_once(state, f"{guard.place}: {guard.source}: {reason(problem)}")
         return False
 
-    def touch(self, part: int) -> None:
-        """Tell the watches that a part of what expressions see has changed."""
+    def mark_dirty(self, part: int) -> None:
+        """Mark a dependency dirty in every watch."""
         if part & self.level_reads:
-            self.calm_until = -math.inf
+            self.false_until = -math.inf
         for watch in self.watches:
-            watch.unseen |= part
+            watch.dirty |= part
 
     def record_code(
         self,
@@ -319,9 +323,9 @@ class EvaluationScope(dict[str, Any]):
         target: str | None = None,
         least: Severity = Severity.INFO,
     ) -> None:
-        """Report a code, and remember it for `last_error` unless something worse is remembered.
+        """Report a code, and remember it for `last_error` unless a worse one is remembered.
 
-        Without a `target` it is about the one that is processed. What is less than `least` is only reported.
+        Without a `target` it is about the current one. A code below `least` is reported only.
         """
         memory, found = self.memory, classify(code, self.chart.codes)
         about = memory.target if target is None else target
@@ -332,12 +336,12 @@ class EvaluationScope(dict[str, Any]):
 
     @property
     def wall(self) -> float | None:
-        """What the robot's clock shows where expressions look, in POSIX time; None: nobody has told."""
+        """The robot's clock at the time of the evaluation, in POSIX time, or None if it is unknown."""
         ahead = self.memory.wall
         return None if ahead is None or self.world.calendar is None else self.inputs.now + ahead
 
     def clock(self) -> Mapping[str, str]:
-        """Return what the robot's clock shows."""
+        """Return date and time of day of the robot's clock; UnknownValue where it is unknown."""
         wall = self.wall
         if wall is None or self.world.calendar is None:
             raise UnknownValue("clock is unknown: nobody has told the time")
@@ -351,7 +355,7 @@ class EvaluationScope(dict[str, Any]):
         return found(self)
 
     def with_target(self, target: Any) -> Environment:
-        """Return what an expression sees for which `target` is the target."""
+        """Return the environment with another `target`."""
         return ChainMap({"target": target}, self)
 
     def traversal(self) -> Traversal | None:
@@ -410,9 +414,9 @@ def _itinerary(traversal: Traversal | None) -> Mapping[str, Any]:
 class Arguments:
     """The arguments of an invoke or an action.
 
-    Kinds and units were checked at load, and so was the range of what is written out; the range of what is
-    worked out is known only when it is. Without this look a plugin would get what its catalog rules out, on
-    the robot and not in the simulation, whose mocks do not look.
+    Kinds and units were checked at load, and so was the range of literals. The range of computed arguments is
+    checked here, so that no plugin gets a value that its catalog excludes; mocks in a simulation do not
+    check.
     """
 
     __slots__ = ("_checked", "_values")

@@ -1,7 +1,8 @@
-"""A machine's memory as JSON, and back: what a restarted process goes on from.
+"""Snapshots: a machine's memory as JSON, and back; a new process recovers from them.
 
-A snapshot is taken between two steps. A machine restored from it takes the same steps as the one that went
-on. Deadlines are times of the caller's clock: who restores with another clock moves them with `shift`.
+A snapshot is taken between two steps. A machine restored from it takes the same steps as the original.
+Deadlines are times of the caller's clock: `shift` moves them to another one. A damaged snapshot, another
+version's or another chart's is refused with every name that does not fit.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ def _read(chart: Chart, text: str) -> Memory:
 
 
 def _strangers(chart: Chart, memory: Memory) -> Iterator[str]:
-    """Yield what a memory speaks of that the chart does not have."""
+    """Yield the names in a memory that the chart does not have, and an impossible configuration."""
     strangers: dict[str, set[str]] = {}
     for owner, names in (*_mentions(memory), *_mentions_inside(memory)):
         strangers.setdefault(owner.word, set()).update(set(names) - set(owner.names(chart)))

@@ -1,4 +1,4 @@
-"""What a machine tells: the record of one step and why nothing happened in it, and what can be seen now."""
+"""The machine's output: the record of one step with the reasons why nothing happened in it, and the view."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def _shown(value: object) -> str:
 
 @record(frozen=True)
 class Considered:
-    """A transition that listens to an event, and what keeps it from being taken.
+    """A candidate transition for an event, with the reason against taking it.
 
-    `held` names the hold that it does not pass. `parts` are the operands of the guard's outermost and/or/not
-    (or the whole guard) with what each of them is now; a text says what could not be evaluated.
+    `held` names the hold that blocks it. `parts` are the operands of the guard's outermost and/or/not (or the
+    whole guard) with their values; a text is the problem of one that could not be evaluated.
     """
 
     transition: str
@@ -48,23 +48,23 @@ class Considered:
         return f"{self.transition} ({self.place}): {self.reason()}"
 
     @property
-    def telling(self) -> tuple[tuple[str, object], ...]:
-        """The parts that tell more than that the guard is false."""
+    def informative(self) -> tuple[tuple[str, object], ...]:
+        """The parts that say more than that the guard is false."""
         return tuple(part for part in self.parts if part[0] != self.guard or part[1] is not False)
 
     def reason(self, show: Callable[[object], str] = _shown) -> str:
-        """Return what keeps it from being taken, '' where nothing does; `show` writes the values."""
+        """Return why it is not taken, '' where it is; `show` writes the values."""
         if self.held:
             return f"{self.held} is engaged"
         if self.holds:
             return ""
-        values = ", ".join(f"{text} is {show(value)}" for text, value in self.telling)
+        values = ", ".join(f"{text} is {show(value)}" for text, value in self.informative)
         return f"{self.guard} is false" + (f": {values}" if values else "")
 
 
 @record(frozen=True)
 class Moment:
-    """What was published-worthy between two microsteps: short phases are seen although a step passes them."""
+    """The published state after a microstep: short phases are published although a step passes them."""
 
     lifecycle: str
     phase: str
@@ -73,7 +73,7 @@ class Moment:
 
 @record(frozen=True)
 class CodeEvent:
-    """A code that was reported, with what is declared of it; `target` is what was processed then."""
+    """A reported code with its declaration; `target` was the current one then."""
 
     code: str
     label: str
@@ -87,15 +87,15 @@ class CodeEvent:
 
 @record(frozen=True)
 class Step:
-    """One macrostep, as the log stores it.
+    """One macrostep, as it is logged.
 
     `sequence` counts from 1, `time` is the caller's. `taken` are the ids of the transitions, `exited` and
     `entered` full names of states, all in their order; `configuration` are the active states afterwards, in
-    document order. `accepted` is the answer to a request (None for every other event), `refusal` why it was
-    not accepted. `notes` say what was dropped, deferred or blocked and why. `why` are the transitions that
-    listen to the event, when none was taken. `trail` is what was to be seen after each microstep, the last
-    one being now. `codes` are those that were reported, in their order, `broken` the invariants that broke in
-    this step, also those that hold again after it.
+    document order. `accepted` is the answer to a request (None for every other event), `refusal` the reason
+    against it. `notes` name dropped, deferred and blocked events with the reason. `why` are the transitions
+    that listen to the event, when none was taken. `trail` is the published state after each microstep, the
+    last one being now. `codes` are those that were reported, in their order, `broken` the invariants that
+    broke in this step, also those that hold again after it.
     """
 
     sequence: int
@@ -125,7 +125,7 @@ class Step:
 
 
 class Macrostep:
-    """The step in the making. `queue` are SCXML's internal events, `failed` errors told in this step."""
+    """The step in the making. `queue` are SCXML's internal events, `failed` the errors that were raised."""
 
     __slots__ = (
         "accepted",
@@ -137,11 +137,11 @@ class Macrostep:
         "event",
         "exited",
         "failed",
+        "failed_use",
         "notes",
         "now",
         "queue",
         "refusal",
-        "spoilt",
         "taken",
         "trail",
         "why",
@@ -163,7 +163,7 @@ class Macrostep:
         self.trail: tuple[Moment, ...] = ()
         self.failed: list[str] = []
         #: A state whose mission could not begin: what fails in it follows from that.
-        self.spoilt = ""
+        self.failed_use = ""
         self.why: tuple[Considered, ...] = ()
         self.accepted: bool | None = None
         self.refusal: Refusal | None = None
@@ -175,20 +175,20 @@ class Macrostep:
 
     def fail(self, state: str, detail: str) -> None:
         """Something written in `state` raised: an error for its `on_error`, else for the chart."""
-        if self.spoilt and state.startswith(f"{self.spoilt}."):
+        if self.failed_use and state.startswith(f"{self.failed_use}."):
             return
         self.note(detail)
         error = {"code": EXECUTION_CODE, "detail": detail}
         self.queue.append(InternalEvent("error", state, Trigger(event=error, error=error)))
 
     def fail_once(self, state: str, detail: str) -> None:
-        """As `fail`, for what is evaluated in every microstep: however often it raises, the error is one."""
+        """As `fail`, for expressions that are evaluated in every microstep: the error is raised once."""
         if detail not in self.failed:
             self.failed.append(detail)
             self.fail(state, detail)
 
     def record(self, sequence: int, configuration: tuple[str, ...]) -> Step:
-        """Return what happened, complete."""
+        """Return the complete record."""
         trail = self.trail
         return Step(
             sequence,
@@ -229,9 +229,9 @@ class Attempting:
 
 @dataclass(frozen=True)
 class Question:
-    """An open question: what can be answered, and what counts when nobody does before `deadline`.
+    """An open question: its choices, and the default that counts after `deadline`.
 
-    While a hold is engaged the clock stands still: there is no deadline, and `left` seconds remain after it.
+    During a hold its clock stands still: there is no deadline, and `left` seconds remain after it.
     """
 
     state: str
@@ -244,7 +244,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Countdown:
-    """What a state does by itself later: `event` is `after.0`, `every.0`, `at.0`, `budget`, or `retry`.
+    """A pending timer of a state: `event` is `after.0`, `every.0`, `at.0`, `budget`, or `retry`.
 
     While a hold stops its clock there is no deadline, and `left` seconds remain after it.
     """
@@ -259,11 +259,10 @@ class Countdown:
 class View:
     """The machine at one moment. `lifecycle` is the published top state, `phase` the innermost phase.
 
-    `total` and `counts` are about all itineraries of the mission: how many targets they have, and how many
-    visits ended in each of the profile's outcomes, over all sweeps.
-    `cancelling` are the operations that nobody wants any more and whose end the server has not confirmed.
-    `code` and `detail` are the newest of the worst that were reported, `codes` says how many were, ever.
-    `paused`: held, or in a state that waits for the operator.
+    `total` and `counts` are about all itineraries of the mission: the number of targets, and the number of
+    visits that ended in each of the profile's outcomes, over all sweeps. `cancelling` are abandoned
+    operations whose end the server has not confirmed. `code` and `detail` are the newest of the worst
+    reported codes, `codes` counts all reports. `paused`: held, or in a state that waits for the operator.
     """
 
     configuration: tuple[str, ...]
@@ -287,8 +286,8 @@ class View:
     countdowns: tuple[Countdown, ...] = ()
 
 
-def fields_told(fields: Mapping[str, object]) -> str:
-    """Return what an event or the end of a state carries, for a note."""
+def fields_text(fields: Mapping[str, object]) -> str:
+    """Return the data of an event or of a final state as text, for a note."""
     return ", ".join(f"{name} {_shown(value)}" for name, value in fields.items())
 
 
@@ -303,7 +302,7 @@ def moment_of(chart: Chart, memory: Memory) -> Moment:
 
 
 def view_of(chart: Chart, memory: Memory) -> View:
-    """Return what `memory` shows."""
+    """Return the view of `memory`."""
     moment = moment_of(chart, memory)
     walks = memory.itineraries.values()
     return View(
@@ -363,7 +362,7 @@ def _attempting(memory: Memory) -> list[Attempting]:
 
 #: What nobody wants any more and has not ended.
 _ENDING = frozenset({Phase.CANCELLING, Phase.REFUSED})
-#: Timers that are told as countdowns; those of attempts and questions are told with them.
+#: Timers that are shown as countdowns; those of attempts and questions are shown with them.
 _COUNTED = frozenset({"after", "budget", "at", "retry"})
 
 
@@ -378,6 +377,6 @@ def _countdowns(memory: Memory) -> Iterator[Countdown]:
             if kind not in _COUNTED:
                 continue
             state = _serving(memory, owner) if kind == "retry" else owner
-            told = event.partition(" ")[0] or kind
+            name = event.partition(" ")[0] or kind
             at, left = (None, due) if frozen else (due, None)
-            yield Countdown(state, told, at, left)
+            yield Countdown(state, name, at, left)

@@ -1,14 +1,13 @@
-"""What is compiled from a chart, and the machine of `transitions` that carries out its transitions.
+"""Compiles a chart for execution, and caches its configurations and microsteps.
 
-Which transitions are taken is decided here, by `chart.semantics` and the caller's data (which guards hold,
-what a history state remembers). The library's `HierarchicalMachine` executes them: which states are left and
-entered, and the configuration after it, is what it did. There is one for each chart, with one root state,
-every transition at machine level under its full name, and no automatic transitions; where its resolution
-departs from SCXML `ChartTransition` overrides it.
+`chart.semantics` and the caller's data (which guards hold, history values) decide which transitions are
+taken. The library `transitions` executes them: exit set, entry set and next configuration are its result. A
+chart has one `HierarchicalMachine`, with one root state, every transition at machine level under its full
+name, and no automatic transitions; `ChartTransition` overrides its resolution where that departs from SCXML.
 
-A `Configuration` is what follows from the active states alone; a `Microstep` what the library did when it
-executed certain transitions there. Both are made when they are first needed, once, and shared by all machines
-of a chart, which run in one thread.
+A `Configuration` follows from the active states alone; a `Microstep` is the result of certain transitions
+there. Both are made on demand, cached up to a limit, and shared by all machines of a chart, which run in one
+thread.
 """
 
 from __future__ import annotations
@@ -66,8 +65,8 @@ def _flat(state: Any) -> Iterator[str]:
 class ChartState(NestedState):
     """A state of the library that knows its rule; dots separate levels because names may hold `_`.
 
-    The library is not told which states are final: it fails where a region moves beside one that has ended,
-    and `done` is ours.
+    Final states are hidden from the library: it fails where a region moves beside one that has ended, and
+    `done` is raised by the machine.
     """
 
     separator = "."
@@ -90,8 +89,8 @@ def _path(name: str) -> list[str]:
 class ChartTransition(NestedTransition):
     """A transition of the library that knows its rule, and is resolved as SCXML says.
 
-    The library departs from that in two ways. It leaves what is active below the innermost active state
-    around the target, wherever the source is. And it enters no region but the target's.
+    The library departs from that in two ways: its exit set is below the innermost active state around the
+    target, wherever the source is; and it enters no region but the target's.
     """
 
     def __init__(self, rule: Transition, source: str, target: str | None) -> None:
@@ -99,7 +98,7 @@ class ChartTransition(NestedTransition):
         self.rule = rule
 
     def _resolve_transition(self, event_data: NestedEventData) -> Any:
-        """Leave what is active below the domain; enter from there to the targets that the event data has."""
+        """Exit all active states below the LCCA; enter from there to the targets that the event data has."""
         machine = event_data.machine
         tree = machine.build_state_tree(cast(ChartModel, event_data.model).state, ChartState.separator)
         domain = self._domain(machine)
@@ -115,9 +114,9 @@ class ChartTransition(NestedTransition):
         return tree, exits, entries
 
     def _domain(self, machine: HierarchicalMachine) -> list[str]:
-        """Return the innermost state with one active child that holds source and target.
+        """Return the LCCA: the innermost compound state that holds source and target.
 
-        Around the target of a history is the state whose past it is, whatever that remembers.
+        For a target that is a history it is the state around that history, whatever the history value.
         """
         source, target = _path(self.rule.source), _path(self.rule.target or "")
         for depth in range(len(source) - (not self.rule.internal), 0, -1):
@@ -155,8 +154,8 @@ class ChartMachine(HierarchicalMachine):
 def build_machine(chart: Chart) -> ChartMachine:
     """Return the library's machine for `chart`; its only root state is `chart`.
 
-    History is no state of the library: whoever targets it gets the remembered states, so it stays out and
-    a transition to it is declared to its parent.
+    History states are left out: a transition to one is declared to its parent, and its targets are the
+    history value.
     """
     root = chart.states[""]
     top = ChartState(root, _library_initial(chart, root))
@@ -171,7 +170,7 @@ def build_machine(chart: Chart) -> ChartMachine:
 def _add_children(chart: Chart, above: ChartState) -> None:
     """Add the states inside a state.
 
-    Not by `add_states`, which itineraries through the whole tree to tell models that are not there.
+    `add_states` is not used: it walks through the whole tree for models that do not exist.
     """
     for child in _proper_children(chart, above.rule):
         inner = ChartState(child, _library_initial(chart, child))
@@ -190,7 +189,7 @@ def _rules_of(chart: Chart, state: State) -> Iterable[Transition]:
 
 
 def _add_transitions(chart: Chart, machine: ChartMachine) -> None:
-    """Add all transitions; `add_transition` asks for each what all of ours have in common."""
+    """Add all transitions directly: `add_transition` checks for each one properties that all of ours have."""
     names = {name: f"{ROOT}.{name}" if name else ROOT for name in chart.states}
     # A transition to a history state is declared to its parent.
     targets = {
@@ -208,7 +207,7 @@ def _add_transitions(chart: Chart, machine: ChartMachine) -> None:
 
 
 def _fault_transition(chart: Chart) -> tuple[Transition, ...]:
-    """Return what no author writes: an error that nobody handles leads to FAULT, also while held."""
+    """Return the implicit transition: an unhandled error leads to FAULT, also while held."""
     if FAULT not in chart.states:
         return ()
     through = frozenset(all_holds(chart))
@@ -218,7 +217,7 @@ def _fault_transition(chart: Chart) -> tuple[Transition, ...]:
 
 
 def _library_initial(chart: Chart, state: State) -> str | list[str] | None:
-    """Return what is entered first; the library's type hints do not know that it may be several."""
+    """Return the initial child, or all regions, which the library's type hints do not allow for."""
     if not state.children:
         return None
     if state.kind is Kind.PARALLEL:
@@ -229,7 +228,7 @@ def _library_initial(chart: Chart, state: State) -> str | list[str] | None:
 
 
 class LevelRules:
-    """For each leaf that has some: the transitions that need no event. `reads` is what decides on them."""
+    """The transitions that need no event, for each leaf that has some; `reads` are their dependencies."""
 
     __slots__ = ("offered", "reads")
 
@@ -303,9 +302,9 @@ class Structure(Semantics):
     def carry_out(
         self, leaves: Iterable[str], rules: Sequence[Transition], mission: str, aims: Sequence[Aim]
     ) -> ChartModel:
-        """Let the library execute transitions that do not conflict: one after the other.
+        """Let the library execute transitions without conflicts, one after the other.
 
-        Together they do the same: none of them leaves or enters what another one does.
+        The result is that of SCXML's common microstep, because their exit and entry sets are disjoint.
         """
         for slot in self._slots:
             inside = self.default_child(slot, mission)
@@ -338,12 +337,12 @@ States: TypeAlias = tuple[str, ...]
 
 
 class Configuration:
-    """A configuration and what follows from it alone.
+    """A configuration and its derived data.
 
-    `label` and `phase` are published. `levels` are the transitions that need no event.
-    `working` are the states with an operation, `work` is what decides whether one is to be begun. In a
-    `passing` one a final state is active, or a helper (named in lower case): nobody should see it. `known`
-    are the names of events of plugins that came here before.
+    `label` and `phase` are published. `levels` are the transitions that need no event. `working` are the
+    states with an operation, `work` the dependencies of beginning one. With `passing` it is not published,
+    because a final state is active, or a helper (named in lower case). `known` are the names of plugin events
+    that came here before.
     """
 
     __slots__ = (
@@ -413,12 +412,11 @@ def _reads_of_work(chart: Chart, working: Iterable[State]) -> Reads:
 class Microstep:
     """Transitions taken together from one configuration: SCXML's microstep without its data.
 
-    `exited` and `entered` are all states left and entered; `exits` and `entries` those for which there
-    is something to do, with the configuration before the state is left and after it is entered. `between` is
-    the configuration when all are left and none is entered, `active_rules` are the transitions that do
-    something there, `releases` the holds that are released afterwards. `remembers` is
-    what the history states of what is left will stand for. `back` are the entered states that history
-    brought back.
+    `exited` and `entered` are the exit and entry sets; `exits` and `entries` those states of them that have
+    work to do, with the configuration before the exit and after the entry. `between` is the configuration
+    after all exits, `active_rules` are the transitions with actions or a code, `releases` the holds that are
+    released afterwards. `remembers` are the history values to store. `back` are the entered states that were
+    restored from history.
     """
 
     __slots__ = (
@@ -528,14 +526,14 @@ class DispatchTable:
         remembered: Callable[[State], States],
         resume: Callable[[State], str | None],
     ) -> Microstep:
-        """Return what taking the chosen transitions does; of those in conflict only the preferred ones count.
+        """Return the microstep of the chosen transitions; of conflicting ones only the preferred are taken.
 
         Args:
-            active: where they are taken.
+            active: the configuration that they are taken from.
             chosen: the first enabled one of each leaf, in document order of the leaves.
             mission: chooses the branch of the slot.
-            remembered: what a history state stands for now.
-            resume: the child in which a state goes on that comes back by history.
+            remembered: returns the value of a history state.
+            resume: returns the child in which a state resumes that is restored from history.
         """
         key: tuple[Any, ...] = (mission, *[rule.id for rule in chosen])
         found = active.microsteps.get(key)

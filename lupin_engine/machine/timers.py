@@ -1,4 +1,7 @@
-"""The machine's deadlines: armed, frozen while the chart is held, and fired in order of time then arming."""
+"""The machine's timers: armed, frozen while the chart is held, and fired in order of deadline, then arming.
+
+Timers about the world (`NEVER_FROZEN`) run on during a hold.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +19,15 @@ from lupin_engine.plugin.types import MAX_SECONDS
 NEVER_FROZEN = frozenset({"cancel", "fresh", "at"})
 #: Between two deadlines that have passed and come now, in seconds.
 _APART = 1e-6
-#: What deadlines are called of which it is told that they have passed.
-_TOLD = {"after": "the time", "budget": "the budget", "ask": "the time to answer", "at": "the time of day"}
+#: Names of deadlines that are noted when they have passed.
+_NAMES = {"after": "the time", "budget": "the budget", "ask": "the time to answer", "at": "the time of day"}
 
 
 def seconds(value: Any) -> float:
-    """Return how long to wait; what lies in the past is due at once.
+    """Return a delay; a negative one is 0.
 
     Raises:
-        ValueError: that is longer than anything may wait, or no number.
+        ValueError: it is longer than 100 years, or no finite number.
     """
     found = float(value)
     if not math.isfinite(found):
@@ -65,11 +68,11 @@ class Timers:
                     return max(0.0, due - since)
         return None
 
-    def tell_passed(self, step: Macrostep) -> None:
-        """Note the deadlines that have passed while nobody watched; a hold lets them wait, due at once."""
+    def note_passed(self, step: Macrostep) -> None:
+        """Note the deadlines that passed while no process ran; a hold lets them wait, due at once."""
         for due, _, kind, (owner, _) in self._memory.timers:
-            if due <= step.now and kind in _TOLD:
-                step.note(f"{_TOLD[kind]} of {owner} has passed meanwhile, {step.now - due:.1f} s ago")
+            if due <= step.now and kind in _NAMES:
+                step.note(f"{_NAMES[kind]} of {owner} has passed meanwhile, {step.now - due:.1f} s ago")
 
     def freeze(self, now: float) -> None:
         """Stop the chart's clocks."""
@@ -80,17 +83,16 @@ class Timers:
         memory.timers[:] = [timer for timer in memory.timers if timer[2] in NEVER_FROZEN]
 
     def thaw(self, now: float) -> None:
-        """Let the chart's clocks go on where they stopped; what had passed comes in its order."""
+        """Restart the chart's clocks; passed deadlines keep their order."""
         memory = self._memory
         those = [(now + left, token, kind, about) for left, token, kind, about in memory.frozen]
         memory.timers[:] = sorted([*memory.timers, *those], key=itemgetter(0))
         memory.frozen.clear()
 
     def catch_up(self, now: float) -> None:
-        """Let the deadlines that have passed while nobody watched come from now on, one after the other.
+        """Move deadlines that passed while no process ran to now, a microsecond apart.
 
-        So what the first of them leads to at once is done before the second, as it would have been in its
-        time.
+        So the consequences of the first are handled before the second, as they would have been in time.
         """
         timers = self._memory.timers
         later = (

@@ -1,12 +1,12 @@
-"""A mission as one file: its chart, parts and bindings, and perhaps a signature of them.
+"""Bundles: a mission as one file, with its chart, parts and bindings, and perhaps a signature.
 
 A bundle is a ZIP file with `bundle.json` (name, version, the hash of the whole, the digest of each file), the
-files as they stand in a folder of missions, and `bundle.sig`: who signed `bundle.json`, by Ed25519. What a
-robot may be told is not in it: no `lupin.yaml`. Nothing of a bundle is carried out when it is opened, and
-nothing is written outside a folder of the user's own.
+files of the folder of missions, and `bundle.sig`: a signature of `bundle.json`, by Ed25519. The robot's
+permissions (`lupin.yaml`) are not in it. Opening a bundle executes nothing, and writes only below a folder of
+the user's own.
 
 Keys are PEM files as `openssl genpkey -algorithm ed25519` makes them. They are read by the package
-`cryptography`, which only those who sign or verify need: `lupin-engine[sign]`.
+`cryptography`, which is needed for signing and verifying only: `lupin-engine[sign]`.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ _BROKEN = (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, ValueError, O
 
 @dataclass(frozen=True)
 class Bundle:
-    """What stands in a bundle; it fits its own digests. `mission` is the name of the mission's file.
+    """The content of a bundle, which fits its digests. `mission` is the name of the mission's file.
 
-    `name` is that of the set of missions, and `version` its own; bundles of before have neither.
+    `name` is that of the set of missions, and `version` its own; older bundles have neither.
     """
 
     path: Path
@@ -85,8 +85,8 @@ def make_bundle(
     digests = {name: hashlib.sha256(raw).hexdigest() for name, raw in sorted(files.items())}
     named = {"name": name, "version": version} if version else {}
     _check_named(named)
-    told = {"bundle": FORMAT, "mission": mission, "hash": chart_hash, "files": digests, **named}
-    manifest = json.dumps(told, indent=1).encode()
+    fields = {"bundle": FORMAT, "mission": mission, "hash": chart_hash, "files": digests, **named}
+    manifest = json.dumps(fields, indent=1).encode()
     inside = {MANIFEST: manifest, **dict(sorted(files.items()))}
     if key is not None:
         inside[SIGNATURE] = _sign(manifest, key)
@@ -97,9 +97,9 @@ def make_bundle(
     return content.getvalue()
 
 
-def _check_named(told: Mapping[str, Any]) -> None:
+def _check_named(fields: Mapping[str, Any]) -> None:
     """Raise UsageError where a bundle has a name or a version that it cannot have."""
-    name, version = told.get("name", ""), told.get("version", "")
+    name, version = fields.get("name", ""), fields.get("version", "")
     if not (isinstance(name, str) and isinstance(version, str)) or bool(name) != bool(version):
         raise UsageError("a bundle has a name and a version, or neither")
     if name and not _SET.fullmatch(name):
@@ -109,7 +109,7 @@ def _check_named(told: Mapping[str, Any]) -> None:
 
 
 def version_key(version: str) -> tuple[Any, ...]:
-    """Return what versions are compared by: 7 is before 8, 1.2.0-rc.1 before 1.2.0.
+    """Return the sort key of a version: 7 is before 8, 1.2.0-rc.1 before 1.2.0.
 
     Raises:
         UsageError: it is no version.
@@ -126,22 +126,22 @@ def version_key(version: str) -> tuple[Any, ...]:
 
 
 def read_bundle(path: Path) -> Bundle:
-    """Read a bundle, and check that it is whole.
+    """Read a bundle, and verify its digests.
 
     Raises:
-        UsageError: it cannot be read, or is not what a bundle may be.
+        UsageError: it cannot be read, or has a wrong content.
     """
     try:
         inside = _content(path)
         manifest = inside.pop(MANIFEST, b"null")
-        told = json.loads(manifest)
+        fields = json.loads(manifest)
     except _BROKEN as problem:
         reason = problem.strerror if isinstance(problem, OSError) else str(problem)
         raise UsageError(f"{path}: this is no bundle: {reason or type(problem).__name__}") from None
     signature = inside.pop(SIGNATURE, b"")
-    if not isinstance(told, dict) or told.get("bundle") != FORMAT:
+    if not isinstance(fields, dict) or fields.get("bundle") != FORMAT:
         raise UsageError(f"{path}: this is no bundle of form {FORMAT}, as 'lupin bundle' writes it")
-    digests, mission = told.get("files"), told.get("mission")
+    digests, mission = fields.get("files"), fields.get("mission")
     if not isinstance(digests, dict) or mission not in digests:
         raise UsageError(f"{path}: its {MANIFEST} does not name a mission and its files")
     found = {name: hashlib.sha256(raw).hexdigest() for name, raw in inside.items()}
@@ -149,15 +149,15 @@ def read_bundle(path: Path) -> Bundle:
     if altered:
         raise UsageError(f"{path}: altered since it was made: {', '.join(altered)}")
     try:
-        _check_named(told)
+        _check_named(fields)
     except UsageError as problem:
         raise UsageError(f"{path}: {problem}") from None
-    named = told.get("name", ""), told.get("version", "")
-    return Bundle(path, str(mission), str(told.get("hash")), inside, manifest, signature, *named)
+    named = fields.get("name", ""), fields.get("version", "")
+    return Bundle(path, str(mission), str(fields.get("hash")), inside, manifest, signature, *named)
 
 
 def _content(path: Path) -> dict[str, bytes]:
-    """Return the files of an archive; ValueError says what it may not have, before that is unpacked."""
+    """Return the files of an archive; ValueError for a forbidden content, before it is unpacked."""
     if path.stat().st_size > MAX_BYTES:
         raise ValueError(f"it has {path.stat().st_size} bytes; at most {MAX_BYTES} are read")
     with zipfile.ZipFile(path) as archive:
@@ -220,14 +220,14 @@ def check_signed(bundle: Bundle, keys: Path) -> str:
     """Return the name of the file whose key has signed a bundle; `keys` is a public key or a folder of some.
 
     Raises:
-        UsageError: nobody has, somebody else has, it was altered, or the keys cannot be read.
+        UsageError: it has no signature, or of another key, was altered, or the keys cannot be read.
     """
     if not bundle.signature:
         raise UsageError(f"{bundle.path}: not signed; {_HOW}")
     known = {_fingerprint(key): (file, key) for file, key in _public_keys(keys).items()}
     try:
-        told = json.loads(bundle.signature)
-        signer, signature = str(told["key"]), bytes.fromhex(told["signature"])
+        fields = json.loads(bundle.signature)
+        signer, signature = str(fields["key"]), bytes.fromhex(fields["signature"])
     except (ValueError, TypeError, LookupError):
         raise UsageError(f"{bundle.path}: its {SIGNATURE} is no signature; {_HOW}") from None
     if signer not in known:
@@ -239,15 +239,15 @@ def check_signed(bundle: Bundle, keys: Path) -> str:
 
 
 def signer_of(bundle: Bundle) -> str:
-    """Return what tells the key of a bundle from others, whose signature is good."""
+    """Return the fingerprint of a bundle's key; its signature must be good."""
     return str(json.loads(bundle.signature)["key"])
 
 
 def _sign(manifest: bytes, file: Path) -> bytes:
     """Return the content of `bundle.sig`."""
     key = _read_key(file, private=True)
-    told = {"key": _fingerprint(key.public_key()), "signature": key.sign(manifest).hex()}
-    return json.dumps(told).encode()
+    fields = {"key": _fingerprint(key.public_key()), "signature": key.sign(manifest).hex()}
+    return json.dumps(fields).encode()
 
 
 def _fits(key: Any, signature: bytes, manifest: bytes) -> bool:
@@ -301,5 +301,5 @@ def _read_key(file: Path, *, private: bool) -> Any:
 
 
 def _fingerprint(key: Any) -> str:
-    """Return what tells a public key from others."""
+    """Return the fingerprint of a public key."""
     return hashlib.sha256(key.public_bytes_raw()).hexdigest()

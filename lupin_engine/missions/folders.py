@@ -1,7 +1,7 @@
-"""Where mission files stand: which files of a folder are missions, and the lifecycle that belongs to them.
+"""Finds mission files: the missions of a folder, and the lifecycle that belongs to them.
 
-`lifecycle.yaml` stands beside the missions, else they are in the shipped one; the parts they use stand in
-`parts/` beside them.
+`lifecycle.yaml` stands beside the missions, else the shipped one counts; their parts stand in `parts/` beside
+them.
 """
 
 from __future__ import annotations
@@ -55,14 +55,14 @@ def check_sizes(folder: Path, files: Sequence[Path]) -> None:
 
 
 def is_mission(path: Path) -> bool:
-    """Say whether a file is a mission, as far as its name and its beginning tell."""
+    """Say whether a file is a mission, by its name and its beginning."""
     if path.name in (LIFECYCLE, LUPIN_FILE) or path.suffixes != [".yaml"] or not path.is_file():
         return False
     return (head(path) or ("mission", ""))[0] == "mission"
 
 
 def is_missions_folder(folder: Path) -> bool:
-    """Say whether missions are looked for in a folder: it has a lifecycle, or its name and files say so."""
+    """Say whether a folder is one of missions: it has a lifecycle, or its name and files say so."""
     return (folder / LIFECYCLE).is_file() or (folder.name == MISSIONS and bool(mission_files(folder)))
 
 
@@ -91,7 +91,7 @@ def default_missions_folder() -> Path:
 
 
 def is_shipped(file: Path) -> bool:
-    """Tell whether a mission or lifecycle is a shipped one, or an unchanged copy of it."""
+    """Say whether a mission or lifecycle is a shipped one, or an unchanged copy of it."""
     try:
         return file.read_bytes() == (default_missions_folder() / file.name).read_bytes()
     except (OSError, UsageError):
@@ -126,7 +126,7 @@ def find_mission(name: str, folders: Iterable[Path]) -> Path:
 
 
 def _known_in(folders: Iterable[Path]) -> dict[str, Path]:
-    """Return the missions of some folders by what they can be called; the first of a name counts."""
+    """Return the missions of some folders by their possible names; the first of a name counts."""
     known: dict[str, Path] = {}
     for file in (each for folder in folders for each in mission_files(folder)):
         named = head(file)

@@ -1,10 +1,8 @@
-"""Loading: from file names to one checked chart, or to everything that is wrong with it.
+"""Loads files to one checked chart, or to all errors in them.
 
-`check_chart` tells errors and warnings, `load_chart` is for those who want to run: the
-chart, or `ChartError` with all errors.
-
-Files are looked at every time, but what they say is worked out once: a file that has not changed is not
-parsed again, and a chart of which no file has changed is not composed again.
+`check_chart` returns errors and warnings, `load_chart` the chart, or raises `ChartError` with all errors.
+Files are read every time, but results are cached: an unchanged file is not parsed again, and a chart of
+unchanged files is not composed again.
 """
 
 from __future__ import annotations
@@ -48,10 +46,10 @@ _D_co = TypeVar("_D_co", bound=FileNode, covariant=True)
 
 @dataclass(frozen=True, eq=False)
 class _Document(Generic[_D_co]):
-    """What one file says: its words, or None, what is wrong with it, and what its states use.
+    """A parsed file: its document, or None, its findings, and the uses in its states.
 
-    The uses are name, place and state; `left_out` is what had a wrong shape. The same bytes under the same
-    name are the same document.
+    The uses are name, place and state; `left_out` are the parts with a wrong shape. The same bytes under the
+    same name are the same document.
     """
 
     node: _D_co | None
@@ -86,7 +84,7 @@ class LoadedMissions:
 
     @property
     def plugins(self) -> tuple[str, ...]:
-        """The plugins that the missions use, and those whose nodes have what their bindings call or read."""
+        """The plugins that the missions use, and those whose nodes serve their bindings."""
         bound = [each for binding in self.bindings.values() for each in binding.calls.values()]
         wanted = {name.strip("/") for name in (*(call.endpoint.name for call in bound), *self.heard)}
         serving = (
@@ -108,7 +106,7 @@ class LoadedMissions:
 
     @cached_property
     def short_names(self) -> Mapping[str, str]:
-        """What each file is called in its folder of missions, wherever that is: `parts/visit.yaml`.
+        """The name of each file in its folder of missions, wherever that is: `parts/visit.yaml`.
 
         Of two files with one name, from two folders, the second is `name.2.yaml`.
         """
@@ -124,15 +122,12 @@ class LoadedMissions:
 
     @cached_property
     def hash(self) -> str:
-        """A name for what the files say, as hex digits: the same wherever the same files stand.
-
-        Nothing but names and bytes of the files goes into it; what the installed plugins say does not.
-        """
+        """A digest of the files' names and bytes, as hex digits; folder and plugins make no difference."""
         files = [(short, self.sources[name].hex()) for name, short in self.short_names.items()]
         return hashlib.sha256(json.dumps(files).encode()).hexdigest()
 
     def parameters(self) -> dict[str, Any]:
-        """Return what the orchestrator needs to load the same."""
+        """Return the orchestrator's parameters to load the same."""
         if self.bundle is not None:
             return {"missions_path": str(self.bundle.resolve())}
         folder = self.lifecycle.resolve().parent
@@ -143,7 +138,7 @@ class LoadedMissions:
 
 @dataclass(frozen=True, eq=False)
 class _Made:
-    """What was made of documents and a catalog: a chart, and what is to be said of it."""
+    """The result of composing documents with a catalog: a chart, and its findings."""
 
     composed: Composed | None
     found: tuple[Diagnostic, ...]
@@ -151,11 +146,10 @@ class _Made:
 
 @dataclass(frozen=True, eq=False)
 class Inspection:
-    """All that reading a chart comes to, for those who look at mistaken ones too.
+    """All results of reading a chart, also of one with mistakes.
 
-    `documents` are those files that could be read, `sources` their bytes by name; nothing is composed when
-    one of them could not. `bound` is what they can use: the installed plugins and the bindings beside the
-    missions.
+    `documents` are the readable files, `sources` their bytes by name; nothing is composed when one is
+    unreadable. `bound` is their catalog: the installed plugins and the bindings beside the missions.
     """
 
     found: tuple[Diagnostic, ...]
@@ -176,7 +170,7 @@ SAVED: Mapping[Path, bytes] = MappingProxyType({})
 
 
 def forget() -> None:
-    """Forget what was read before; for those who measure how long reading takes."""
+    """Clear the caches; for measurements."""
     _document.cache_clear()
     _make.cache_clear()
     bound_catalogs.forget()
@@ -196,8 +190,7 @@ def load_files(
 ) -> LoadedMissions:
     """Load a lifecycle with missions, and the bindings that they use.
 
-    Who does not only look at them or simulate is `reaching` for what the bindings talk to, and is refused
-    what nobody has allowed.
+    With `reaching` the names that bindings talk to are checked, and those without permission refused.
 
     Raises:
         ChartError: carries every error of every file.
@@ -215,7 +208,7 @@ def load_files(
 def check_chart(
     lifecycle: Path, missions: Sequence[Path], catalog: Catalog
 ) -> tuple[Chart | None, tuple[Diagnostic, ...]]:
-    """Load a lifecycle with missions and tell everything about them; no chart when there are errors."""
+    """Load a lifecycle with missions, with all findings; no chart when there are errors."""
     inspection = inspect_chart(lifecycle, missions, catalog)
     return inspection.chart, inspection.found
 
@@ -228,10 +221,10 @@ def inspect_chart(
     *,
     reaching: bool = True,
 ) -> Inspection:
-    """Read a lifecycle with missions, and return all that was found and made, however wrong it is.
+    """Read a lifecycle with missions, and return all findings and results, also after errors.
 
-    `texts` are read in place of what is saved in their files: somebody is editing them. Unless the missions
-    are to be `reaching` for nothing, it is also found what their bindings may not talk to.
+    `texts` replace the saved content of their files, for an editor. Unless the missions are `reaching` for
+    nothing, forbidden names in their bindings are findings.
     """
     findings = Findings()
     holders = (lifecycle.parent, *(path.parent for path in missions))
@@ -281,7 +274,7 @@ def _make(
 
 
 def _read(path: Path, model: type[_D], findings: Findings, texts: Mapping[Path, bytes]) -> _Document[_D]:
-    """Read a file as a document, with what is found in it; `findings` get why there is none to look in."""
+    """Parse a file, with its findings; `findings` get the reason if it cannot be read."""
     raw = texts[path] if path in texts else read_bytes(path, findings)
     return _Document(None) if raw is None else _document(str(path), model, raw)
 
@@ -341,14 +334,14 @@ def _find_used(folder: Path, name: str, place: Place, state: str, findings: Find
 
 
 def _instead_of(name: str, folder: Path) -> str:
-    """Say what can be used instead of what is not there."""
+    """Return what can be used in place of a missing name."""
     parts = sorted(file.stem for file in (folder / PARTS).glob("*.yaml"))
     missions = {file.stem: (head(file) or ("", ""))[1] for file in mission_files(folder)}
     stem = next((stem for stem, title in missions.items() if title == name), "")
     if stem:
         return f"a mission is used by the name of its file: write 'use: {stem}'"
-    told = [(what, some) for what, some in (("parts", parts), ("missions", list(missions))) if some]
-    lists = [f"the {what} {', '.join(map(repr, some[:MAX_LISTED]))}" for what, some in told]
+    groups = [(what, some) for what, some in (("parts", parts), ("missions", list(missions))) if some]
+    lists = [f"the {what} {', '.join(map(repr, some[:MAX_LISTED]))}" for what, some in groups]
     near = meant(name, [*parts, *missions])
     return near or (f"there are {' and '.join(lists)}" if lists else "there are none here")
 
@@ -383,7 +376,7 @@ def _unused(
     used: Mapping[str, _Document[UsedNode]],
     texts: Mapping[Path, bytes],
 ) -> Iterator[Diagnostic]:
-    """Yield what nobody uses, parts and results, when all the missions that could use it are loaded."""
+    """Yield unused parts and results, when all the missions that could use them are loaded."""
     folder = lifecycle.parent
     loaded = {path.resolve() for path in missions}
     if not all(path.resolve() in loaded for path in mission_files(folder)):
@@ -400,7 +393,7 @@ def _unused(
 
 
 def _unused_results(mission: MissionNode) -> Iterator[Diagnostic]:
-    """Yield the results of a mission's own end: only who uses the mission as a part could read them."""
+    """Yield the results of a mission's own end, which only a mission that embeds it could read."""
     for name, state in mission.states.items():
         if state is not None and state.result:
             path, hint = f"states.{name}.result", "remove it, or use the mission as a part"

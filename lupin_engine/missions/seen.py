@@ -1,7 +1,7 @@
-"""Which signed bundles a robot has run: none goes back to an older version, or to another set, unasked.
+"""Rollback protection: the signed bundles that a robot has run; older versions and other sets are refused.
 
-A signature does not grow old: who finds yesterday's bundle could put it in today's place. So the newest
-version of each name is remembered for each key, in the user's state folder, also over a restart.
+A signature does not expire, so an old bundle could replace a newer one. The newest version of each name is
+stored for each key, in the user's state folder, also over a restart.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ def seen_file() -> Path:
 
 @dataclass(frozen=True)
 class SeenBundles:
-    """What `file` remembers. `allowed` are names, or NAME@VERSION, that are taken all the same."""
+    """The versions stored in `file`. `allowed` are names, or NAME@VERSION, that are accepted all the same."""
 
     file: Path
     allowed: Collection[str] = ()
 
     def check(self, bundle: Bundle) -> str:
-        """Return what to warn of; '' for nothing. To be called for a bundle whose signature is good.
+        """Return a warning, or ''. To be called for a bundle whose signature is good.
 
         Raises:
-            LupinError: a newer one, or only other ones, of its key were seen, or nobody knows.
+            LupinError: a newer one, or only other ones, of its key were run, or the file cannot be read.
         """
         known = self._read().get(signer_of(bundle), {})
         if not bundle.name:

@@ -26,7 +26,7 @@ LOCAL = Path(MISSIONS)
 
 
 def mission_folders() -> list[Path]:
-    """Return where missions are looked for, nearest first."""
+    """Return the search path of missions, nearest first."""
     found = [LOCAL] if is_missions_folder(LOCAL) else []
     shipped = default_missions_folder()
     return found if found and LOCAL.resolve() == shipped.resolve() else [*found, shipped]
@@ -60,5 +60,5 @@ def _files(names: Sequence[str]) -> list[Path]:
     for name in names:
         with problems.collecting():
             files.append(find_mission(name, mission_folders()))
-    problems.tell()
+    problems.raise_any()
     return files

@@ -1,9 +1,9 @@
-"""The plugin that is always there: what the engine itself offers to charts.
+"""The built-in plugin: operations, values and parameters of the engine itself.
 
-Operation and live value are about the same list: what the plugins that the loaded missions use wait for
-(servers, topics). `plugins.missing` tells it all the time, `plugins.ready` ends as soon as it is empty.
-Whoever runs the chart answers both, so there is no client. Charts that read the clock have the parameter
-of the time zone, and those whose missions are asked for lists the one that limits them.
+`plugins.missing` is the list of servers and topics that the plugins of the loaded missions wait for;
+`plugins.ready` ends as soon as it is empty. The runner of a chart answers both, so there is no client. Charts
+that read the clock have the parameter of the time zone, and those with lists in requests the one that limits
+them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Making the side of a plugin that talks to the world."""
+"""Imports and makes the drivers of plugins."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def make_client(plugin: Plugin, ros: Any, outlet: Outlet, parameters: Mapping[st
     """Import the driver of a plugin and make one on a node, a `RosNode`.
 
     Raises:
-        PluginError: that fails, with what was raised and where.
+        PluginError: that fails; the text has the exception and its place.
     """
     module, _, name = plugin.client.partition(":")
     try:

@@ -1,9 +1,9 @@
-"""What a plugin is: operations, actions, functions, events, values, types, parameters, declared as data.
+"""The contract of a plugin: operations, actions, functions, events, values, types, parameters, as data.
 
 A plugin is one `Plugin` object in its `catalog.py`, found by entry point (group `lupin.plugins`). Loading it
-needs no ROS, no file and no network, so a laptop can check, draw and simulate every mission. The side that
-talks to the world is named by text (`client="lupin_nav.client:NavClient"`) and imported only by the node
-that runs it; it implements `Driver` and reports through an `Outlet`.
+needs no ROS, no file and no network, so a laptop can check, draw and simulate every mission. Its driver is
+named by text (`client="lupin_nav.client:NavClient"`) and imported only by the node that runs it; it
+implements `Driver` and reports through an `Outlet`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Parameters = Mapping[str, Any]
 
 
 class OnHold(enum.Enum):
-    """What suspending the mission does to a running attempt of an operation."""
+    """The effect of a hold on a running attempt of an operation."""
 
     CANCEL = "cancel"  #: it moves the robot: cancelled, and issued again when the hold is released
     FINISH = "finish"  #: a one-shot call: it may finish, its answer waits for the release
@@ -31,8 +31,8 @@ class OnHold(enum.Enum):
 class Code:
     """A reason that can reach the published state: raw name, label for people, severity.
 
-    `advice` is one sentence for whoever operates the robot: what to do about it. Whoever declares the code as
-    well need not repeat it.
+    `advice` is one sentence for the operator of the robot. A second declaration of the code need not repeat
+    it.
     """
 
     name: str
@@ -103,7 +103,7 @@ ENGINE_CODES: Mapping[str, Code] = {
 
 
 def classify(code: str, declared: Mapping[str, Code]) -> Code:
-    """Return a code with its label and severity; one that nobody declares is its own label, a warning."""
+    """Return a code with its label and severity; an undeclared one is its own label, a warning."""
     if not code:
         return Code("", "", Severity.INFO)
     return declared.get(code) or ENGINE_CODES.get(code) or Code(code, code)
@@ -125,10 +125,10 @@ class Argument:
 
 @dataclass(frozen=True)
 class Mock:
-    """What an operation does when nobody says otherwise in a simulation: `result` after `after` seconds.
+    """The default end of an operation in a simulation: `result` after `after` seconds.
 
     `result` maps each result field to a value, or is a function of the arguments and the parameters; `values`
-    likewise says which live values are different once it has succeeded.
+    likewise gives the live values that change with success.
     """
 
     after: float = 0.0
@@ -142,16 +142,15 @@ class Mock:
 
 @dataclass(frozen=True)
 class Operation:
-    """Something that takes time and ends: done with `result`, or in an error with one of `codes`.
+    """An operation takes time and ends: done with `result`, or in an error with one of `codes`.
 
-    `uses` names resources (`base`, `lift`): an attempt waits until the previous attempt that uses one of
-    them has ended. `on_hold` says what a hold does to it. With `cut_short` the driver gives the
-    result, as far as it came, of an attempt that was cancelled; after a timeout the mission waits for that.
-    One that `adopts` goes on when the orchestrator was started again, where a hold would not end it either.
-    One that `replaces` begins although the server refuses to end an earlier attempt with the same resource:
-    its server puts the new order in the place of the old one. It is for ways home.
-    `classes` are results that missions should be proven with, good ones and bad ones; each has the fields in
-    which it differs from the mock's.
+    `uses` names resources (`base`, `lift`): an attempt waits until the previous attempt that uses one of them
+    has ended. `on_hold` is the effect of a hold on it. With `cut_short` the driver gives the partial result
+    of an attempt that was cancelled; after a timeout the mission waits for that. An operation that `adopts`
+    continues after a restart of the orchestrator, unless a hold would end it. One that `replaces` begins
+    although the server refuses to end an earlier attempt with the same resource: its server replaces the old
+    order by the new one. It is for ways home. `classes` are results that missions should be proven with, good
+    ones and bad ones; each has the fields in which it differs from the mock's.
     """
 
     doc: str
@@ -193,7 +192,7 @@ class Function:
 class LiveValue:
     """A value from the world that changes by itself; `freshness` is how long it stays known, in seconds.
 
-    `initial` is what it is before the first report; None means unknown. `classes` are values that missions
+    `initial` is the value before the first report; None means unknown. `classes` are values that missions
     should be proven with.
     """
 
@@ -206,7 +205,7 @@ class LiveValue:
 
 @dataclass(frozen=True)
 class EventKind:
-    """Something that happens in the world and is told once, unasked; `fields` come with it."""
+    """An event in the world, reported once and unasked; `fields` come with it."""
 
     doc: str
     fields: Mapping[str, Type] = field(default_factory=dict)
@@ -225,7 +224,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Reader:
-    """How a type is read from what a request carries: `bind(parameters)` gives the reading function.
+    """The parser of a type in requests: `bind(parameters)` gives the reading function.
 
     The reading function returns the value, or raises ValueError with a text for the operator.
     """
@@ -236,10 +235,10 @@ class Reader:
 
 @dataclass(frozen=True)
 class Access:
-    """Which names of the network the pages of people may use, by the least role that may.
+    """The names of the network that browser clients may use, by the least role that may.
 
-    A viewer reads: topics are subscribed to, and services called that change nothing. What an operator
-    commands and an engineer sets up is published on, called, or sent as an action. Names are absolute; `*`
+    A viewer reads: topics are subscribed to, and services called that change nothing. Names that an operator
+    commands and an engineer sets up are published on, called, or sent as an action. Names are absolute; `*`
     in one stands for any letters.
 
     `motions` are topics and services that move the robot, and `velocities` topics of which a message of zeros
@@ -314,13 +313,13 @@ class Plugin:
 
 
 class Outlet(Protocol):
-    """Where a driver reports what the world did. Every call is quick and may come from the node's thread."""
+    """The interface for a driver's reports. Every call is quick and may come from the node's thread."""
 
     def accepted(self, attempt: str) -> None:
         """The server took the request."""
 
     def progress(self, attempt: str, detail: str) -> None:
-        """What the attempt waits for or has reached; becomes the detail should it time out."""
+        """The attempt's progress, or the reason for its wait; becomes the detail of a timeout."""
 
     def done(self, attempt: str, result: Mapping[str, Any]) -> None:
         """The attempt succeeded."""
@@ -332,9 +331,9 @@ class Outlet(Protocol):
         """The attempt ended because it was asked to, with its result so far where it is `cut_short`."""
 
     def cancel_refused(self, attempt: str, detail: str) -> None:
-        """The server refuses to end the attempt, or does not end it; `detail` tells people what that means.
+        """The server refuses to end the attempt, or does not end it; `detail` is the consequence for people.
 
-        The driver goes on asking until the attempt has ended.
+        The driver repeats the cancel until the attempt has ended.
         """
 
     def value(self, name: str, value: Any, stamp: float) -> None:
@@ -354,7 +353,7 @@ class Driver(Protocol):
     """
 
     def missing(self) -> list[str]:
-        """Name what this plugin waits for before it can work (servers, topics); empty when ready."""
+        """Return the servers and topics that this plugin still waits for; empty when it is ready."""
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
         """Begin an attempt of one of the plugin's operations (local name); its name never comes twice."""
@@ -371,13 +370,13 @@ class Driver(Protocol):
 
 @runtime_checkable
 class RecoveringDriver(Driver, Protocol):
-    """A driver whose attempts may live on in their servers when the process that began them is gone.
+    """A driver whose attempts may live on in their servers after the process has ended.
 
-    Of drivers that are none of these, what they began counts as ended with their process.
+    Attempts of other drivers count as ended with their process.
     """
 
     def recover(self, attempt: str, operation: str, *, adopt: bool) -> None:
-        """Take over an attempt of a process that is gone: have it ended, or go on with it where `adopt`.
+        """Take over an attempt of another process: cancel it, or follow it with `adopt`.
 
         Reports follow as for one that was accepted.
         """

@@ -1,4 +1,4 @@
-"""What a plugin offers, in words: the one text behind `lupin plugin show` and the page of the catalog."""
+"""Describes a plugin's catalog as text, for `lupin plugin show` and the page of the catalog."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HOLDS: Mapping[OnHold, str] = {
 
 @dataclass(frozen=True)
 class Entry:
-    """One thing that is offered: its name, what it does, its arguments, and facts about it."""
+    """One thing of a catalog: its name, its effect, its arguments, and further facts."""
 
     name: str
     doc: str
@@ -36,7 +36,7 @@ class Section:
 
 
 def sections(plugin: Plugin) -> list[Section]:
-    """Return what a plugin offers, kind by kind; kinds that it has none of are left out."""
+    """Return a plugin's catalog, kind by kind; empty kinds are left out."""
     found = (
         Section("Operations", tuple(_operations(plugin))),
         Section("Actions", tuple(_actions(plugin))),
@@ -132,8 +132,8 @@ def _nodes(plugin: Plugin) -> Iterator[Entry]:
     for name, target in plugin.nodes.items():
         instead = ", ".join(plugin.stands_in.get(name, ()))
         guarded = ", ".join(plugin.guards.get(name, ()))
-        told = (("not started where there is", instead), ("looks after", guarded))
-        facts = tuple((what, names) for what, names in told if names)
+        pairs = (("not started where there is", instead), ("looks after", guarded))
+        facts = tuple((what, names) for what, names in pairs if names)
         yield Entry(name, f"Runs {target}.", facts=facts)
 
 

@@ -1,4 +1,4 @@
-"""Finding installed plugins and their verbs by entry point."""
+"""Discovers installed plugins and their verbs by entry point."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _QUOTED = re.compile(r"""(["'])(.*?)\1""")
 
 @dataclass(frozen=True)
 class Distribution:
-    """What was installed under one name."""
+    """An installed distribution."""
 
     name: str
     version: str
@@ -42,7 +42,7 @@ class Distribution:
 
 @dataclass(frozen=True, order=True)
 class EntryPoint:
-    """An entry point: its name, what it names as `module:attribute`, and who brought it."""
+    """An entry point: its name, its `module:attribute`, and its distribution."""
 
     name: str
     value: str
@@ -64,18 +64,18 @@ class EntryPoint:
 
     @property
     def attribute(self) -> str:
-        """What it names in the module, with dots; '' for the module itself."""
+        """The attribute in the module, with dots; '' for the module itself."""
         return self.value.partition(":")[2].partition("[")[0].strip()
 
     def load(self) -> Any:
-        """Import the module and return what is named in it."""
+        """Import the module and return the attribute."""
         found: Any = importlib.import_module(self.module)
         for name in filter(None, self.attribute.split(".")):
             found = getattr(found, name)
         return found
 
     def load_as(self, kind: type[_T], what: str, called: str) -> _T:
-        """Load a thing of one kind: `what` it is to people, such as plugin, and what its kind is `called`.
+        """Load an object of one kind; `what` and `called` are the words for it and its kind in errors.
 
         Raises:
             PluginError: it cannot be imported, or is something else.
@@ -99,7 +99,7 @@ def entry_points(group: str = GROUP) -> list[EntryPoint]:
 
 
 def entry_points_by_group(*groups: str) -> dict[str, list[EntryPoint]]:
-    """Return the entry points of each group by name; the installed packages are looked through once."""
+    """Return the entry points of each group by name; the installed packages are read once."""
     every = metadata.entry_points()
     found = {group: every.select(group=group) for group in groups}
     return {
@@ -122,7 +122,7 @@ def find_entry_point(name: str) -> EntryPoint:
 
 
 def told(error: BaseException, module: str) -> str:
-    """Say what an error of foreign code is and where the package of `module` met it, in one line."""
+    """Return an exception of foreign code in one line, with its place in the package of `module`."""
     place = _place_in(error, module)
     return _reason(error) + (f"; at {place}" if place else "")
 
@@ -176,7 +176,7 @@ def declared_in(project: Path) -> list[tuple[str, str]]:
 
 
 def _in_section(file: Path, header: str) -> Iterator[tuple[str, str]]:
-    """Yield name and value of what stands below a header of a pyproject.toml."""
+    """Yield the names and values below a header of a pyproject.toml."""
     try:
         text = file.read_text(encoding="utf-8", errors="replace")
     except OSError:

@@ -1,4 +1,4 @@
-"""Where the user's files are, and files that are there as a whole or not at all."""
+"""The user's folders (XDG), and atomic writes."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from lupin_engine.plugin.domain import ADVICE, DOMAIN, is_domain
 def user_folder(variable: str, otherwise: str, environment: Mapping[str, str] = os.environ) -> Path:
     """Return the engine's folder below one of the user's, by the XDG Base Directory Specification.
 
-    `variable` names the folder, such as XDG_STATE_HOME; `otherwise` is what it is, below the home, where that
-    is not set. A relative one is ignored, as the specification says.
+    `variable` names the folder, such as XDG_STATE_HOME; `otherwise` is its default, below the home. A
+    relative one is ignored, as the specification says.
 
     Raises:
         UsageError: it is not set, and this user has no home.
@@ -59,12 +59,12 @@ def _home(variable: str) -> Path:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file; who reads it, and who pulls the plug, finds the old one or the new one, never half of it.
+    """Replace a file atomically: readers, also after a power cut, find the old content or the new one.
 
     An existing file keeps its permissions; a link is followed.
 
     Raises:
-        OSError: it could not be written; what was there is still there, and nothing else is left behind.
+        OSError: it could not be written; the old content is still there, and no other file is left.
     """
     target = path.resolve()
     descriptor, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".new", dir=target.parent)

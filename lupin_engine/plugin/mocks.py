@@ -1,4 +1,4 @@
-"""Mocks that depend on what an operation is asked, as data: for which arguments they give what."""
+"""Mocks whose result depends on the arguments, as data."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ SAME, SAME_AS_ZERO = 1e-6, 1e-9
 
 @dataclass(frozen=True)
 class MockCases:
-    """What a mock gives: `usual`, and over it what the first case has that covers the arguments.
+    """A mock's result: `usual`, updated with the first case that covers the arguments.
 
-    A case is what the arguments must contain, and what is given then.
+    A case is a part of the arguments, and its result.
     """
 
     usual: Mapping[str, Any]
     cases: tuple[tuple[Mapping[str, Any], Mapping[str, Any]], ...]
 
     def __call__(self, arguments: Mapping[str, Any], _: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return what is given for some arguments; parameters make no difference."""
+        """Return the result for some arguments; parameters make no difference."""
         found = (given for wanted, given in self.cases if contains(arguments, wanted))
         return {**self.usual, **next(found, {})}
 
 
 def contains(whole: Any, part: Any) -> bool:
-    """Say whether `whole` has everything that `part` names; what was computed is compared to six digits.
+    """Say whether `whole` contains `part`; computed numbers are compared to six digits.
 
-    Records need only contain the fields that are given; lists have as many elements as they are given.
+    Records need only contain the given fields; lists have as many elements as they are given.
     """
     if isinstance(part, Mapping) and isinstance(whole, Mapping):
         return all(name in whole and contains(whole[name], value) for name, value in part.items())

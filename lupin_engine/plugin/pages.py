@@ -1,8 +1,7 @@
-"""What people's pages can show that is no robot: a simulation in virtual time, or a recording.
+"""The interface of a source for browser clients that is no robot: a simulation or a recording.
 
-Whoever has one of these implements `PageSource`, with the topics and services of a robot and in the same
-words. A plugin whose catalog names `pages` serves it. There is no ROS in this, and no thread: everything is
-called by the server's one loop.
+A `PageSource` has the topics and services of a robot. A plugin whose catalog names `pages` serves it. It uses
+no ROS and no thread: the server's one loop makes all calls but `history`.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ class PageMessage:
 
 
 class PageSource(Protocol):
-    """What a server of pages asks of what it serves; `now` is always in seconds of one steady clock."""
+    """What a server asks of a source; `now` is always in seconds of one steady clock."""
 
     @property
     def topics(self) -> Mapping[str, str]:
@@ -37,19 +36,19 @@ class PageSource(Protocol):
 
     @property
     def access(self) -> Access:
-        """What pages may use of it, beside what plugins and the profile declare."""
+        """Return the access of clients to it, beside the declarations of plugins and the profile."""
 
     def about(self) -> Mapping[str, Any]:
-        """What a page must know first: `mode`, `title`, and whatever else there is to say."""
+        """Return the first data for a client: `mode`, `title`, and more."""
 
     def begin(self, tell: Callable[[PageMessage], None], forget: Callable[[], None]) -> None:
-        """Begin; `tell` is to be called with every message from now on, `forget` when all of it is void."""
+        """Begin; call `tell` with every message from now on, and `forget` when all of them are void."""
 
     def work(self, now: float) -> float | None:
-        """Let happen what is due; return in how many seconds to come, None: when asked for something."""
+        """Carry out due actions; return the seconds until the next call, None: only after a request."""
 
     def clock(self, now: float) -> float:
-        """Return what its clock shows, in milliseconds since 1970."""
+        """Return the time of its clock, in milliseconds since 1970."""
 
     def call(self, service: str, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
         """Answer a call by the fields of its response.
@@ -62,7 +61,7 @@ class PageSource(Protocol):
         """Hear that a page has the robot stopped, or that none has any more."""
 
     def history(self, since: float, topics: Collection[str]) -> Iterator[PageMessage]:
-        """Yield what was told later than `since`, the oldest first; no topics: of all. On any thread."""
+        """Yield the messages later than `since`, the oldest first; no topics: of all. On any thread."""
 
 
 #: Serves a source on a port of this machine until SIGINT or SIGTERM; the function is told where pages are.
@@ -71,7 +70,7 @@ ServePages = Callable[[PageSource, int, Callable[[str], object]], None]
 
 
 def declared_access(catalog: Catalog) -> Iterator[Access]:
-    """Yield what plugins and the profile let pages use, with the services and topics of its orchestrator."""
+    """Yield the access that plugins and the profile declare, with the orchestrator's services and topics."""
     profile = catalog.profile
     yield profile.access
     for plugin in catalog.plugins.values():

@@ -1,4 +1,4 @@
-"""Values for parameters, checked: whoever gave them, and wherever, a mistake is told in the same words."""
+"""Checks values of parameters, with one text for each mistake wherever they are given."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def narrowed(spec: Parameter) -> Type:
 
 
 def accepted(spec: Parameter, value: Any, notation: Notation = Notation.SETTING) -> Any:
-    """Return a value as plain data in base units; ValueError says what is allowed, and what came."""
+    """Return a value as plain data in base units; ValueError names the allowed values and the given one."""
     return convert(value, narrowed(spec), notation)
 
 
@@ -73,10 +73,10 @@ def sorted_out(
     read: Reader = named,
     elsewhere: Callable[[str], str] = lambda name: "",
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the given values that can be used, and what is wrong with each of the others.
+    """Return the valid values, and an error for each of the others.
 
-    An unknown name is told with the nearest one, else with where it belongs: `elsewhere` says that of a name,
-    '' where it knows nothing. Else all names that there are are listed, once.
+    An unknown name is reported with the nearest one, else with the place that `elsewhere` returns for it (''
+    for none), else with a list of all names, once.
     """
     values: dict[str, Any] = {}
     problems: list[str] = []

@@ -1,9 +1,9 @@
-"""What a profile is: everything that one kind of robot says in its own words, declared as data.
+"""The profile: the vocabulary and interface of one kind of robot, declared as data.
 
-The engine knows requests, operations, holds, inputs and itineraries. What a mission visits, how a visit can
-end, which message tells the state and what the terminal calls all that is one `Profile` object, found by
-entry point (group `lupin.profiles`). Loading it needs no ROS: messages are named by their types, and the
-functions of `Wire` turn plain data into the fields of a message and back.
+The engine knows requests, operations, holds, inputs and itineraries. Kinds of targets, outcomes of visits,
+messages and the terminal's words are one `Profile` object, found by entry point (group `lupin.profiles`).
+Loading it needs no ROS: messages are named by their types, and the functions of `Wire` convert plain data to
+the fields of a message and back.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Fields = Mapping[str, Any]
 
 
 class Rating(enum.Enum):
-    """What an outcome means to whoever looks at a run."""
+    """The meaning of an outcome in displays."""
 
     GOOD = "good"  #: the visit did what it was for
     BAD = "bad"  #: it did not
@@ -43,7 +43,7 @@ class TargetOutcome:
 
     @property
     def is_good(self) -> bool:
-        """Whether the visit did what it was for."""
+        """Whether the visit reached its purpose."""
         return self.rating is Rating.GOOD
 
 
@@ -62,13 +62,14 @@ class RequestField:
 
 @dataclass(frozen=True)
 class OperatorRequest:
-    """Something that an operator may ask for at any time.
+    """A request that an operator may make at any time.
 
-    `however_late`: it is carried out even when it seems old. How old a request is can often only be said by
-    two wall clocks, the caller's and ours, and these may disagree. So whatever stops the robot, ends its
-    mission or sends it home has this: stopping late is better than not at all. What lets it go on has it not.
-    Where it would end a hold it is refused all the same when it is old: the robot stands, and would drive.
-    The command line's verb is `verb`, where that is not its name; `key` is its letter in `lupin run`.
+    `however_late`: it is carried out even when it seems old. How old a request is can often only be judged by
+    two wall clocks, the caller's and ours, and these may disagree. So every request that stops the robot,
+    ends its mission or sends it home has this: stopping late is better than not at all. A request to resume
+    has it not. A request that would end a hold is refused all the same when it is old: the robot stands, and
+    would drive. The command line's verb is `verb`, where that is not its name; `key` is its letter in `lupin
+    run`.
     """
 
     doc: str
@@ -81,7 +82,7 @@ class OperatorRequest:
 class Publication:
     """An action that publishes `outcome` for a target outside of a visit.
 
-    `target` and `reading` are its arguments: who the target is, and what was read there.
+    `target` and `reading` name its arguments for the target and its reading.
     """
 
     doc: str
@@ -97,7 +98,7 @@ class Publication:
 
 @dataclass(frozen=True)
 class Stages:
-    """What published lifecycle states mean: the labels of the lifecycles of this profile."""
+    """The meaning of published lifecycle states: the labels of the lifecycles of this profile."""
 
     starting: tuple[str, ...] = ()
     ready: tuple[str, ...] = ()
@@ -112,9 +113,9 @@ class Stages:
 
     @property
     def begins_anew(self) -> frozenset[str]:
-        """The states in which a new process begins from the start: there is nothing to go on with.
+        """The states in which a new process starts from the beginning, without recovery.
 
-        In a fault it goes on: that somebody must look is not forgotten.
+        A fault is recovered, so that it stays visible.
         """
         return frozenset((*self.starting, *self.ready, *self.ended))
 
@@ -125,16 +126,16 @@ class Stages:
 
     @property
     def anchors(self) -> frozenset[str]:
-        """The states in which a run begins and ends; they are looked for by name, so they keep it."""
+        """The states in which a run begins and ends; they are found by name, so they keep it."""
         return self.over.union(self.starting)
 
 
 @dataclass(frozen=True)
 class Projection:
-    """Something that the profile's messages say of live values, whatever missions declare.
+    """A fold of live values for the profile's messages, independent of the missions' declarations.
 
-    `values` are live values of plugins. `fold(before, name, value)` returns what is known after a report of
-    one of them; `before` is None until the first. It is pure, and what it returns is plain data.
+    `values` are live values of plugins. `fold(before, name, value)` returns the new result after a report of
+    one of them; `before` is None until the first. It is pure, and its result is plain data.
     """
 
     values: tuple[str, ...]
@@ -160,7 +161,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class StartRequest:
-    """What somebody asks for: a mission by name, and fields of `Profile.request`."""
+    """The request to start: a mission by name, and fields of `Profile.request`."""
 
     mission: str
     request: Fields
@@ -173,7 +174,7 @@ def given_fields(fields: Fields) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class StartAnswer:
-    """What is answered: the id of the mission that has begun, or the reason why none has."""
+    """The answer: the id of the mission that has begun, or the reason why none has."""
 
     accepted: bool
     mission_id: str = ""
@@ -184,8 +185,8 @@ class StartAnswer:
 class StartService:
     """The service that starts a mission, and the functions that make and read its request and its response.
 
-    A field that is left out of what `request_fields` gets is left to the mission, as is one that
-    `read_request` returns empty.
+    A field that is missing in the argument of `request_fields`, or empty in the result of `read_request`, is
+    left to the mission.
     """
 
     name: str
@@ -198,7 +199,7 @@ class StartService:
 
 @dataclass(frozen=True)
 class Publish:
-    """What became of a target, to be told to the world. `status` is the name of an outcome."""
+    """The outcome of a target, to be published. `status` is the name of an outcome."""
 
     source: str
     mission_id: str
@@ -211,11 +212,11 @@ class Publish:
 
 @dataclass(frozen=True)
 class Situation:
-    """Where a mission stands, as its state message is made from it.
+    """The state of a mission, for its state message.
 
     `counts` is by outcome, `value(name)` a projection of the profile, else an input or a variable, None while
-    it is unknown, `request` what the mission was started with. `label` and `severity` belong to `code`;
-    `started` and `stamp` are the fields of a Time.
+    it is unknown, `request` that of the mission's start. `label` and `severity` belong to `code`; `started`
+    and `stamp` are the fields of a Time.
     """
 
     mission: str
@@ -238,7 +239,7 @@ class Situation:
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a mission stands, as its state message says it to whoever follows a run.
+    """The state of a mission, read from its state message, for displays.
 
     `goal` and `found` are of a mission that searches for its targets. `error` is the code and detail reported
     last, `event` its label. `flags` and `gauges` (0 to 1) are by the names that `Terminal` has for them.
@@ -263,7 +264,7 @@ class Progress:
 
 @dataclass(frozen=True)
 class TargetResult:
-    """What was told of one target: the outcome, why, and the columns that were read there."""
+    """A published outcome: the target, the reason, and the columns that were read there."""
 
     target: str
     status: str
@@ -274,7 +275,7 @@ class TargetResult:
 
 @dataclass(frozen=True)
 class Remark:
-    """Something else that was told during a mission."""
+    """Another message for people that was published during a mission."""
 
     severity: Severity
     text: str
@@ -283,13 +284,13 @@ class Remark:
 
 @dataclass(frozen=True)
 class Wire:
-    """The orchestrator on the network.
+    """The orchestrator's interface on the network.
 
     `requests` is the name of an operator's service (std_srvs/srv/Trigger), with `{}` for the request.
     `state_fields` and `outcome_fields` make messages, `read_state` and `read_outcome` read them; the latter
-    returns None for what is not meant for people. The state is published at once when a field in `urgent`
-    changes, besides the published labels, the target, the code and the pause. `hashes` are the types that
-    every run uses, each with the hash that the other end of the wire has.
+    returns None for a message that is not meant for people. The state is published at once when a field in
+    `urgent` changes, besides the published labels, the target, the code and the pause. `hashes` are the types
+    that every run uses, each with the hash that the other end of the wire has.
     """
 
     state: Channel
@@ -319,10 +320,10 @@ class Flag:
 
 @dataclass(frozen=True)
 class Terminal:
-    """What the terminal calls things.
+    """The terminal's words.
 
-    `columns` are what can be read at a target, in order, each with its unit; `read` is what all of them are
-    called. `gauges` maps a gauge to the flag that turns it red.
+    `columns` are the readings of a target, in order, each with its unit; `read` is the word for all of them.
+    `gauges` maps a gauge to the flag that turns it red.
     """
 
     target: str = "target"
@@ -338,14 +339,14 @@ class Terminal:
 
 @dataclass(frozen=True)
 class Profile:
-    """All that the engine must know of one kind of robot and its missions.
+    """The declaration of one kind of robot and its missions.
 
-    `resume` and `abort` are those of `requests` that let a held mission go on and that end a mission: the
-    terminal names the one, Ctrl-C sends the other. `values_of` returns the terminal's columns of what was
-    read at a target. `stop` is the input that is true while the robot is stopped by hand: so a simulation
-    hears the stop of a page. `projections` are what messages read of live values by names of their own.
-    `access` are names of the robot itself that people's pages may use. Without `wire` missions can be
-    checked, drawn and simulated, but not run.
+    `resume` and `abort` are those of `requests` that resume a held mission and that end a mission: the
+    terminal names the one, Ctrl-C sends the other. `values_of` returns the terminal's columns of a reading.
+    `stop` is the input that is true while the robot is stopped by hand: so a simulation gets the stop of a
+    page. `projections` are folds of live values, by names of their own. `access` are names of the robot
+    itself that browser clients may use. Without `wire` missions can be checked, drawn and simulated, but not
+    run.
     """
 
     name: str
@@ -374,7 +375,7 @@ class Profile:
         return next((outcome for outcome in self.outcomes if outcome.name == name), None)
 
     def is_good(self, status: str) -> bool:
-        """Say whether a visit that ended so did what it was for."""
+        """Say whether a visit with this outcome reached its purpose."""
         outcome = self.outcome(status)
         return outcome is not None and outcome.is_good
 
@@ -385,7 +386,7 @@ class Profile:
 
     @property
     def events(self) -> Mapping[str, str]:
-        """The requests as events, each with what it means: the start, then the operator's."""
+        """The requests as events, each with its summary: the start, then the operator's."""
         asked = {f"operator.{name}": request.doc for name, request in self.requests.items()}
         return {START: "Somebody asks to start a mission.", **asked}
 

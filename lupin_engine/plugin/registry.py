@@ -1,8 +1,8 @@
-"""Finding plugins, verifying them on registration, and the one catalog of all that they offer.
+"""Discovers and verifies plugins, and joins their declarations to one catalog.
 
-A plugin is refused by name with a reason (`PluginError`) before anything uses it: names that a mission could
-not write, defaults that do not have their type, a name that two plugins claim. Plugins are found by entry
-point (group `lupin.plugins`, each naming a `Plugin`); nothing of ROS is imported for that.
+A plugin is refused by name with a reason (`PluginError`) before it is used: names that a mission could not
+write, defaults that do not have their type, a name that two plugins claim. Plugins are found by entry point
+(group `lupin.plugins`, each naming a `Plugin`); nothing of ROS is imported for that.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Catalog:
 
     @property
     def installed(self) -> Catalog:
-        """What is offered without plugins that were added, such as the bindings of a folder of missions."""
+        """The catalog without plugins that were added, such as the bindings of a folder of missions."""
         return self if self.base is None else self.base
 
     @property
@@ -114,7 +114,7 @@ class Catalog:
 
     @cached_property
     def for_missions(self) -> Catalog:
-        """What authors of missions are offered: all but what is internal to plugins."""
+        """The catalog for authors of missions: without internal declarations."""
         offered = {name: plugin for name, plugin in self.plugins.items() if not plugin.internal}
         return self if len(offered) == len(self.plugins) else self._with_plugins(_join(offered))
 
@@ -133,7 +133,7 @@ class Catalog:
 
 
 def load_catalog() -> Catalog:
-    """Find the installed plugins and profiles, verify them and return what they and the engine offer.
+    """Discover the installed plugins and profiles, verify them and return their catalog with the engine's.
 
     Raises:
         PluginError: one cannot be imported, breaks the contract, or contradicts another one.
@@ -191,7 +191,7 @@ def verified_plugin(point: EntryPoint) -> Plugin:
 
 
 def build_catalog(plugins: Iterable[Plugin], profiles: Iterable[Profile] = ()) -> Catalog:
-    """Verify `plugins` and join what they offer; the built-in plugin is added when it is not among them.
+    """Verify `plugins` and join their declarations; the built-in plugin is added when it is not among them.
 
     Raises:
         PluginError: names the plugin or profile and the reason.
@@ -208,7 +208,7 @@ def build_catalog(plugins: Iterable[Plugin], profiles: Iterable[Profile] = ()) -
 
 
 def _profiles(profiles: Iterable[Profile]) -> dict[str, Any]:
-    """Return what a catalog has of profiles."""
+    """Return the fields of a catalog about profiles."""
     found: dict[str, Profile] = {}
     for profile in profiles:
         if profile.name in found:
@@ -316,7 +316,7 @@ def _refused(plugin: Plugin, reason: str) -> PluginError:
 
 
 def _verify(plugin: Plugin) -> None:
-    """Check one plugin by itself, and tell all that is wrong with it, in the order of its declaration."""
+    """Check one plugin by itself, and report all its errors, in the order of its declaration."""
     try:
         found = list(misshapen(plugin)) or list(_problems(plugin))
     except Exception as error:  # what stands there is not even of the kind that can be checked
@@ -469,9 +469,10 @@ def _type_problems(where: str, kind: object) -> Iterator[str]:
     if kind.item is not None:
         yield from _type_problems(where, kind.item)
     yield from _field_problems(where, "field", kind.fields)
-    for name, told in kind.named.items():
-        if told.unit not in ("", *UNITS):
-            yield f"{where}: {name!r} is told in {told.unit!r}, an unknown unit; {nearest(told.unit, UNITS)}"
+    for name, named in kind.named.items():
+        if named.unit not in ("", *UNITS):
+            hint = nearest(named.unit, UNITS)
+            yield f"{where}: {name!r} is told in {named.unit!r}, an unknown unit; {hint}"
 
 
 def _range_problems(where: str, kind: Type, lowest: float | None, highest: float | None) -> Iterator[str]:

@@ -1,8 +1,8 @@
-"""Whether a catalog is made of what the contract wants, before anybody looks at what it means.
+"""Checks the types of a catalog's declarations at run time, before their meaning is checked.
 
-Catalogs are Python that no type checker may have seen: a text where a list is wanted, a class left out, a
-comma forgotten. Each is told in the words of its place, all of them at once. What is wanted is read from the
-annotations of the contract; types are looked at where they are used.
+Catalogs are Python that may have passed no type checker: a text for a list, a missing class, a forgotten
+comma. All errors are reported at once, each with its place. The expected types are the annotations of the
+contract; types of the mission language are checked where they are used.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ Shape = Callable[[str, Any], Iterator[str]]
 
 
 def misshapen(plugin: Plugin) -> Iterator[str]:
-    """Tell all that is not of the kind that the contract wants."""
+    """Yield an error for each part that is not of the contract's type."""
     for name, shape in _shapes(Plugin).items():
         yield from shape(name, getattr(plugin, name))
 
 
 @cache
 def _shapes(kind: type) -> Mapping[str, Shape]:
-    """Return what the parts of something that a catalog is made of must be."""
+    """Return the shapes of the fields of a declaration."""
     return {name: _wanted(name, hint) for name, hint in get_type_hints(kind).items()}
 
 
@@ -50,7 +50,7 @@ def _wanted(name: str, hint: Any) -> Shape:
 
 
 def _called(hint: Any) -> str:
-    """Return what the elements of a tuple are called."""
+    """Return the word for the elements of a tuple."""
     if get_origin(hint) is Mapping:
         return "mappings by name"
     return {str: "names", Any: "values"}.get(hint) or f"{hint.__name__}(...)"
@@ -80,7 +80,7 @@ def _made_with(wanted: type) -> Shape:
 
 
 def _by_name(word: str, inner: Shape) -> Shape:
-    """Return the shape of a mapping; what stands in it is called `word` and its name, not by its place."""
+    """Return the shape of a mapping; its elements are named by `word` and their name, not by their place."""
 
     def shape(where: str, value: Any) -> Iterator[str]:
         if not isinstance(value, Mapping):

@@ -66,7 +66,7 @@ MAX_LISTS = 8
 #: The longest text that a variable keeps, in characters.
 MAX_TEXT = 10_000
 #: Letters that are told of what is wrong with something that a plugin told.
-MAX_TOLD = 120
+MAX_SHOWN_VALUE = 120
 
 #: Digits that every number keeps on its way through a float.
 _CERTAIN_DIGITS = 15
@@ -80,13 +80,13 @@ _ENDLESS = re.compile(r"[+-]?\.?(?:nan|inf|infinity)\b", re.IGNORECASE)
 class Type:
     """A type of the language: a scalar kind, a list of `item`, or a record with `fields`.
 
-    `kind` is one of bool, integer, number, text, list, record, any. `name` is what messages and files call
-    it (`duration` is the number with unit s). `unit` is the base unit of a number. A list holds at most
+    `kind` is one of bool, integer, number, text, list, record, any. `name` is its name in messages and files
+    (`duration` is the number with unit s). `unit` is the base unit of a number. A list holds at most
     `maximum` elements, where that is declared; one that is `distinct` is a set: it holds each element once,
-    in the order in which they came. `named` are the types of what a list of records of `name` and `value`
-    tells, by those names; their unit is the one that it is told in. `values` are all that a
-    text can be, where that is known: a comparison with another one is a slip of the pen. `pattern` is the
-    regular expression that a text matches as a whole, and `example` one that does.
+    in the order in which they came. `named` are, by name, the types of the values in a list of records of
+    `name` and `value`, each in its own unit. `values` are all possible texts, where these are known: a
+    comparison with another one is a mistake. `pattern` is the regular expression that a text matches as a
+    whole, and `example` one that does.
     """
 
     kind: str
@@ -154,7 +154,7 @@ BUILTIN_TYPES: Mapping[str, Type] = MappingProxyType(
 
 
 def is_moment(kind: Type) -> bool:
-    """Tell whether a type is a time of day or a date."""
+    """Say whether a type is a time of day or a date."""
     return kind.name in (TIME_OF_DAY.name, DATE.name)
 
 
@@ -190,7 +190,7 @@ def units_of(base: str) -> list[str]:
 
 
 def innermost(kind: Type) -> Type:
-    """Return what a list holds, also one in lists; of any other type, the type itself."""
+    """Return the element type of a list, also of nested ones; of any other type, the type itself."""
     while kind.kind == "list" and kind.item is not None:
         kind = kind.item
     return kind
@@ -206,9 +206,9 @@ def within(kind: Type, minimum: float | None, maximum: float | None) -> Type:
 
 
 def in_unit(value: Any, unit: str) -> Any:
-    """Return a number that is kept in the base of `unit` as a number of that unit; a list, each of it.
+    """Convert a number from the base of `unit` to that unit; a list, each of it.
 
-    What was written as `60 deg` is 60.0, not the nearest number that the way to radians and back leads to.
+    The result is exact for `60 deg`: 60.0, not the nearest number after a conversion to radians and back.
     """
     if isinstance(value, (list, tuple)):
         return [in_unit(element, unit) for element in value]
@@ -223,10 +223,10 @@ def in_base(value: Any, unit: str) -> Any:
 
 
 def parse_type(text: str, known: Mapping[str, Type]) -> Type:
-    """Read a type as missions write it: a name, or `list of NAME` or `set of NAME`.
+    """Parse a type as missions write it: a name, or `list of NAME` or `set of NAME`.
 
     Raises:
-        ValueError: the name is not known; the text says what is.
+        ValueError: the name is unknown; the text lists the known ones.
     """
     words = text.split()
     made: list[Callable[[Type], Type]] = []
@@ -262,7 +262,7 @@ def _parse_quantity(text: str) -> tuple[float, str] | None:
 
 
 class Notation(enum.Enum):
-    """How values are given, which decides what a number with a unit may look like."""
+    """The source of a value, which decides how a number with a unit may be written."""
 
     #: In a file or on the command line: with the unit, such as `60 s`.
     FILE = enum.auto()
@@ -299,16 +299,16 @@ class ValueProblem(NamedTuple):
     value: Any
 
     def at(self, where: str = "") -> str:
-        """Return the text with the place before it; `where` is what the whole value is called."""
+        """Return the text with the place before it; `where` is the name of the whole value."""
         for step in self.path:
             where += f"[{step}]" if isinstance(step, int) else f".{step}"
         return f"{where}: {self.text}" if where else self.text
 
 
 def problems(value: Any, wanted: Type, notation: Notation = Notation.SETTING) -> list[ValueProblem]:
-    """Return why a value is not of a type, for each part of it; nothing when it is.
+    """Return why a value is not of a type, for each part of it; empty when it is.
 
-    This is the one place that decides it; who asks formats the answer.
+    This is the one check of values; callers format the result.
     """
     found: list[ValueProblem] = []
     if notation is not Notation.DATA or not _plainly_fits(value, wanted):
@@ -317,7 +317,7 @@ def problems(value: Any, wanted: Type, notation: Notation = Notation.SETTING) ->
 
 
 def _plainly_fits(value: Any, wanted: Type) -> bool:
-    """Say whether data is of a type at first sight, as nearly all is; else `_collect` says what is wrong."""
+    """Say whether a value certainly is of a type: the fast path before `_collect`."""
     made, kind, item = type(value), wanted.kind, wanted.item
     if made is float or made is int:
         low, high = wanted.minimum, wanted.maximum
@@ -337,7 +337,7 @@ def _plainly_fits(value: Any, wanted: Type) -> bool:
 
 
 def beyond(value: float, kind: Type) -> str:
-    """Return what the language allows of every number of a kind, where a value is beyond that; else ''."""
+    """Return the limit of the language that a number of a kind exceeds; else ''."""
     if kind.kind == "integer" and not -MAX_INTEGER <= value <= MAX_INTEGER:
         return f"of at most {MAX_INTEGER}" if value > 0 else f"of at least -{MAX_INTEGER}"
     if kind.unit == "s" and not -MAX_SECONDS <= value <= MAX_SECONDS:
@@ -349,7 +349,7 @@ def convert(value: Any, wanted: Type, notation: Notation = Notation.SETTING) -> 
     """Return a setting as plain data of type `wanted`, numbers in their base unit.
 
     Raises:
-        ValueError: the value is not of that type; the text says what was expected and what came.
+        ValueError: the value is not of that type; the text has the expected and the given one.
     """
     found = problems(value, wanted, notation)
     if found:
@@ -439,8 +439,8 @@ def _scalar_problems(
 ) -> Iterator[ValueProblem]:
     fault, text = _SCALARS.get(wanted.kind, _no_scalar)(value, wanted, notation)
     if fault is not None:
-        told = shortened(text, MAX_TOLD) if notation is Notation.DATA else text
-        yield ValueProblem(path, told, fault, wanted, value)
+        shown = shortened(text, MAX_SHOWN_VALUE) if notation is Notation.DATA else text
+        yield ValueProblem(path, shown, fault, wanted, value)
 
 
 def _wrong_fields(
@@ -515,13 +515,13 @@ def _in_range(number: float, value: Any, wanted: Type) -> _Answer:
 
 
 def _is_outside(number: float, wanted: Type) -> bool:
-    """Tell whether a number is below the minimum of a type, or above its maximum."""
+    """Say whether a number is below the minimum of a type, or above its maximum."""
     low, high = wanted.minimum, wanted.maximum
     return (low is not None and number < low) or (high is not None and number > high)
 
 
 def number_hint(text: str, wanted: Type) -> str:
-    """Return what to write instead of a text that is no number of a type; '' where nothing more is known."""
+    """Return a correct spelling for a text that is no number of a type; '' where none is known."""
     if _ENDLESS.match(text.strip()):
         return _finite(wanted)
     measured = _MEASURED.fullmatch(text.strip())
@@ -546,7 +546,7 @@ def _is_finite(value: float) -> bool:
 
 
 def _range(kind: Type, written: Any) -> str:
-    """Return what numbers of a type are allowed, in the unit that a wrong one was written with."""
+    """Return the range of numbers of a type, in the unit of a given wrong one."""
     quantity = _QUANTITY.match(written.strip()) if isinstance(written, str) else None
     chosen = quantity[2] if quantity is not None else kind.unit
     unit = f" {chosen}" if chosen and chosen not in kind.name.split() else ""

@@ -1,6 +1,6 @@
-"""What messages of ROS mean to the language: times are seconds, a pose has a yaw, in radians.
+"""Maps messages of ROS to the language: times are seconds, a pose has a yaw, in radians.
 
-Everything else on the wire is what it is: numbers, texts, lists and messages inside of messages.
+Everything else on the wire is unchanged: numbers, texts, lists and messages inside of messages.
 """
 
 from __future__ import annotations

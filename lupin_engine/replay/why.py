@@ -18,7 +18,7 @@ from lupin_engine.machine.scope import reads_of
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.runtime.history import History
-from lupin_engine.sim.narration import StepLine, short_name, shorten, tell
+from lupin_engine.sim.narration import StepLine, narrate, short_name, shorten
 
 #: The default length of a causal chain.
 USUAL_DEPTH = 5
@@ -298,7 +298,7 @@ class Inquiry:
 
     def _cause_of(self, index: int) -> Cause | None:
         one = self._lived[index]
-        lines = tell(self._chart, self._history, index, index + 1)
+        lines = narrate(self._chart, self._history, index, index + 1)
         if not lines:
             return None
         return Cause(lines[0], one.wall, one.by, tuple(self._reasons(one)))

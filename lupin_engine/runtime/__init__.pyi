@@ -30,8 +30,8 @@ from .journal.recovery import resumed_event as resumed_event
 from .journal.refusals import Refusals as Refusals
 from .journal.replay import resumed as resumed
 from .offer import missions_record as missions_record
-from .possible import Foresight as Foresight
 from .possible import PossibleRecord as PossibleRecord
+from .possible import RequestPreview as RequestPreview
 from .possible import requests_of as requests_of
 from .questions import OpenQuestion as OpenQuestion
 from .questions import open_questions as open_questions

@@ -1,4 +1,4 @@
-"""How old a request is, judged by its client's own clock: two computers may be an hour apart."""
+"""The age of a request, judged by its client's own clock, because computers' clocks may differ by an hour."""
 
 from __future__ import annotations
 
@@ -51,19 +51,19 @@ class _ClientClock:
         self.believed.append((now, difference))
 
     def is_steady(self, now: float, difference: float) -> bool:
-        """Say whether an old request is like one before; otherwise it is what others are compared with."""
+        """Say whether an old request shows the same difference as one before, at least `APART_S` ago."""
         if self.doubted is None or abs(difference - self.doubted[1]) > SAME_S:
             self.doubted = now, difference
         return now - self.doubted[0] >= APART_S
 
 
 class ClientClocks:
-    """The clocks of those who ask, by name; those without a name are one client with several clocks.
+    """Estimates the age of requests from the minimum offset of each client's clock, by name.
 
-    The difference between when a request came, by this process's steady clock, and when it was sent, by the
-    client's, is the same for all requests of a clock, plus how long each was under way. So its age is its
-    difference less the smallest one of the last five minutes. Of a clock that was not heard before the
-    clocks on the wall must do: what is old by them is old, until another request shows the same difference.
+    The offset, arrival by this process's steady clock less sending by the client's, is constant for one
+    clock, plus the time in transit. So the age is the offset less the smallest one of the last five minutes.
+    For a clock without history the wall clocks decide: a request that is old by them is old, until another
+    one shows the same offset. Requests without a name count as one client with several clocks.
     """
 
     def __init__(self) -> None:

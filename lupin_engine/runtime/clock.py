@@ -1,4 +1,4 @@
-"""Time as an argument: the clock of a loop, the virtual one that jumps, what clocks show in a zone."""
+"""Clocks: that of a loop, the virtual one of simulations, and local time in a zone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _FIRST_YEAR, _LAST_YEAR = 1971, 2999
 
 
 class Clock(Protocol):
-    """Says what time it is, in seconds from any origin; never goes backwards."""
+    """A steady clock, in seconds from any origin; it never goes backwards."""
 
     def now(self) -> float:
         """Return the time."""
@@ -34,7 +34,7 @@ class VirtualClock:
         return self._now
 
     def wall(self) -> float:
-        """Return what the clock on the wall shows."""
+        """Return the time of the wall clock."""
         return self._now + self._ahead
 
     def set_wall(self, wall: float) -> None:
@@ -53,7 +53,7 @@ class VirtualClock:
 
 
 class ZoneCalendar:
-    """What clocks show in a time zone: a `machine.scope.Calendar`."""
+    """Local dates and times of day in a time zone: a `machine.scope.Calendar`."""
 
     def __init__(self, zone: tzinfo, name: str) -> None:
         self._zone = zone
@@ -64,8 +64,8 @@ class ZoneCalendar:
         found = self._local(moment)
         return found.date().isoformat(), f"{found:%H:%M}"
 
-    def told(self, moment: float) -> str:
-        """Return a moment as people write it."""
+    def as_text(self, moment: float) -> str:
+        """Return a moment as people write it, with the zone."""
         return f"{self._local(moment):%Y-%m-%d %H:%M:%S} {self._name}"
 
     def written(self, moment: float) -> str:
@@ -85,7 +85,7 @@ class ZoneCalendar:
             day += timedelta(days=1)
 
     def moment(self, text: str) -> float:
-        """Return what `2026-11-22 22:00` means here, in POSIX time; a text may say how far from UTC it is.
+        """Return the POSIX time of a local one, such as `2026-11-22 22:00`, perhaps with an offset from UTC.
 
         Raises:
             ValueError: this is no date with a time of day.

@@ -1,4 +1,4 @@
-"""What plugins tell against what their catalog declares: the last look before a mission sees it."""
+"""Checks results and events of plugins against their catalog before a mission sees them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ DRIVER_FAILED = "driver.failed"
 
 
 def as_declared(event: Event, catalog: Catalog, attempts: Mapping[str, Attempt]) -> Event:
-    """Return an answer or an event of a plugin as it is; one that breaks its declaration, as what that means.
+    """Return a plugin's event unchanged, or the failure that stands for one that breaks its declaration.
 
-    A wrong result is a failure of its attempt: nobody would hear of its end otherwise, and a mission that
-    works with what is not a number would drive by it. A wrong event is not taken in. Live values are the
-    machine's own matter, which knows their ranges.
+    A wrong result becomes a failure of its attempt, so that the attempt ends and no motion follows from a
+    value that is no number. A wrong event is replaced by `driver.failed`. Live values pass: the machine
+    checks them against their ranges.
     """
     ends = event.name in ("attempt.done", "attempt.cancelled") and isinstance(event.data, Mapping)
     if ends and (event.name == "attempt.done" or "result" in event.data):
@@ -44,13 +44,13 @@ def _answer(event: Event, catalog: Catalog, attempts: Mapping[str, Attempt]) -> 
     return events.failed(attempt.id, DRIVER_CODE, detail)
 
 
-def _misfits(told: Any, declared: Mapping[str, Type]) -> Iterator[str]:
-    """Yield what keeps fields from being the declared ones."""
-    if not isinstance(told, Mapping):
-        yield f"fields are expected, got {type(told).__name__}"
+def _misfits(data: Any, declared: Mapping[str, Type]) -> Iterator[str]:
+    """Yield the differences between fields and their declaration."""
+    if not isinstance(data, Mapping):
+        yield f"fields are expected, got {type(data).__name__}"
         return
     for name, kind in declared.items():
-        if name in told:
-            yield from (problem.at(name) for problem in problems(told[name], kind, Notation.DATA))
+        if name in data:
+            yield from (problem.at(name) for problem in problems(data[name], kind, Notation.DATA))
         else:
             yield f"{name}: left out"

@@ -1,7 +1,8 @@
-"""The loop: events in one queue, one step at a time, commands out to the plugins' drivers.
+"""The event loop: one queue of events, one step at a time, commands out to the plugins' drivers.
 
 Any thread may post; one thread drains. Reports that a driver makes while a command is carried out join the
-queue and are stepped after it, so a step never runs inside another.
+queue and are stepped after it (run to completion). More than `MOST_AT_ONCE` steps at one moment end as an
+error of the mission. A driver's exception fails its attempt, never the loop.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any, Protocol, TypeVar
 
 from lupin_engine.errors import shortened
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import NOTHING, STILL, Act, Cancel, Command, Event, Start
+from lupin_engine.machine.event import NOTHING, STANDSTILL, Act, Cancel, Command, Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Attempt, Phase
 from lupin_engine.machine.step import Step
@@ -28,7 +29,7 @@ MOST_AT_ONCE = 10_000
 #: So many of them are looked at to tell the circle.
 _CIRCLE = 100
 
-#: By so much the robot's clock may come to differ from what the machine was told, in seconds.
+#: By so much the robot's clock may drift from the one that the machine knows, in seconds.
 CLOCK_TOLERANCE_S = 0.5
 
 
@@ -36,29 +37,28 @@ _T = TypeVar("_T")
 
 
 class InputLog(Protocol):
-    """Where the loop writes what enters the machine, before the step that it leads to."""
+    """The write-ahead log of the machine's inputs: each is written before the step that it causes."""
 
     def started(self, now: float, ahead: float | None) -> None:
         """The machine is started."""
 
     def handled(self, now: float, event: Event, origin: Mapping[str, str]) -> None:
-        """The machine gets an event; `origin` is who asked for it."""
+        """The machine gets an event; `origin` names who requested it."""
 
     def fired(self, now: float) -> None:
         """The machine fires its earliest deadline."""
 
     def loaded(self, now: float) -> None:
-        """The machine goes on from another one's memory."""
+        """The machine was replaced by a hot reload."""
 
-    def when_kept(self, then: Callable[[], None]) -> None:
-        """Call `then` on the loop's thread, perhaps later, when all that was written is kept."""
+    def when_flushed(self, then: Callable[[], None]) -> None:
+        """Call `then` on the loop's thread, perhaps later, when all records are durable, or cannot be."""
 
 
 class Engine:
     """Runs a machine against drivers on a clock.
 
-    With a log, what an operation or an action begins waits until the log is kept; what ends an operation
-    waits for nothing.
+    With a log, operations and actions begin when the log is flushed; a cancel never waits for it.
     """
 
     def __init__(
@@ -74,11 +74,11 @@ class Engine:
 
         Args:
             machine: not started either.
-            clock: what steps are stamped with.
+            clock: stamps the steps.
             drivers: by plugin name; may be filled after this call, because drivers need the engine's outlet.
-            listener: told of every step, before its commands are carried out; only cancels go first.
-            wall: the robot's clock, in POSIX time; None where it is not known, and charts wait until it is.
-            log: what is told of everything that enters the machine.
+            listener: called with every step, before its commands are carried out; only cancels go first.
+            wall: the robot's clock, in POSIX time, or None while it is unknown; then times of day wait.
+            log: records every input of the machine.
         """
         self.machine = machine
         self.clock = clock
@@ -108,7 +108,7 @@ class Engine:
         self.drain()
 
     def go_on_with(self, machine: Machine) -> None:
-        """Run another machine from here on, which goes on from this one's memory."""
+        """Replace the machine by one that was made of its memory (hot reload)."""
         now = self.clock.now()
         if self._log is not None:
             self._safely(self._log.loaded, now)
@@ -118,9 +118,9 @@ class Engine:
         self.drain()
 
     def resume(self, machine: Machine, event: Event) -> None:
-        """Go on with a machine whose loop ended with its process; `event` tells it so (`event.RESUMED`).
+        """Run a recovered machine of another process; `event` informs it (`event.RESUMED`).
 
-        What it wants ended, or goes on, the drivers find again.
+        Drivers recover the attempts that it cancels, then those that it adopts.
         """
         self.machine = machine
         now = self.clock.now()
@@ -135,7 +135,7 @@ class Engine:
         self.drain()
 
     def _recover(self, left: Iterable[Attempt], phase: Phase) -> None:
-        """Have the attempts in one phase followed that a process which is gone has begun."""
+        """Have the drivers recover the attempts of another process that are in one phase."""
         adopt = phase is Phase.ACCEPTED
         for attempt in left:
             if attempt.phase is not phase:
@@ -153,11 +153,11 @@ class Engine:
                 self.post(events.cancelled(attempt.id))
 
     def post(self, event: Event) -> None:
-        """Queue an event; the caller, or whoever owns the loop, drains."""
+        """Queue an event; the caller, or the owner of the loop, drains."""
         self._queue.append(event)
 
     def request(self, event: Event, origin: Mapping[str, str] = NOTHING) -> Step:
-        """Step a request now and return its step, which holds the answer; `origin` is who asked."""
+        """Step a request now and return its step, which holds the answer; `origin` names who requested it."""
         self.drain()
         step = self._handle(event, self.clock.now(), origin)
         self._carry_out(step)
@@ -170,7 +170,7 @@ class Engine:
         return self.machine.handle(event, now)
 
     def _safely(self, call: Callable[..., _T], *arguments: Any) -> _T | None:
-        """Call what may raise; where somebody hears of the exception, nothing else is kept from its turn."""
+        """Call a function; with `failed` set, report its exception there instead of raising."""
         try:
             return call(*arguments)
         except Exception as problem:
@@ -180,20 +180,20 @@ class Engine:
         return None
 
     def drain(self, more: bool = False) -> None:
-        """Fire what is due and step every queued event; events queued meanwhile are stepped as well.
+        """Fire due deadlines and step all queued events, also those that are queued meanwhile.
 
-        A mission that goes in circles without time is told so, which leads to FAULT, and the rest waits for
-        the next call: see `next_deadline`.
+        A mission that loops without time passing gets a standstill event, which leads to FAULT; the rest
+        waits for the next call: see `next_deadline`.
 
         Args:
-            more: the steps of the call before count as well, because no time has passed.
+            more: count the steps of the call before as well, because no time has passed.
         """
         if self._stepping:
             return
         self._at_once = self._at_once if more else 0
         while self._safely(self._set_clock) or self._safely(self._fire_due) or self._take_next():
             if self._at_once > MOST_AT_ONCE:
-                self._carry_out(self._handle(Event(STILL, {"detail": self._circle()}), self.clock.now()))
+                self._carry_out(self._handle(Event(STANDSTILL, {"detail": self._circle()}), self.clock.now()))
                 self._at_once = 0
                 return
 
@@ -204,7 +204,7 @@ class Engine:
             self._begun |= {c.operation: None for c in step.commands if isinstance(c, Start)}
 
     def _circle(self) -> str:
-        """Say that the mission goes in circles, and through what."""
+        """Return the message about a loop without time, with the operations or states in it."""
         ways = ((self._begun, "begin and end"), (self._entered, "are entered"), ({"it": None}, "goes on"))
         names, do = next((", ".join(names), do) for names, do in ways if names)
         self._entered.clear()
@@ -219,10 +219,10 @@ class Engine:
         return None if wall is None else wall - now
 
     def _set_clock(self) -> bool:
-        """Tell the machine of the robot's clock when it was set, or is known at last."""
-        now, told = self.clock.now(), self.machine.memory.wall
+        """Pass the robot's wall clock to the machine when it was set or became known."""
+        now, reported = self.clock.now(), self.machine.memory.wall
         ahead = self._ahead(now)
-        if ahead is None or (told is not None and abs(ahead - told) <= CLOCK_TOLERANCE_S):
+        if ahead is None or (reported is not None and abs(ahead - reported) <= CLOCK_TOLERANCE_S):
             return False
         self._carry_out(self._handle(events.clock(ahead), now))
         return True
@@ -249,16 +249,16 @@ class Engine:
         self._safely(self._take, self._queue.popleft())
         return True
 
-    def _take(self, told: Event) -> None:
+    def _take(self, reported: Event) -> None:
         machine = self.machine
-        event = as_declared(told, machine.chart.catalog, machine.memory.attempts)
+        event = as_declared(reported, machine.chart.catalog, machine.memory.attempts)
         self._carry_out(self._handle(event, self.clock.now()))
 
     def _carry_out(self, step: Step) -> None:
-        """Stop what must stop, tell of the step, do the rest; a listener that fails keeps nothing from that.
+        """Send cancels, publish the step, send the rest; a failing listener does not stop that.
 
-        Telling takes longer than anything else here, and a robot drives on meanwhile. What drivers report
-        while a step is carried out waits in the queue.
+        Cancels go first because publishing is slow, and a robot drives on meanwhile. Reports of drivers wait
+        in the queue until the step is carried out.
         """
         self._stepping = True
         try:
@@ -279,7 +279,7 @@ class Engine:
             self._stepping = False
 
     def _send_all(self, commands: list[Start | Cancel | Act]) -> None:
-        """Send what ends something; the rest as well, as soon as the log is kept."""
+        """Send cancels now, and the rest when the log is flushed."""
         waiting: list[Start | Act] = []
         for command in commands:
             if self._log is None:
@@ -290,17 +290,17 @@ class Engine:
                 waiting.append(command)
                 self._withheld.update([command.attempt] if isinstance(command, Start) else [])
         if waiting and self._log is not None:
-            self._safely(self._log.when_kept, lambda: self._begin(waiting))
+            self._safely(self._log.when_flushed, lambda: self._begin(waiting))
 
     def _begin(self, commands: list[Start | Act]) -> None:
-        """Send what has waited, unless it is not wanted any more."""
+        """Send the commands that waited for the log, except those cancelled meanwhile."""
         for command in commands:
             if isinstance(command, Act) or command.attempt in self._withheld:
                 self._withheld.discard(getattr(command, "attempt", ""))
                 self._send(command)
 
     def _end(self, command: Cancel) -> None:
-        """Cancel an attempt; of one that was not begun yet no driver knows."""
+        """Cancel an attempt; one that was never sent ends at once."""
         if command.attempt in self._withheld:
             self._withheld.remove(command.attempt)
             self.post(events.cancelled(command.attempt))
@@ -347,7 +347,7 @@ class EngineOutlet:
         self._post(events.accepted(attempt))
 
     def progress(self, attempt: str, detail: str) -> None:
-        """What the attempt waits for."""
+        """The reason for which the attempt waits."""
         self._post(events.progress(attempt, shortened(detail, MAX_DETAIL)))
 
     def done(self, attempt: str, result: Mapping[str, Any]) -> None:

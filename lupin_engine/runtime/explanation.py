@@ -1,7 +1,6 @@
-"""What the transitions of a state would do now, and why some cannot be taken: plain data, for displays.
+"""Explains, for displays, whether each transition of a state would be taken now, and why not.
 
-The answers are the machine's own: what it would consider and take, were the event to come now. Of requests
-they are those that `possible` tells, and that whoever makes one gets.
+The answers are dry runs by the machine. For requests they are those of `possible`, which a sender would get.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from lupin_engine.machine.requests import Possibility
 from lupin_engine.machine.step import Considered
 from lupin_engine.runtime.possible import requests_of
 
-#: Letters of a value that are told.
+#: Letters of a value that are shown.
 _LONGEST = 120
 
 
@@ -33,7 +32,7 @@ class RuleRecord(TypedDict):
 
 
 class ExplanationRecord(TypedDict):
-    """What a state or transition would do now."""
+    """A dry run of a state's transitions, or of one transition."""
 
     element: str
     sequence: int
@@ -42,9 +41,9 @@ class ExplanationRecord(TypedDict):
 
 
 def explanation(machine: Machine, element: str, now: float) -> ExplanationRecord:
-    """Return what a state, by its full name, or a transition, by its id, would do at time `now`.
+    """Dry-run a state, by its full name, or a transition, by its id, at time `now`.
 
-    Of a state all transitions are told that it listens to: its own, then those of the states around it.
+    For a state these are all transitions that it listens to: its own, then those of the states around it.
 
     Raises:
         UsageError: the chart has neither a state nor a transition of that name.
@@ -54,7 +53,7 @@ def explanation(machine: Machine, element: str, now: float) -> ExplanationRecord
         "element": element,
         "sequence": memory.sequence,
         "active": element in memory.configuration,
-        "rules": [_told(machine, rule, now) for rule in _rules(machine.chart, element)],
+        "rules": [_rule_record(machine, rule, now) for rule in _rules(machine.chart, element)],
     }
 
 
@@ -74,7 +73,7 @@ def _of(state: State) -> Iterator[Transition]:
     yield from state.resume_at
 
 
-def _told(machine: Machine, rule: Transition, now: float) -> RuleRecord:
+def _rule_record(machine: Machine, rule: Transition, now: float) -> RuleRecord:
     reason = _reason(machine, rule, now)
     return {
         "id": rule.id,
@@ -95,9 +94,9 @@ def _reason(machine: Machine, rule: Transition, now: float) -> str:
     requests = [one.event for one in requests_of(chart) if one.event.name == rule.event]
     if requests and rule not in source.resume_at:
         return _refusal(machine, rule, considered, requests, now)
-    told = considered.reason(_shown)
-    if told or rule in source.resume_at or rule.event.endswith("*"):
-        return told
+    why = considered.reason(_shown)
+    if why or rule in source.resume_at or rule.event.endswith("*"):
+        return why
     if rule.event.partition(".")[0] in ENGINE_EVENTS:
         # The end of an operation and a clock are the state's own: of its rules the first one is taken.
         before = source.transitions[: source.transitions.index(rule)]
@@ -115,8 +114,8 @@ def _reason(machine: Machine, rule: Transition, now: float) -> str:
 def _refusal(
     machine: Machine, rule: Transition, considered: Considered, requests: Sequence[Event], now: float
 ) -> str:
-    """Return why none of the requests that it listens to would take it: the answer that they would get."""
-    found = [machine.foresee(request, now, dry=True) for request in requests]
+    """Return why no request takes a transition: the refusal that its sender would get."""
+    found = [machine.dry_run(request, now, skip_fields=True) for request in requests]
     if any(rule.id in one.taken for one in found):
         return ""
     if not considered.holds:
@@ -126,7 +125,7 @@ def _refusal(
 
 
 def _instead(found: Possibility) -> str:
-    """Return what is taken where one transition is not."""
+    """Return the name of the transition that is taken instead."""
     return f"{found.taken[0]} is taken instead" if found.taken else f"{found.event} would not be taken"
 
 

@@ -1,7 +1,6 @@
-"""The one fold of steps: what they came to, in attempts, holds, states, targets and codes.
+"""Folds steps into attempts, holds, states, targets and codes: the one place for all reports of a run.
 
-Fed with steps in their order, as they are made or read back from records. Whoever tells of a run reads it
-here and folds nothing.
+It takes steps in their order, live or read back from records.
 """
 
 from __future__ import annotations
@@ -21,11 +20,11 @@ DONE, FAILED, CANCELLED, TIMED_OUT, OPEN = "done", "failed", "cancelled", "timed
 
 @dataclass(slots=True)
 class AttemptHistory:
-    """What became of one attempt; times are those of the steps, None: that did not happen.
+    """The course of one attempt, by times of steps; None: it did not happen.
 
-    `ended` is when its server told the end, `answer` what it told (done, failed or cancelled) and `data` with
-    which fields; `late`: after its cancel, when nobody waits for it but who has cut it short. `abandoned`:
-    the server did not confirm a cancel in time, and nobody listens to it any more.
+    `ended` is the time of the server's answer, `answer` is done, failed or cancelled, and `data` its fields;
+    `late`: it came after the cancel, and counts only where it was cut short. `abandoned`: the server did not
+    confirm a cancel in time, and later reports are ignored.
     """
 
     operation: str
@@ -62,7 +61,7 @@ class AttemptHistory:
         return " ".join(filter(None, (data.get("code"), data.get("detail"))))
 
     def hear(self, word: str, data: Mapping[str, Any], time: float) -> None:
-        """Take in what the server says; after its end nothing counts."""
+        """Add a report of the server; after its end reports are ignored."""
         if self.ended is not None:
             return
         if word == "accepted":
@@ -75,11 +74,12 @@ class AttemptHistory:
 
 
 class History:
-    """What the steps of one machine came to.
+    """Totals over the steps of one machine.
 
-    `attempts` are by id, in the order of their start; `published` and `reports` what was told, each with its
-    step; `lifecycles` the published states in the order of their appearance. `held` is what was held from
-    when on; `holds` and `broken` are the holds that were engaged and the invariants that were broken.
+    `attempts` are by id, in the order of their start; `published` and `reports` the published outcomes, each
+    with its step, and summaries; `lifecycles` the published states in the order of their appearance. `held`
+    are the holds with the times of their changes; `holds` and `broken` the engaged holds and broken
+    invariants, with their steps.
     """
 
     def __init__(self, steps: Iterable[Step] = ()) -> None:
@@ -126,7 +126,7 @@ class History:
             self.reports.append(command)
 
     def _hear(self, name: str, data: Mapping[str, Any], time: float) -> None:
-        """Take in what was said of an attempt, or a timer of it that has run out."""
+        """Add a report about an attempt, or a timer of it that has fired."""
         kind, _, word = name.partition(".")
         attempt = self.attempts.get(data["attempt"] if kind == "attempt" else data["owner"])
         if attempt is None:
@@ -141,9 +141,9 @@ class History:
     @property
     def phases(self) -> list[tuple[Step, str]]:
         """The published phases in the order of their appearance, each with its step."""
-        told = [(step, moment.phase) for step in self.steps for moment in step.trail]
-        before = ["", *(phase for _, phase in told)]
-        return [(step, phase) for (step, phase), last in zip(told, before, strict=False) if phase != last]
+        phases = [(step, moment.phase) for step in self.steps for moment in step.trail]
+        before = ["", *(phase for _, phase in phases)]
+        return [(step, phase) for (step, phase), last in zip(phases, before, strict=False) if phase != last]
 
     @property
     def codes(self) -> list[tuple[Step, CodeEvent]]:
@@ -152,7 +152,7 @@ class History:
 
     @property
     def errors(self) -> list[str]:
-        """What was told of the expressions and actions that failed."""
+        """The details of expressions and actions that failed."""
         return [code.detail for _, code in self.codes if code.code == EXECUTION_CODE]
 
     @property

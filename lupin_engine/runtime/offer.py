@@ -1,4 +1,4 @@
-"""What a machine's missions ask of whoever starts them, and what codes mean: plain data, for displays."""
+"""The mission catalogue: missions with the fields of their requests, and codes. Plain data, for displays."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class _DeclaredField(TypedDict):
 class FieldRecord(_DeclaredField, total=False):
     """A field of a request, with a type and its base unit.
 
-    `kind` and what follows from it are of the elements of a list: `name` is that of something which a plugin
-    finds by it. A default that is computed is told as it would be now, and as it is written
-    (`computed`). Of a list `at_most` says how many elements there may be.
+    `kind` and the fields that follow from it describe the elements of a list: `name` is looked up by a
+    plugin. A computed default is given as it would be now, and as its expression (`computed`). `at_most`
+    limits the number of elements of a list.
     """
 
     summary: str
@@ -55,7 +55,7 @@ class OfferedMission(TypedDict):
 
 
 class CodeRecord(TypedDict):
-    """What is said of a code; severity 0 is information, 1 a warning, 2 an error."""
+    """The declaration of a code; severity 0 is information, 1 a warning, 2 an error."""
 
     label: str
     severity: int
@@ -72,11 +72,11 @@ class OutcomeRecord(TypedDict):
 
 
 class MissionsRecord(TypedDict):
-    """The missions with all that is said of them once.
+    """The mission catalogue.
 
-    `codes` are all, `holds` the code of each hold, also of the engine's own, `outcomes` how a visit can end,
-    `stages` what published states mean, `ends` the verb that ends a mission. `problems` say what is wrong
-    with files that were not loaded.
+    `codes` are all, `holds` the code of each hold, also of the engine's own, `outcomes` the ends of a visit,
+    `stages` the meaning of published states, `ends` the verb that ends a mission. `problems` are the errors
+    in files that were not loaded.
     """
 
     missions: list[OfferedMission]
@@ -89,7 +89,7 @@ class MissionsRecord(TypedDict):
 
 
 def missions_record(machine: Machine, now: float, problems: Sequence[str]) -> MissionsRecord:
-    """Return the missions with all that is said of them once, as JSON data."""
+    """Return the mission catalogue as JSON data."""
     chart, profile = machine.chart, machine.chart.profile
     return {
         "missions": offered(machine, now),
@@ -122,13 +122,13 @@ def offered(machine: Machine, now: float) -> list[OfferedMission]:
 
 
 def _field(field: Field, machine: Machine, now: float) -> FieldRecord:
-    told: dict[str, Any] = {"name": field.name, **_type(field.type), "required": field.default is None}
+    found: dict[str, Any] = {"name": field.name, **_type(field.type), "required": field.default is None}
     if (field.type.item or field.type).name in machine.scope.world.readers:
-        told["kind"] = "name"
+        found["kind"] = "name"
     if field.default is not None:
-        told["default"] = _default(field, machine, now)
+        found["default"] = _default(field, machine, now)
         if not isinstance(field.default, Constant):
-            told["computed"] = field.default.source
+            found["computed"] = field.default.source
     single = field.type.item or field.type
     low = single.minimum if field.minimum is None else field.minimum
     most = field.type.maximum if field.type.item else None
@@ -140,28 +140,28 @@ def _field(field: Field, machine: Machine, now: float) -> FieldRecord:
         "distinct": field.type.distinct or None,
         "may_be_empty": None if field.not_empty is None else False,
     }
-    told |= {name: value for name, value in more.items() if value is not None}
-    return cast(FieldRecord, told)
+    found |= {name: value for name, value in more.items() if value is not None}
+    return cast(FieldRecord, found)
 
 
 def _type(kind: Type) -> dict[str, Any]:
     inner = kind.item or kind
-    told: dict[str, Any] = {"type": kind.name, "kind": inner.kind}
+    found: dict[str, Any] = {"type": kind.name, "kind": inner.kind}
     if inner.unit:
-        told["unit"] = inner.unit
+        found["unit"] = inner.unit
     if inner.values:
-        told["allowed"] = list(inner.values)
+        found["allowed"] = list(inner.values)
     if inner.pattern:
-        told |= {"pattern": inner.pattern, "example": inner.example}
-    return told
+        found |= {"pattern": inner.pattern, "example": inner.example}
+    return found
 
 
 def _default(field: Field, machine: Machine, now: float) -> Any:
-    """Return what a field is when nobody gives it; None when that cannot be said now."""
+    """Return the default of a field now, or None while it cannot be evaluated."""
     assert field.default is not None
     try:
         return field.default.evaluate(machine.scope.at("", now))
     except Exception:  # an input that is not known yet, or whatever a plugin's function raises
         return None
     finally:
-        machine.scope.forget()
+        machine.scope.clear_event()

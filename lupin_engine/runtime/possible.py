@@ -1,7 +1,6 @@
-"""What could be asked of a machine now, and what each request would do: plain data, for displays and buttons.
+"""The available requests of a machine: a dry run of each, as plain data for displays and buttons.
 
-The answers are the machine's own (`Machine.foresee`). They are worked out anew only when something that
-they read has changed or has grown old.
+The answers are `Machine.dry_run`'s. They are cached until one of their dependencies changes or becomes stale.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from lupin_engine.plugin.profile import ANSWER_VERB, START, START_VERB
 
 @dataclass(frozen=True)
 class PossibleRequest:
-    """A request that can be made: what it is called where it is commanded, and the event that it is."""
+    """A request that can be made: its verb, its mission for a start, and its event."""
 
     verb: str
     mission: str
@@ -31,9 +30,9 @@ class PossibleRequest:
 
 
 class PossibleRecord(TypedDict):
-    """What one request would do now: the holds that it engages and releases, or why it is refused.
+    """The dry run of one request: the holds that it engages and releases, or why it is refused.
 
-    `fields`: of a start, nothing but the defaults of its request keeps it from beginning.
+    `fields`: a start is refused only for the defaults of its request.
     """
 
     request: str
@@ -59,7 +58,7 @@ def requests_of(chart: Chart) -> tuple[PossibleRequest, ...]:
 
 @lru_cache(maxsize=32)
 def _reads(chart: Chart) -> Reads:
-    """Return what decides on the requests of a chart, aside from what `Foresight` looks at itself."""
+    """Return the dependencies of a chart's requests, but for those that `RequestPreview` compares itself."""
     reads = Reads(chart, _conditions(chart))
     reads.parts |= CONFIGURATION | HELD
     return reads
@@ -75,8 +74,8 @@ def _conditions(chart: Chart) -> Iterator[Value]:
         yield from (said.value for said in walk(thing, DECIDING))
 
 
-class Foresight:
-    """What the requests would do in one machine, looked at again where something may have changed."""
+class RequestPreview:
+    """Dry-runs the requests of one machine again when a dependency may have changed."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
@@ -85,7 +84,7 @@ class Foresight:
         self._seen: tuple[tuple[str, ...], ...] = ()
 
     def news(self, now: float) -> list[PossibleRecord] | None:
-        """Return for each request what it would do at time `now`, as JSON data; None: as the last time."""
+        """Dry-run each request at time `now`, as JSON data; return None if no answer can have changed."""
         machine = self._machine
         memory, reads = machine.memory, _reads(machine.chart)
         refused = tuple(claim.attempt for claim in memory.claims if claim.refused)
@@ -94,11 +93,11 @@ class Foresight:
             return None
         self._seen = seen
         machine.scope.doubtful = False  # what is not known now is looked at when it changes
-        self._watch.settle(reads, machine.scope, now)
-        return [self._told(request, now) for request in requests_of(machine.chart)]
+        self._watch.cache_false(reads, machine.scope, now)
+        return [self._record(request, now) for request in requests_of(machine.chart)]
 
-    def _told(self, request: PossibleRequest, now: float) -> PossibleRecord:
-        found = self._machine.foresee(request.event, now)
+    def _record(self, request: PossibleRequest, now: float) -> PossibleRecord:
+        found = self._machine.dry_run(request.event, now)
         is_start = request.verb == START_VERB
         return {
             "request": request.event.name,
@@ -111,5 +110,5 @@ class Foresight:
             "reason": found.refusal.text if found.refusal else "",
             "fields": is_start
             and not found.possible
-            and self._machine.foresee(request.event, now, dry=True).possible,
+            and self._machine.dry_run(request.event, now, skip_fields=True).possible,
         }

@@ -1,4 +1,4 @@
-"""What a recorded view asks the operator."""
+"""The open questions in a recorded view."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any
 
 @dataclass(frozen=True)
 class OpenQuestion:
-    """A question in a view: what can be answered, as (name, label), and the seconds until the default counts.
+    """A question in a view: its choices, as (name, label), and the seconds until the default counts.
 
-    While a hold is engaged they stand still.
+    During a hold these stand still.
     """
 
     state: str

@@ -1,4 +1,4 @@
-"""Steps and views as plain JSON data, which is logged, published beside the contract and stored; and back."""
+"""Steps and views as plain JSON data, for the log, the journal and topics beside the contract; and back."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def view_record(view: View, chart: Chart) -> dict[str, Any]:
 
 
 class _Data(BaseModel):
-    """What must be in the data of an event; there may be more."""
+    """The required data of an event; more fields are allowed."""
 
     model_config = ConfigDict(strict=True)
 
@@ -136,7 +136,7 @@ def _kind(command: Any) -> str | None:
 
 
 class _StepBase(BaseModel):
-    """What is otherwise in the record of a step than in the step, or may be left out there only."""
+    """The fields of a step's record that differ from the step's, or are optional in it."""
 
     event: str
     time: Annotated[float, Field(strict=True, gt=-_LATEST, lt=_LATEST)]
@@ -176,10 +176,10 @@ _StepRecord = create_model("_StepRecord", __base__=_StepBase, **_OTHERS)
 
 
 def read_step(record: Any) -> Step:
-    """Return the step that was recorded, without its trail and the explanation of what was not taken.
+    """Return a recorded step, without its trail and the candidates that were not taken.
 
     Raises:
-        ValueError: a part of it is not as it is recorded; the text is the name of that part.
+        ValueError: a part of it has another shape than a record's; the text is the name of that part.
     """
     try:
         found = dict(_StepRecord.model_validate(record))

@@ -1,4 +1,4 @@
-"""From a chart and given settings to a machine: parameters checked, functions and readers bound."""
+"""Makes a machine of a chart and settings: parameters checked, functions and readers bound."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def make_machine(chart: Chart, given: Mapping[str, Any]) -> Machine:
 
 
 def make_world(chart: Chart, given: Mapping[str, Any]) -> World:
-    """Return what never changes while a machine lives; errors as for `make_machine`."""
+    """Return the constants of a machine; errors as for `make_machine`."""
     parameters = check_parameters(chart.parameters, given)
     used = set(chart.plugins)
     functions = {

@@ -4,9 +4,9 @@ from .by_hand import Read as Read
 from .by_hand import Wrong as Wrong
 from .by_hand import first as first
 from .narration import StepLine as StepLine
+from .narration import narrate as narrate
 from .narration import short_name as short_name
 from .narration import shorten as shorten
-from .narration import tell as tell
 from .scenario import Missions as Missions
 from .scenario import Scenario as Scenario
 from .scenario import is_scenario as is_scenario
@@ -39,9 +39,9 @@ from .simulation import Restart as Restart
 from .simulation import Run as Run
 from .simulation import Script as Script
 from .simulation import SetClock as SetClock
+from .simulation import SetValue as SetValue
 from .simulation import Simulation as Simulation
 from .simulation import Standstill as Standstill
-from .simulation import Tell as Tell
 from .simulation import is_named as is_named
 from .simulation import label_of as label_of
 from .simulation import simulate as simulate

@@ -1,4 +1,4 @@
-"""What will happen at which time: the queue of a simulation's world."""
+"""The event queue of a simulation's world, ordered by time."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from collections.abc import Callable
 
 
 class Agenda:
-    """Things to do at a time; at the same time in the order in which they were noted down."""
+    """A priority queue of actions by time; at the same time in the order in which they were added."""
 
     def __init__(self) -> None:
         self._entries: list[tuple[float, int, Callable[[], None]]] = []
-        self._noted = 0
+        self._count = 0
 
     def note(self, time: float, action: Callable[[], None]) -> None:
         """Do `action` at `time`, in seconds of the simulation."""
-        self._noted += 1
-        heapq.heappush(self._entries, (time, self._noted, action))
+        self._count += 1
+        heapq.heappush(self._entries, (time, self._count, action))
 
     @property
     def next_due(self) -> float | None:
-        """When the next thing happens; None when nothing will."""
+        """The time of the next action; None when there is none."""
         return self._entries[0][0] if self._entries else None
 
     def do_next(self, now: float) -> bool:
-        """Do the first thing that is due at `now`; say whether there was one."""
+        """Carry out the first action that is due at `now`; say whether there was one."""
         if not self._entries or self._entries[0][0] > now:
             return False
         heapq.heappop(self._entries)[2]()

@@ -1,6 +1,6 @@
-"""What somebody lets happen in a simulation, as words: read against the catalogs, into effects.
+"""Parses typed commands into effects on a simulation, against the chart and the catalogs.
 
-A wrong word is answered with the nearest spelling, and nothing happens.
+An error names the nearest spelling, and nothing happens.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from lupin_engine.sim.simulation import (
     PutOff,
     Script,
     SetClock,
+    SetValue,
     Simulation,
-    Tell,
 )
 
 #: Reads a word as a value of a type; what does not fit is returned as it is.
@@ -33,17 +33,17 @@ Read = Callable[[str, Type], Any]
 
 
 class Wrong(LupinError):
-    """What was typed cannot be done; the text says why, and what can."""
+    """A typed command is invalid; the text says why, and which ones are valid."""
 
 
 class Hand:
-    """Reads what one simulation can be made to do.
+    """Parses the commands for one simulation.
 
     Args:
         script: of the simulation.
         world: of this chart and its parameters.
-        read: reads values as they are typed.
-        simulation: returns the simulation as it is now.
+        read: parses typed values.
+        simulation: returns the current simulation.
     """
 
     def __init__(
@@ -64,17 +64,17 @@ class Hand:
         return self._chart.missions[self._script.mission].request
 
     def event_names(self) -> list[str]:
-        """Return what can be sent: requests, also without their first word, and the plugins' events."""
+        """Return the possible events: requests, also without their first word, and those of plugins."""
         requests = [*self._chart.profile.events, *self._chart.profile.requests, *self._chart.answers]
         return [*requests, *self._catalog.events]
 
     def value_names(self) -> dict[str, str]:
-        """Return what can be set: the chart's names and the plugins' names, each with the plugin's name."""
+        """Return the settable live values, by the chart's and the plugins' names, with the plugin's name."""
         specs = self._chart.inputs.values()
         return {spec.value: spec.value for spec in specs} | {spec.name: spec.value for spec in specs}
 
     def choices(self, name: str) -> tuple[str, ...]:
-        """Return what a live value can be, where that is one of a few words."""
+        """Return the allowed values of a live value, if these are a few words."""
         names = self.value_names()
         if name not in names:
             return ()
@@ -103,7 +103,7 @@ class Hand:
         return Ask(START, self._fields(words, {name: field.type for name, field in self.request.items()}))
 
     def send(self, words: list[str]) -> Effect:
-        """`EVENT NAME=VALUE ...`: an operator asks, or a plugin tells."""
+        """`EVENT NAME=VALUE ...`: send a request, or an event of a plugin."""
         name = first(words, "which event", self.event_names())
         if name == START:
             return self.start(words[1:])
@@ -115,7 +115,7 @@ class Hand:
             raise Wrong(f"unknown event {name!r}; {nearest(name, self.event_names())}")
         return Happen(name, self._fields(words[1:], self._catalog.events[name].fields))
 
-    def set(self, words: list[str]) -> Tell:
+    def set(self, words: list[str]) -> SetValue:
         """`VALUE X`: a live value changes."""
         names = self.value_names()
         name = first(words, "which value", names)
@@ -124,7 +124,7 @@ class Hand:
         kind = self._catalog.values[names[name]].type
         if len(words) < 2:
             raise Wrong(f"to what? {name} is a {kind}")
-        return Tell(names[name], self._value(name, " ".join(words[1:]), kind))
+        return SetValue(names[name], self._value(name, " ".join(words[1:]), kind))
 
     def fail(self, words: list[str]) -> End:
         """`OPERATION CODE TEXT`: an operation under way fails."""
@@ -141,7 +141,7 @@ class Hand:
         return End(operation, result=self._fields(words[1:], self.results(operation)))
 
     def silence(self, words: list[str]) -> Leave:
-        """`OPERATION`: the server of an operation under way is not heard of any more."""
+        """`OPERATION`: the server of a running operation stops answering."""
         return Leave(self._under_way(words))
 
     def answer(self, words: list[str]) -> ComeBack:
@@ -155,7 +155,7 @@ class Hand:
         return ComeBack(operation)
 
     def late(self, words: list[str]) -> PutOff:
-        """`OPERATION DURATION`: what an operation under way answers comes so much later."""
+        """`OPERATION DURATION`: delay the answer of a running operation."""
         return PutOff(self._under_way(words), self.duration(" ".join(words[1:])))
 
     def clock(self, words: list[str]) -> SetClock:
@@ -215,7 +215,7 @@ class Hand:
 
 
 def first(words: list[str], question: str, allowed: Iterable[str]) -> str:
-    """Return the first word; without one, ask what it is to be."""
+    """Return the first word; without one, ask for it."""
     if not words:
         raise Wrong(f"{question}? {', '.join(sorted(allowed)) or 'there is none'}")
     return words[0]

@@ -1,4 +1,4 @@
-"""Expectations about the order of states and phases: in this order, each followed by another, never."""
+"""Compares expectations about the order of states and phases: sequences, each followed by another, never."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def seconds(duration: Any) -> float | None:
 
 
 class OrderComparison:
-    """What was expected of the order against what came."""
+    """Compares the order of entries in a run with the expectations."""
 
     def __init__(self, expect: ExpectNode, run: Run, maker: FailureMaker) -> None:
         self._expect, self._run, self._maker = expect, run, maker
         self._entered: list[Entry] = run.history.entered
 
     def failures(self) -> Iterator[ScenarioFailure]:
-        """Yield what differs."""
+        """Yield the differences."""
         yield from self._phases()
         yield from self._passes()
         yield from self._leads()
@@ -53,7 +53,7 @@ class OrderComparison:
     # -- in this order ----------------------------------------------------------------------------------
 
     def _passes(self) -> Iterator[ScenarioFailure]:
-        """Look for an entry of each state that comes after one of those before it, and in time."""
+        """Search an entry of each state after one of the state before, within its time limits."""
         before = [-1]
         for number, node in enumerate(self._expect.passes):
             found = self._entries(node, before)
@@ -83,7 +83,7 @@ class OrderComparison:
         )
 
     def _not_passed(self, number: int, before: list[int]) -> ScenarioFailure:
-        """Tell that a state is not entered when it should be, or not at all."""
+        """Return the failure of a state that is not entered, or at a wrong time."""
         nodes = self._expect.passes
         node, names = nodes[number], [one.state for one in nodes]
         place, states = self._expect.at("passes", number), self._maker.called(node.state)

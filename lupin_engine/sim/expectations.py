@@ -1,4 +1,4 @@
-"""What was expected of a simulation against what came of it; a failure shows the story around it."""
+"""Compares a simulation with a scenario's expectations; a failure shows the steps around it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Difference = tuple[str, int | None, Any, Any, Sequence[str]]
 
 
 class Comparison:
-    """What was expected against what came."""
+    """Compares a run with the expectations of a scenario."""
 
     def __init__(self, scenario: ScenarioNode, run: Run) -> None:
         self._scenario = scenario
@@ -45,7 +45,7 @@ class Comparison:
         self._maker = FailureMaker(run)
 
     def failures(self) -> Iterator[ScenarioFailure]:
-        """Yield what differs; then also the mocks that had no part in it, for one may be meant otherwise."""
+        """Yield the differences; after any, the unused mocks too, because one may explain a difference."""
         found = list(self._differences())
         yield from found
         if found:
@@ -133,7 +133,7 @@ class Comparison:
             if not contains(seen.context.get(name), converted(expected, self._chart.context[name].type)):
                 yield "variables", None, f"{name}: {expected}", f"{name}: {seen.context.get(name)}", leaf
 
-    # -- what was told ----------------------------------------------------------------------------------
+    # -- outcomes ---------------------------------------------------------------------------------------
 
     def _visits(
         self, word: str, expected: Sequence[VisitNode] | None, visits: Sequence[Visit | Publish]
@@ -146,7 +146,7 @@ class Comparison:
             return
         node, visit = pairs[first]
         place = self._expect.at(word, first if node is not None else None)
-        actual = [_told(visit, node) for node, visit in pairs if visit is not None]
+        actual = [_outcome_text(visit, node) for node, visit in pairs if visit is not None]
         around = self._publication(word, first, visit)
         yield self._maker.failure(place, word, list(map(str, expected)), actual, around)
 
@@ -177,7 +177,7 @@ class Comparison:
     def _appeared(
         self, word: str, expected: Sequence[str] | None, found: Sequence[tuple[Step, str]]
     ) -> Iterator[ScenarioFailure]:
-        """Compare the holds that were engaged, or the invariants that were broken, with what was expected."""
+        """Compare the holds that were engaged, or the invariants that were broken."""
         actual = [name for _, name in found]
         if expected is None or list(expected) == actual:
             return
@@ -194,7 +194,7 @@ class Comparison:
         yield self._maker.failure(place, word, list(expected), actual, around, pieces)
 
     def _violated(self) -> Iterator[ScenarioFailure]:
-        """Compare the properties that were violated with what was expected; each is told with how."""
+        """Compare the violated properties; each failure has the reason of its violation."""
         expected = self._expect.violated
         # An invariant has a word of its own: `broken`.
         violated = [one for one in self._run.violated if one[1] != INVARIANTS]
@@ -211,10 +211,10 @@ class Comparison:
             yield self._maker.failure(place, "violated", missing, "they hold")
 
     def _notes(self) -> Iterator[ScenarioFailure]:
-        noted = [note for step in self._run.steps for note in step.notes] if self._expect.notes else []
+        notes = [note for step in self._run.steps for note in step.notes] if self._expect.notes else []
         for index, wanted in enumerate(self._expect.notes):
-            if not any(wanted in note for note in noted):
-                yield self._maker.failure(self._expect.at("notes", index), "notes", wanted, noted)
+            if not any(wanted in note for note in notes):
+                yield self._maker.failure(self._expect.at("notes", index), "notes", wanted, notes)
 
     # -- how often, how long ----------------------------------------------------------------------------
 
@@ -257,14 +257,14 @@ class Comparison:
             yield self._maker.failure(place, "when", expected, actual, concerned=states)
 
     def _beginnings(self, happening: Happening) -> int:
-        """Return how often what a happening waited for took place."""
+        """Return how often the entry or start took place that a happening waits for."""
         history = self._run.history
         entered = [(name, "") for _, name in history.entered]
         started = [("", attempt.operation) for attempt in history.attempts.values()]
         return sum(1 for begun in (*entered, *started) if happening.is_meant(*begun))
 
     def _idle(self) -> Iterator[ScenarioFailure]:
-        """What found nothing to act upon tested nothing either."""
+        """Yield a failure for each happening without effect: it tested nothing."""
         for time, happening in self._run.idle:
             operation = getattr(happening.effect, "operation", "")
             is_end = isinstance(happening.effect, End)
@@ -274,14 +274,14 @@ class Comparison:
             yield self._maker.failure(place, "when", expected, actual, around)
 
     def _unspent(self) -> Iterator[ScenarioFailure]:
-        """What a mock had left is no mistake by itself: it may say what must not happen."""
+        """Yield mocks with unused outcomes; alone no failure: they may be of forbidden events."""
         for number, used in self._run.unspent.items():
             mock, attempts = self._scenario.mocks[number], self._attempts(self._scenario.mocks[number].do)
             count = f"{len(mock.then)} attempts" if mock.in_turn else "an attempt"
             first = attempts[0].arguments if attempts and not used else {}
             given = [name for name in mock.with_ if name in first]
-            told = "".join(f"; {name} of the first: {shorten(first[name])}" for name in given)
-            expected, actual = f"{count} of {mock.do} under this mock", f"{used} of {len(attempts)}{told}"
+            values = "".join(f"; {name} of the first: {shorten(first[name])}" for name in given)
+            expected, actual = f"{count} of {mock.do} under this mock", f"{used} of {len(attempts)}{values}"
             yield ScenarioFailure(self._scenario.at("mocks", number), "mock not used up", expected, actual)
 
     def _attempts(self, operation: str) -> list[AttemptHistory]:
@@ -315,8 +315,8 @@ def _is_met(node: VisitNode | None, visit: Visit | Publish | None) -> bool:
     )
 
 
-def _told(visit: Visit | Publish, node: VisitNode | None) -> str:
-    """Tell what became of a target, as far as it was asked for."""
+def _outcome_text(visit: Visit | Publish, node: VisitNode | None) -> str:
+    """Return the outcome of a visit as text, with the parts that were expected."""
     parts = [visit.target, visit.status or OPEN]
     if node is None or node.code is not None or (visit.status or OPEN) != node.status:
         parts.append(visit.code)

@@ -1,6 +1,6 @@
-"""A failed expectation as people read it: expected against actual, the lines of both files, the story around.
+"""The report of a failed expectation: expected and actual, the lines of both files, the steps around.
 
-Nothing here knows colours: `ScenarioFailure.lines` names what each line is, and whoever prints decides.
+Without colours: `ScenarioFailure.lines` names the kind of each line.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 from lupin_engine.errors import Place
 from lupin_engine.machine.step import Step
-from lupin_engine.sim.narration import tell
+from lupin_engine.sim.narration import narrate
 from lupin_engine.sim.simulation import Run, is_named
 
 #: What a line of a failure is.
@@ -29,9 +29,9 @@ class ScenarioFailure:
     """One expectation that was not met.
 
     Args:
-        place: where it is written.
-        concerned: pieces of the chart that it is about, each with what it is.
-        story: what happened around it, and `marked` which of these lines it is about.
+        place: the expectation in the scenario.
+        concerned: elements of the chart, each with a description.
+        story: the steps around it, and `marked` the index of the step itself.
     """
 
     place: Place
@@ -46,12 +46,12 @@ class ScenarioFailure:
         return "\n".join(text for _, text in self.lines())
 
     def lines(self) -> Iterator[tuple[str, str]]:
-        """Yield its lines, each with what it is."""
+        """Yield its lines, each with its kind."""
         yield from self.about()
-        yield from self.told()
+        yield from self.story_lines()
 
     def about(self) -> Iterator[tuple[str, str]]:
-        """Yield what differs, and the lines of both files."""
+        """Yield the difference, and the lines of both files."""
         yield HEAD, f"{self.place.shown}: {self.what}"
         yield EXPECTED, f"    expected: {self.expected}"
         yield ACTUAL, f"    actual:   {self.actual}"
@@ -60,20 +60,20 @@ class ScenarioFailure:
             yield CHART, f"  {place.shown}: {what}"
             yield from excerpt(place)
 
-    def told(self) -> Iterator[tuple[str, str]]:
-        """Yield the story around it."""
+    def story_lines(self) -> Iterator[tuple[str, str]]:
+        """Yield the steps around it."""
         for index, line in enumerate(self.story):
             marked = index == self.marked
             yield (MARKED if marked else STORY), f"    {'>' if marked else '|'} {line}"
 
 
 def failure_lines(failures: Iterable[ScenarioFailure]) -> Iterator[tuple[str, str]]:
-    """Yield the lines of several failures of one run; a story that was just told is not told again."""
+    """Yield the lines of several failures of one run; the same steps are shown once in a row."""
     before: ScenarioFailure | None = None
     for failure in failures:
         yield from failure.about()
         if before is None or (failure.story, failure.marked) != (before.story, before.marked):
-            yield from failure.told()
+            yield from failure.story_lines()
         before = failure
 
 
@@ -107,7 +107,7 @@ class FailureMaker:
 
     @property
     def until(self) -> str:
-        """What is said of the end of a run that a limit ended; else nothing."""
+        """The limit that ended the run, as text; '' where none did."""
         return f", when the run was stopped at {self._run.limit}" if self._run.cut_off else ""
 
     def called(self, name: str) -> list[str]:
@@ -132,10 +132,10 @@ class FailureMaker:
     def _story(self, around: Step | None) -> tuple[tuple[str, ...], int | None]:
         """Return the lines around a step and which of them is the step's; without one the last lines."""
         history = self._run.history
-        lines = [str(line) for line in tell(self._chart, history)]
+        lines = [str(line) for line in narrate(self._chart, history)]
         if around is None:
             return tuple(lines[-2 * AROUND :]), None
-        until = list(tell(self._chart, history, end=around.sequence))
+        until = list(narrate(self._chart, history, end=around.sequence))
         at = max(0, len(until) - 1)
         first = max(0, at - AROUND)
         return tuple(lines[first : at + AROUND + 1]), at - first

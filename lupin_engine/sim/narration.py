@@ -1,4 +1,4 @@
-"""Steps as lines that people read: when, what happened, where that led, what was commanded."""
+"""Renders steps as lines for people: time, event, new state, commands."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _WIDTH = 48
 
 @dataclass(frozen=True)
 class StepLine:
-    """One step: `moved` is where it led (empty: nowhere), `commanded` what follows, `notes` why (not).
+    """One step: `moved` is the new state (empty: the old one), `commanded` its commands, `notes` the reasons.
 
-    With each command stands what the outcome is rated that it publishes; '' for every other command. With
-    each of the `codes` that the event does not tell of stands how bad it is. One that is a `remark` is no
-    step: its event says something of the run at that time.
+    Each command has the rating of the outcome that it publishes; '' for every other command. `codes` are
+    those that the event does not name, with their severity. A `remark` is no step: its event comments on the
+    run at that time.
     """
 
     time: float
@@ -46,23 +46,23 @@ class StepLine:
 
 
 def _is_news(step: Step) -> bool:
-    """Say whether a live value is told although nothing follows: not a pose, which changes all the time."""
+    """Say whether a live value is shown although it has no effect: not a pose, which changes all the time."""
     return step.event.name == "value" and not isinstance(step.event.data["value"], Mapping)
 
 
-def tell(chart: Chart, history: History, begin: int = 0, end: int | None = None) -> list[StepLine]:
-    """Tell the steps of a run in which something happened, in order; `begin` and `end` as in a slice."""
+def narrate(chart: Chart, history: History, begin: int = 0, end: int | None = None) -> list[StepLine]:
+    """Render the steps of a run that had an effect, in order; `begin` and `end` as in a slice."""
     narrator = _Narrator(chart, history)
-    told = [(step, narrator.line(step)) for step in history.steps[begin:end]]
+    lines = [(step, narrator.line(step)) for step in history.steps[begin:end]]
     return [
         line
-        for step, line in told
+        for step, line in lines
         if step.changed or line.notes or line.codes or step.accepted is not None or _is_news(step)
     ]
 
 
 def own_codes(step: Step) -> list[CodeEvent]:
-    """Return the codes of a step but for the one that its event tells of."""
+    """Return the codes of a step that its event does not name."""
     return [code for code in step.codes if code.code != step.event.data.get("code")]
 
 
@@ -82,16 +82,16 @@ def short_name(chart: Chart, name: str) -> str:
 
 
 class _Narrator:
-    """Tells steps of one run."""
+    """Renders the steps of one run."""
 
     def __init__(self, chart: Chart, history: History) -> None:
         self._chart = chart
         self._attempts = history.attempts
 
     def line(self, step: Step) -> StepLine:
-        """Tell one step."""
-        told = {code.detail for code in step.codes}
-        notes = [note for note in step.notes if note not in told]
+        """Render one step."""
+        details = {code.detail for code in step.codes}
+        notes = [note for note in step.notes if note not in details]
         return StepLine(
             time=step.time,
             event=self._event(step),
@@ -153,14 +153,14 @@ class _Narrator:
         It is in several states at once where they are regions of a parallel state.
         """
         innermost = [name for name in step.entered if not self._chart.states[name].children]
-        told = [n for n in innermost if self._chart.states[n].kind is not Kind.FINAL] or innermost
-        passed = [short_name(self._chart, name) for name in told if name not in step.configuration]
-        here = dict.fromkeys(short_name(self._chart, name) for name in told if name in step.configuration)
+        names = [n for n in innermost if self._chart.states[n].kind is not Kind.FINAL] or innermost
+        passed = [short_name(self._chart, name) for name in names if name not in step.configuration]
+        here = dict.fromkeys(short_name(self._chart, name) for name in names if name in step.configuration)
         return " -> ".join([*passed, *([" + ".join(here)] if here else [])])
 
 
 def rating(chart: Chart, status: str) -> str:
-    """Return what an outcome of a target means to whoever looks at a run; '' where it has none yet."""
+    """Return the rating of an outcome; '' where there is none yet."""
     return next((known.rating.value for known in chart.profile.outcomes if known.name == status), "")
 
 

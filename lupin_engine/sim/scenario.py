@@ -1,8 +1,8 @@
-"""Scenarios: a simulation and what must come of it, in a file of its own.
+"""Scenarios: a simulation and its expected result, in a file of its own.
 
 `load_scenario` reads a file and looks up every name in it (all mistakes at once, each with its place);
-`Scenario.run` simulates it; `Scenario.failures` compares. A failure says what was expected, what came, and
-what happened around it.
+`Scenario.run` simulates it; `Scenario.failures` compares. A failure shows the expected and the actual value,
+and the steps around.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ from lupin_engine.sim.simulation import Run, Script, Simulation, Standstill
 
 
 class Missions:
-    """The charts and worlds that many scenarios share: each is made once.
+    """A cache of charts and worlds, for many scenarios.
 
     Args:
-        catalog: what the plugins offer.
-        prepare: what is done to a chart before it is used.
+        catalog: of the plugins.
+        prepare: transforms a chart before it is used.
     """
 
     def __init__(self, catalog: Catalog, prepare: Callable[[Chart], Chart] = lambda chart: chart) -> None:
@@ -98,7 +98,7 @@ class Scenario:
 
     @property
     def name(self) -> str:
-        """What it is called: its file, without the ending."""
+        """The name of its file, without the ending."""
         return self.file.name.removesuffix(SUFFIX)
 
     @property
@@ -119,9 +119,9 @@ class Scenario:
             run = simulation.run()
             monitor.end(run.watched_until)
         except Standstill as problem:
-            told = History(simulation.steps[: problem.kept])
-            run = replace(simulation.result(cut_off=False), history=told)
-            monitor.breaches = {STANDSTILL: (told.steps[-1], str(problem))}
+            history = History(simulation.steps[: problem.shown])
+            run = replace(simulation.result(cut_off=False), history=history)
+            monitor.breaches = {STANDSTILL: (history.steps[-1], str(problem))}
         return replace(run, violated=tuple((step, name, text) for name, text, step in monitor.found))
 
     def failures(self, run: Run) -> list[ScenarioFailure]:
@@ -193,7 +193,7 @@ def _load(raw: Map | None, path: Path, missions: Missions, findings: Findings) -
 
 
 def mission_name(mission: Path, file: Path, missions: Missions) -> str:
-    """Return what a scenario calls a mission: its name where that is enough, else the way to its file."""
+    """Return a mission's name in a scenario: its own where that is found, else the path to its file."""
     with suppress(LupinError):
         if missions.file(mission.stem, file).resolve() == mission.resolve():
             return mission.stem
@@ -201,7 +201,7 @@ def mission_name(mission: Path, file: Path, missions: Missions) -> str:
 
 
 def _folders(scenario: Path) -> list[Path]:
-    """Return where a mission is looked for: around the scenario, nearest first, else the shipped ones."""
+    """Return the folders to search for missions: around the scenario, nearest first, else the shipped."""
     around = [folder for parent in scenario.absolute().parents for folder in (parent, parent / MISSIONS)]
     near = [folder for folder in around if is_missions_folder(folder)]
     return near or [default_missions_folder()]

@@ -1,7 +1,7 @@
-"""The words of a scenario file: what is simulated, what happens meanwhile, and what is expected of it.
+"""The vocabulary of a scenario file: the script of a simulation, and its expected result.
 
-As in mission files, every mapping remembers where it was read. What names mean is looked up in
-`scenario_reader`, against the chart and the catalog.
+As in mission files, every mapping remembers its place. `scenario_reader` resolves the names, against the
+chart and the catalog.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""From the words of a scenario file to a script: every name looked up, every mistake told."""
+"""Compiles a scenario file to a script: resolves every name, and reports all mistakes."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ from lupin_engine.sim.simulation import (
     Restart,
     Script,
     SetClock,
+    SetValue,
     TakeView,
-    Tell,
     is_named,
 )
 
@@ -90,7 +90,7 @@ _RULES: Mapping[str, str] = MappingProxyType(
 
 
 class ScenarioNames:
-    """Looks up names and reads values; what is wrong becomes a finding, and None."""
+    """Resolves names and reads values; a mistake becomes a finding, and None."""
 
     def __init__(self, chart: Chart, findings: Findings) -> None:
         self.chart = chart
@@ -121,7 +121,7 @@ class ScenarioNames:
         return name in allowed
 
     def wrong(self, place: Place, path: str, problem: str, hint: str = "") -> None:
-        """Tell that something has the wrong shape."""
+        """Report a wrong shape."""
         self.findings.add(place, "wrong-shape", path, problem, hint)
 
     def operation(self, place: Place, name: str) -> Operation | None:
@@ -130,7 +130,7 @@ class ScenarioNames:
         return self.catalog.operations.get(name)
 
     def look_up(self, node: Node, key: str, value: Any, mark: NameOf) -> None:
-        """Look up the names under `key`: a text, which may be empty, a list or the keys of a mapping."""
+        """Resolve the names under `key`: a text, which may be empty, a list or the keys of a mapping."""
         for index, name in enumerate([value] if isinstance(value, str) else value or ()):
             place = node.key_at(key, name) if isinstance(value, dict) else node.at(key, index)
             if mark.what == "state":
@@ -142,13 +142,13 @@ class ScenarioNames:
         return {getattr(state, attribute) or "" for state in self.chart.states.values()} - {""}
 
     def _state(self, place: Place, name: str) -> None:
-        """Look for a state by its full name or its last parts."""
+        """Resolve a state by its full name or its last parts."""
         if not _has_state(self.chart, name):
             names = {state.rpartition(".")[2] for state in self.chart.states if state}
             self.known(place, "state", name, names)
 
     def code(self, place: Place, code: str, name: str, operation: Operation) -> None:
-        """Look for a code of an operation."""
+        """Resolve a code of an operation."""
         if code not in OPERATION_CODES:
             self.known(place, "code", code, [known.name for known in operation.codes], name)
 
@@ -171,7 +171,7 @@ class ScenarioNames:
         return found
 
     def variables(self, node: MomentNode) -> None:
-        """Read the values that variables are expected to have; their names are looked up with the others."""
+        """Read the expected values of variables, whose names are resolved with the others."""
         for name, value in node.variables.items():
             if name in self.chart.context:
                 kind, place = self.chart.context[name].type, node.value_at("variables", name)
@@ -193,7 +193,7 @@ class ScenarioNames:
         return found
 
     def parts(self, what: str, given: Map, declared: Mapping[str, Type], path: str) -> dict[str, Any]:
-        """Read what some of the declared arguments or fields must be, written as missions write them."""
+        """Read the expected values of declared arguments or fields, in the notation of missions."""
         found = {}
         for name in given:
             if self.known(given.key_place(name), what, name, declared, path):
@@ -202,7 +202,7 @@ class ScenarioNames:
         return found
 
     def _part(self, raw: Any, place: Place, kind: Type, path: str) -> Any:
-        """Read what a value must be; of a record, also in a list, some of the fields are enough."""
+        """Read an expected value; of a record, also in a list, some of the fields are enough."""
         if kind.kind == "record" and isinstance(raw, Map):
             return self.parts("field", raw, kind.fields, path)
         if kind.kind == "list" and isinstance(raw, Seq) and kind.item is not None:
@@ -229,7 +229,7 @@ class ScenarioNames:
             return None
 
     def clock(self, place: Place, path: str, value: str | None) -> None:
-        """Look at a date with a time of day."""
+        """Check a date with a time of day."""
         try:
             calendar_of(UTC).moment(value or NEW_YEAR)
         except ValueError as problem:
@@ -253,7 +253,7 @@ class ScenarioNames:
 
 
 class ScriptReader:
-    """Reads what is simulated."""
+    """Compiles the script of a scenario."""
 
     def __init__(self, node: ScriptNode, words: ScenarioNames) -> None:
         self._node = node
@@ -278,7 +278,7 @@ class ScriptReader:
         )
 
     def _limit(self) -> float:
-        """Return when the simulation stops: as is written, else not before what is looked at."""
+        """Return the time limit: the written one, else `LIMIT`, or a later time that the scenario names."""
         node, words = self._node, self._words
         limit = words.duration(node.at("limit"), "limit", node.limit)
         if limit is not None:
@@ -380,7 +380,7 @@ class ScriptReader:
         return self._words.latency(node.at(key), key, getattr(node, key))
 
     def _cancel(self, node: OutcomeNode) -> tuple[OnCancel, float | Between]:
-        """Return what a cancel does, and after how long it is confirmed."""
+        """Return the server's reaction to a cancel, and the delay of its confirmation."""
         words = {kind.value: kind for kind in OnCancel}
         if isinstance(node.cancel, str) and node.cancel in words:
             return words[node.cancel], 0.0
@@ -392,7 +392,7 @@ class ScriptReader:
     # -- happenings -------------------------------------------------------------------------------------
 
     def _happenings(self, index: int, node: WhenNode) -> Iterator[Happening]:
-        """Yield what a `when` asks for; its number leads back to it."""
+        """Yield the happenings of a `when`; its number leads back to it."""
         triggers = [word for word in ("at", "on", "start_of") if getattr(node, _attribute(word)) is not None]
         if len(triggers) != 1:
             problem = "say one of 'at' (a duration), 'on' (a state) and 'start_of' (an operation)"
@@ -425,14 +425,14 @@ class ScriptReader:
         return 1
 
     def effects(self, node: WhenNode) -> Iterator[Effect]:
-        """Yield what happens then, whenever that is."""
+        """Yield the effects of a `when`."""
         words = self._words
         if node.request is not None:
             allowed = (*words.chart.profile.events, *words.chart.answers)
             words.known(node.at("request"), "request", node.request.name, allowed, "when")
             yield Ask(node.request.name, node.request.data)
         for name, value in (node.value or {}).items():
-            yield from self._tell(node, name, value)
+            yield from self._reports(node, name, value)
         if node.event is not None:
             yield from self._event(node)
         if node.fail is not None:
@@ -447,7 +447,7 @@ class ScriptReader:
             away = node.restart.after
             yield Restart(self._words.duration(node.restart.at("after"), "restart.after", away) or 0.0)
 
-    def _tell(self, node: WhenNode, name: str, value: Any) -> Iterator[Tell]:
+    def _reports(self, node: WhenNode, name: str, value: Any) -> Iterator[SetValue]:
         """Yield the change of a live value, which may be named as the plugin or as the chart names it."""
         inputs = self._words.chart.inputs.values()
         known = {spec.value: spec.value for spec in inputs} | {spec.name: spec.value for spec in inputs}
@@ -455,7 +455,7 @@ class ScriptReader:
             # A world that reports nonsense is what some scenarios are about.
             kind = replace(self._words.catalog.values[known[name]].type, minimum=None, maximum=None)
             place = node.value_at("value", name)
-            yield Tell(known[name], self._words.value(place, f"when.value.{name}", value, kind))
+            yield SetValue(known[name], self._words.value(place, f"when.value.{name}", value, kind))
 
     def _event(self, node: WhenNode) -> Iterator[Happen]:
         assert node.event is not None, "there is an event"
@@ -517,7 +517,7 @@ def _check_marked(
 
 
 def check_names(node: Node, names: ScenarioNames) -> None:
-    """Look up the names and read the durations that are marked in a node, and in the nodes below it."""
+    """Check the marked names and durations in a node, and in the nodes below it."""
     fields = _marks(type(node))
     for field in node.model_fields_set:
         value, (key, marks) = getattr(node, field), fields[field]

@@ -1,7 +1,7 @@
-"""Plugins whose servers are data: for this operation and these arguments, after so long, this outcome.
+"""Scripted servers: mocks that end operations by their arguments, after given times with given outcomes.
 
-What nobody scripts ends as the plugin's own mock says. Times count from the acceptance of an attempt, which
-comes at once unless the script says otherwise.
+An unscripted operation ends as its plugin's own mock does. Times count from the acceptance of an attempt,
+which comes at once unless the script delays it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from lupin_engine.sim.agenda import Agenda
 
 
 class OnCancel(enum.Enum):
-    """What a scripted server does when an accepted attempt is cancelled."""
+    """The reaction of a scripted server to the cancel of an accepted attempt."""
 
     END = "ends"  #: confirms, after `cancel_after` seconds
     IGNORE = "ignored"  #: goes on, and ends as if nothing had been said
@@ -38,13 +38,13 @@ class Between:
 
 @dataclass(frozen=True)
 class MockOutcome:
-    """How one attempt ends: done with `result` over the mock's, failed with `code`, or never.
+    """The end of one attempt: done with `result` over the mock's, failed with `code`, or never.
 
     Args:
         after: seconds from acceptance to the end; None: as long as the plugin's mock takes.
         accepted_after: seconds from the request to its acceptance; None: it is never accepted.
         cut_short: fields of the result that a cancel gives, over the mock's; None: it gives none.
-        progress: what the server says after it has accepted.
+        progress: reported after acceptance.
     """
 
     after: float | Between | None = None
@@ -78,11 +78,11 @@ class AnyOf:
 
 @dataclass(frozen=True)
 class Rule:
-    """What attempts of one operation come to.
+    """The outcomes of attempts of one operation.
 
-    An attempt falls under the rule when it has all of `arguments` (records need only contain what is given)
-    and, with `target`, when that is the itinerary's current target. With `once` the outcomes are used one
-    after the other, one attempt each, and the rule is spent after the last; else the first holds always.
+    It covers an attempt that has all of `arguments` (records need only contain the given fields) and, with
+    `target`, that is made at the itinerary's current target of that name. With `once` each outcome is used
+    once, in order, and the rule is spent after the last; else the first one is used always.
     """
 
     operation: str
@@ -119,7 +119,7 @@ def _drawn(duration: float | Between | None, dice: random.Random) -> float | Non
 
 
 class _Server:
-    """A rule in use: what is left of it, and how often it was used."""
+    """A rule in use, with its remaining outcomes and the number of uses."""
 
     def __init__(self, rule: Rule, number: int, seed: int) -> None:
         self.rule = rule
@@ -138,10 +138,10 @@ class _Server:
         return bool(self._left) and self.rule.covers(operation, arguments, target)
 
     def next_outcome(self) -> MockOutcome:
-        """Return what the next attempt comes to.
+        """Return the outcome of the next attempt.
 
-        Every use of every rule has dice of its own: what one mock draws does not hang on how often another
-        one was asked before.
+        Every use of every rule has its own random numbers, so the draws of one mock do not depend on
+        another's.
         """
         found = self._left.pop(0) if self.rule.once else self._left[0]
         self.used += 1
@@ -167,9 +167,9 @@ class Stage:
     """All servers of one simulation.
 
     Args:
-        world: what the machine works with; its seed is what everything is drawn from that comes by chance.
-        now: tells the time.
-        target: tells the itinerary's current target, for rules that name one.
+        world: that of the machine; its seed seeds the draws.
+        now: returns the time.
+        target: returns the itinerary's current target, for rules that name one.
     """
 
     def __init__(
@@ -187,12 +187,12 @@ class Stage:
         self._now = now
         self._target = target
         self._running: dict[str, _ServedAttempt] = {}
-        self._gone: set[str] = set()
+        self._silent: set[str] = set()
         self._missing: list[str] = []
         self._outlet: Outlet | None = None
-        #: What was told last of each value, and when; what was told while nobody heard.
+        #: The last report of each value, and when; ends of attempts while there is no driver.
         self._values: dict[str, tuple[Any, float]] = {}
-        self._unheard: dict[str, Callable[[], None]] | None = None
+        self._undelivered: dict[str, Callable[[], None]] | None = None
 
     def drivers(self, outlet: Outlet) -> dict[str, ScriptedDriver]:
         """Return a driver for every plugin of the catalog, all reporting to `outlet` from now on."""
@@ -213,8 +213,8 @@ class Stage:
     # -- what drivers ask for -----------------------------------------------------------------------------
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        """Hear of a request; accept it when its outcome says so."""
-        if operation in self._gone:
+        """Take a request; accept it when its outcome says so."""
+        if operation in self._silent:
             return
         running = _ServedAttempt(operation, arguments, self._choose(operation, arguments))
         self._running[attempt] = running
@@ -225,7 +225,7 @@ class Stage:
             self._later(wait, lambda: self._accept(attempt))
 
     def cancel(self, attempt: str) -> None:
-        """Hear that nobody wants an attempt any more."""
+        """Cancel an attempt as its outcome says."""
         running = self._running.get(attempt)
         if running is None or not running.accepted or running.outcome.on_cancel is OnCancel.IGNORE:
             return
@@ -245,13 +245,13 @@ class Stage:
             self._later(wait, lambda: self.outlet.cancelled(attempt, result))
 
     def recover(self, attempt: str, *, adopt: bool) -> None:
-        """Hear of somebody who goes on with what another one asked for: the end is told once more."""
-        ended = (self._unheard or {}).pop(attempt, None)
+        """Serve a driver that recovers an attempt: report its missed end, else cancel or keep it."""
+        ended = (self._undelivered or {}).pop(attempt, None)
         running = self._running.get(attempt)
         if ended is not None:
             ended()
         elif running is None or not running.accepted:
-            if running is None or running.operation not in self._gone:
+            if running is None or running.operation not in self._silent:
                 self._running.pop(attempt, None)
                 self.outlet.cancelled(attempt)
         elif not adopt:
@@ -259,8 +259,8 @@ class Stage:
 
     # -- what the world does ------------------------------------------------------------------------------
 
-    def tell(self, value: str, is_now: Any) -> None:
-        """Report a live value. Who waits for what is missing hears of that, or that all is there."""
+    def report(self, value: str, is_now: Any) -> None:
+        """Report a live value; the missing servers are progress or the end of attempts that wait for them."""
         self._values[value] = is_now, self._now()
         self.outlet.value(value, is_now, self._now())
         if value != MISSING:
@@ -280,32 +280,32 @@ class Stage:
                 return True
         return False
 
-    def nobody_hears(self) -> None:
-        """Who was told everything is gone, until there are drivers again."""
-        self._unheard = {}
-        self._outlet = _Unheard(self._unheard, lambda: self.outlet)
+    def disconnect(self) -> None:
+        """Drop all reports but ends of attempts, until there are drivers again."""
+        self._undelivered = {}
+        self._outlet = _Disconnected(self._undelivered, lambda: self.outlet)
 
-    def tell_again(self) -> None:
-        """Tell every value as it is, to somebody who has only come."""
-        self._unheard = None
+    def republish(self) -> None:
+        """Report every value as it is, to new drivers."""
+        self._undelivered = None
         for name, (value, stamp) in self._values.items():
             self.outlet.value(name, value, stamp)
 
     def leave(self, operation: str) -> None:
-        """The server is not heard of from now on, not even about what it was asked before."""
-        self._gone.add(operation)
+        """The server stops answering, also for attempts that it has accepted."""
+        self._silent.add(operation)
         mine = [attempt for attempt, running in self._running.items() if running.operation == operation]
         for attempt in mine:
             del self._running[attempt]
 
     def come_back(self, operation: str) -> bool:
-        """The server answers what it is asked from now on; False when it was not away."""
-        away = operation in self._gone
-        self._gone.discard(operation)
+        """The server answers new requests; False when it was not silent."""
+        away = operation in self._silent
+        self._silent.discard(operation)
         return away
 
     def delay(self, operation: str, seconds: float) -> bool:
-        """Put off what the newest attempt of an operation answers; False when there is none."""
+        """Delay the answer of the newest attempt of an operation; False when there is none."""
         running = next((one for one in reversed(self._running.values()) if one.operation == operation), None)
         if running is not None:
             running.late += seconds
@@ -314,7 +314,7 @@ class Stage:
     @property
     def away(self) -> list[str]:
         """The operations whose servers have left."""
-        return sorted(self._gone)
+        return sorted(self._silent)
 
     # -- how attempts go on -------------------------------------------------------------------------------
 
@@ -336,9 +336,9 @@ class Stage:
         running.accepted = True
         outcome = running.outcome
         self.outlet.accepted(attempt)
-        told = ", ".join(self._missing) if running.operation == READY else ""
-        if outcome.progress or told:
-            self.outlet.progress(attempt, outcome.progress or told)
+        missing = ", ".join(self._missing) if running.operation == READY else ""
+        if outcome.progress or missing:
+            self.outlet.progress(attempt, outcome.progress or missing)
         if not outcome.never:
             after = self._operation(running).mock.after if outcome.after is None else outcome.after
             self._later(after, lambda: self._come_to_end(attempt, outcome))
@@ -363,7 +363,7 @@ class Stage:
         else:
             mock = self._operation(running).mock
             for name, is_now in self._mocked(mock.values, running).items():
-                self.tell(name, is_now)
+                self.report(name, is_now)
             self.outlet.done(attempt, {**self._mocked(mock.result, running), **outcome.result})
 
     def _mocked(self, given: Any, running: _ServedAttempt) -> Mapping[str, Any]:
@@ -374,39 +374,39 @@ class Stage:
         return self._catalog.operations[running.operation]
 
 
-class _Unheard:
-    """Where servers report while nobody hears: how an attempt ended can be asked for later."""
+class _Disconnected:
+    """The outlet while there is no driver: stores the ends of attempts for a recovery."""
 
     def __init__(self, ends: dict[str, Callable[[], None]], later: Callable[[], Outlet]) -> None:
         self._ends = ends
         self._later = later
 
     def accepted(self, attempt: str) -> None:
-        """Nobody hears."""
+        """Dropped."""
 
     def progress(self, attempt: str, detail: str) -> None:
-        """Nobody hears."""
+        """Dropped."""
 
     def done(self, attempt: str, result: Mapping[str, Any]) -> None:
-        """Kept."""
+        """Stored."""
         self._ends[attempt] = lambda: self._later().done(attempt, result)
 
     def failed(self, attempt: str, code: str, detail: str = "") -> None:
-        """Kept."""
+        """Stored."""
         self._ends[attempt] = lambda: self._later().failed(attempt, code, detail)
 
     def cancelled(self, attempt: str, result: Mapping[str, Any] | None = None) -> None:
-        """Kept."""
+        """Stored."""
         self._ends[attempt] = lambda: self._later().cancelled(attempt, result)
 
     def cancel_refused(self, attempt: str, detail: str) -> None:
-        """Nobody hears: who asks again is told again."""
+        """Dropped: a repeated cancel is refused again."""
 
     def value(self, name: str, value: Any, stamp: float) -> None:
-        """Nobody hears; it is told again."""
+        """Dropped: values are reported again."""
 
     def event(self, name: str, data: Mapping[str, Any]) -> None:
-        """Nobody hears."""
+        """Dropped."""
 
 
 class ScriptedDriver:
@@ -429,7 +429,7 @@ class ScriptedDriver:
         self._stage.cancel(attempt)
 
     def recover(self, attempt: str, operation: str, *, adopt: bool) -> None:
-        """Go on with an attempt of somebody who is gone, or have it ended."""
+        """Adopt an attempt of another process, or have it cancelled."""
         self._stage.recover(attempt, adopt=adopt)
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:

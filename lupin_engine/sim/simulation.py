@@ -1,8 +1,8 @@
-"""A mission in virtual time: the engine's own loop, scripted servers, and a script of what else happens.
+"""Discrete-event simulation of a mission: the engine's own loop, scripted servers, scripted happenings.
 
-Time jumps to the next deadline of the machine or the next thing on the world's agenda. At the same time the
-machine's deadlines go first, then the agenda in the order in which it was written: the same inputs give the
-same steps.
+Virtual time jumps to the next deadline of the machine or the next action of the world. At the same time the
+machine's deadlines go first, then the actions in the order in which they were written: the same inputs give
+the same steps. A run ends with the mission, when nothing is pending, or at a limit of time or steps.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError
-from lupin_engine.machine.event import STILL, Event, Start
+from lupin_engine.machine.event import STANDSTILL, Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.scope import World
@@ -42,8 +42,8 @@ LIMIT = 24 * 3600.0
 MAX_STEPS = 100_000
 #: What the robot's clock shows at the beginning when nobody says otherwise: never the computer's own date.
 NEW_YEAR = "2026-01-01 00:00"
-#: How many steps of such circles are told.
-_TOLD = 12
+#: How many steps of such loops are shown.
+_SHOWN_STEPS = 12
 
 
 def most_steps(limit: float) -> float:
@@ -60,8 +60,8 @@ class Ask:
 
 
 @dataclass(frozen=True)
-class Tell:
-    """The world changes: the live value `value` (the plugin's name for it) becomes `is_now`."""
+class SetValue:
+    """The live value `value` (the plugin's name for it) becomes `is_now`."""
 
     value: str
     is_now: Any
@@ -69,7 +69,7 @@ class Tell:
 
 @dataclass(frozen=True)
 class Happen:
-    """A plugin tells one of its events."""
+    """A plugin reports one of its events."""
 
     event: str
     data: Mapping[str, Any] = field(default_factory=dict)
@@ -87,7 +87,7 @@ class End:
 
 @dataclass(frozen=True)
 class Leave:
-    """The server of `operation` is not heard of any more, until it comes back."""
+    """The server of `operation` stops answering, until it comes back."""
 
     operation: str
 
@@ -101,7 +101,7 @@ class ComeBack:
 
 @dataclass(frozen=True)
 class PutOff:
-    """What the newest attempt of `operation` answers comes `seconds` later than it would."""
+    """The answer of the newest attempt of `operation` is delayed by `seconds`."""
 
     operation: str
     seconds: float
@@ -116,9 +116,9 @@ class SetClock:
 
 @dataclass(frozen=True)
 class Restart:
-    """The orchestrator is gone, and `after` seconds later another one goes on from its journal.
+    """The orchestrator ends, and `after` seconds later a new process recovers from its journal.
 
-    The world goes on meanwhile, and nobody hears it: servers end what they were asked for, values change.
+    The world runs on meanwhile: servers end attempts and values change, unnoticed.
     """
 
     after: float = 0.0
@@ -126,15 +126,15 @@ class Restart:
 
 @dataclass(frozen=True)
 class TakeView:
-    """Nothing happens; what there is to see is kept."""
+    """Records the view; nothing happens."""
 
 
-Effect = Ask | Tell | Happen | End | Leave | ComeBack | PutOff | SetClock | Restart | TakeView
+Effect = Ask | SetValue | Happen | End | Leave | ComeBack | PutOff | SetClock | Restart | TakeView
 
 
 @dataclass(frozen=True)
 class Happening:
-    """Something that happens `after` seconds from the start.
+    """An effect, `after` seconds from the start.
 
     With a `state` the time counts from its `nth` entry, with an `operation` from its `nth` start; 0 means
     every one of them. `number` says which piece of a script it comes from.
@@ -153,7 +153,7 @@ class Happening:
         return self.state is not None or self.operation is not None
 
     def is_meant(self, entered: str, started: str) -> bool:
-        """Say whether a state that was entered, or an operation that was started, is what it waits for."""
+        """Say whether it waits for this entry of a state, or this start of an operation."""
         if self.state is not None:
             return bool(entered) and is_named(entered, self.state)
         return self.operation == started
@@ -161,11 +161,11 @@ class Happening:
 
 @dataclass(frozen=True)
 class Script:
-    """What a simulation is of: a mission, its request, the servers' answers, and what else happens.
+    """The input of a simulation: a mission, its request, the servers' answers, and happenings.
 
-    With `starts` the mission is started as soon as the chart can take the request. `seed` is what is drawn
-    from by the servers and by the jitter of retries. With `stop_at` it is over when that state is entered.
-    `clock` is what the robot's clock shows at the beginning.
+    With `starts` the mission is started as soon as the chart can take the request. `seed` seeds the draws of
+    the servers and the jitter of retries. With `stop_at` the run ends when that state is entered. `clock` is
+    the robot's wall clock at the beginning.
     """
 
     mission: str
@@ -186,7 +186,7 @@ class Script:
 
 @dataclass(frozen=True)
 class MomentView:
-    """What there was to see at one moment: after `steps` steps, at `time`."""
+    """The view at one moment: after `steps` steps, at `time`."""
 
     time: float
     steps: int
@@ -196,14 +196,13 @@ class MomentView:
 
 @dataclass(frozen=True, repr=False)
 class Run:
-    """What came of a simulation: its history, and where it ended.
+    """The result of a simulation: its history, and its final state.
 
-    `visits` are what became of the targets of all itineraries, `context` the variables at the end.
-    `cut_off`: a limit of time or steps was reached; `stopped`: it came to the state at which it was to stop.
-    `unfired`: happenings that never came to pass; `idle`: those that found nothing to end or to bring back,
-    with the time. `views` is what was seen, by number. `parameters` are the settings that were given.
-    `unspent` says for each rule of which not all outcomes were used, by its number, how many attempts fell
-    under it. `violated` are the properties that were: the step (None: at the end), the name, and how.
+    `visits` are the visits of all itineraries, `context` the variables at the end. `cut_off`: a limit of time
+    or steps was reached; `stopped`: the state of `stop_at` was entered. `unfired`: happenings that never took
+    place; `idle`: those without effect, with the time. `views` are the recorded views, by number.
+    `parameters` are the given settings. `unspent` counts the attempts under each rule with unused outcomes,
+    by its number. `violated` are the properties that were: the step (None: at the end), the name, and how.
     """
 
     chart: Chart
@@ -231,7 +230,7 @@ class Run:
 
     @property
     def limit(self) -> str:
-        """Which limit has ended it, with what repeats; nothing where none has."""
+        """The limit that ended it, with the repeated transitions; '' where none did."""
         if not self.cut_off:
             return ""
         if len(self.steps) < most_steps(self.seconds):
@@ -242,7 +241,7 @@ class Run:
 
     @property
     def watched_until(self) -> float:
-        """Until when something may come true (s): for ever, if nobody does anything any more."""
+        """The time until which a property may come true (s); infinite if nothing was pending in the end."""
         is_over = self.view.lifecycle in self.chart.profile.stages.over
         return self.seconds if self.cut_off or self.stopped or is_over else math.inf
 
@@ -261,26 +260,26 @@ def simulate(
     """Run a script against a chart in virtual time.
 
     Args:
-        world: of this chart and these parameters, for those who have one already.
+        world: of this chart and these parameters, if it exists already.
 
     Raises:
         UsageError: a parameter does not exist or is out of range.
         LupinError: a plugin cannot work with the parameters.
-        Standstill: time stands still for ever.
+        Standstill: the mission loops without time passing.
     """
     return Simulation(chart, script, parameters or {}, world).run()
 
 
 class Standstill(LupinError):
-    """A simulation in which time stands still for ever; `kept` of its steps tell enough."""
+    """The mission loops without time passing; the first `shown` steps are enough to show it."""
 
-    def __init__(self, text: str, kept: int) -> None:
+    def __init__(self, text: str, shown: int) -> None:
         super().__init__(text)
-        self.kept = kept
+        self.shown = shown
 
 
 class _InMemory:
-    """The journal of a simulation: what another orchestrator would find."""
+    """The journal of a simulation, for its restarts."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
@@ -312,18 +311,18 @@ class _InMemory:
         )
 
     def left(self) -> Leftover:
-        """Return what is there."""
+        """Return the journal as a new process reads it."""
         return Leftover(journal_of(Path("journal"), self._writer.data))
 
     def go_on(self, left: Leftover, shift: float) -> None:
-        """Go on after it."""
+        """Append to it."""
         self.journal.go_on(left.file, shift, self._simulation.now, "")
 
 
 class Simulation:
-    """One run of a script; `listener` is told of every step while the machine is as it left it.
+    """One run of a script; `listener` is called with every step, while the machine is as after it.
 
-    With `crashes` the orchestrator can be gone without the script saying so.
+    `crashes` allows restarts that are not in the script.
     """
 
     def __init__(
@@ -376,10 +375,10 @@ class Simulation:
         return engine
 
     def run(self) -> Run:
-        """Run until the mission is over, nothing more will happen, or a limit is reached, of time or steps.
+        """Run until the mission is over, nothing is pending, or a limit of time or steps is reached.
 
         Raises:
-            Standstill: time stands still for ever.
+            Standstill: the mission loops without time passing.
         """
         self.begin()
         cut_off = False
@@ -394,7 +393,7 @@ class Simulation:
                 self._clock.move_to(self._script.limit)
                 cut_off = True
                 break
-            self.go_on()
+            self.advance()
         return self.result(cut_off)
 
     # -- the same in pieces, for those who look on ------------------------------------------------------
@@ -410,7 +409,7 @@ class Simulation:
 
     @property
     def world(self) -> World:
-        """What never changes meanwhile."""
+        """The constants of the machine."""
         return self._world
 
     @property
@@ -425,13 +424,13 @@ class Simulation:
 
     @property
     def wall(self) -> float:
-        """What the robot's clock shows, in POSIX time."""
+        """The robot's wall clock, in POSIX time."""
         return self._clock.wall()
 
     @property
     def clock(self) -> str:
         """The same as people write it."""
-        return self._calendar.told(self._clock.wall())
+        return self._calendar.as_text(self._clock.wall())
 
     @property
     def away(self) -> list[str]:
@@ -445,7 +444,7 @@ class Simulation:
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing of interest can follow: the mission is over, and the script told to its end."""
+        """Whether the mission is over and the script has ended."""
         if self._stopped:
             return True
         idle = self._started and not self._planned and not self._is_away
@@ -454,16 +453,16 @@ class Simulation:
 
     @property
     def next_due(self) -> float | None:
-        """When the next thing happens by itself; None when nothing will."""
-        deadline, noted = self._engine.next_deadline, self._agenda.next_due
+        """The time of the next deadline or action; None when nothing is pending."""
+        deadline, planned = self._engine.next_deadline, self._agenda.next_due
         if self._is_away:
-            return noted
-        if deadline is None or noted is None:
-            return noted if deadline is None else deadline
-        return min(deadline, noted)
+            return planned
+        if deadline is None or planned is None:
+            return planned if deadline is None else deadline
+        return min(deadline, planned)
 
-    def go_on(self) -> bool:
-        """Let the next thing happen; False when nothing will."""
+    def advance(self) -> bool:
+        """Carry out the next deadline or action; False when nothing is pending."""
         due = self.next_due
         if due is None:
             return False
@@ -479,17 +478,17 @@ class Simulation:
             self._engine.drain(more=same)
 
     def wait_until(self, time: float) -> None:
-        """Let pass what time there is until `time`; what is due before it must have happened."""
+        """Move the clock to `time`; earlier deadlines and actions must have been carried out."""
         self._clock.move_to(time)
 
     def do(self, effect: Effect) -> bool:
-        """Let something happen now that no script told; False when it found nothing to act on."""
+        """Apply an effect now; False when it had nothing to act on."""
         done = _EFFECTS[type(effect)](self, effect)
         self._drain()
         return done is not False
 
     def request(self, event: Event) -> Step:
-        """Let an operator ask for something, as the event says it; return the step with the answer."""
+        """Send a request; return the step with the answer."""
         step = self._engine.request(event)
         self._engine.drain()
         return step
@@ -510,8 +509,8 @@ class Simulation:
         elif _EFFECTS[type(happening.effect)](self, happening.effect) is False:
             self._idle.append((self._clock.now(), happening))
 
-    def _tell(self, effect: Tell) -> None:
-        self._stage.tell(effect.value, effect.is_now)
+    def _set_value(self, effect: SetValue) -> None:
+        self._stage.report(effect.value, effect.is_now)
 
     def _end(self, effect: End) -> bool:
         outcome = MockOutcome(code=effect.code, detail=effect.detail, result=effect.result)
@@ -521,12 +520,12 @@ class Simulation:
         if self._is_away or self._journal is None:
             return False
         self._is_away = True
-        self._stage.nobody_hears()
+        self._stage.disconnect()
         self._agenda.note(self._clock.now() + effect.after, self._come_back)
         return True
 
     def _come_back(self) -> None:
-        """Let another orchestrator go on as a real one does: from what the journal says, and held."""
+        """Recover from the journal as a real orchestrator does, with the hold `restarted`."""
         assert self._journal is not None, "who was away had a journal"
         left = self._journal.left()
         recovered = recover(left.file, self._world)
@@ -545,7 +544,7 @@ class Simulation:
             self._engine = self._make_engine()
             self._journal.begin()
             self._engine.start()
-        self._stage.tell_again()
+        self._stage.republish()
 
     def _set_clock(self, effect: SetClock) -> None:
         self._clock.set_wall(self._calendar.moment(effect.to))
@@ -583,12 +582,12 @@ class Simulation:
             self._planned += 1
             self._agenda.note(step.time, self._start_mission)
         self.listener(step)
-        if step.event.name == STILL:
+        if step.event.name == STANDSTILL:
             before = bisect_left(self.steps, step.time, key=lambda one: one.time)
-            raise Standstill(step.event.data["detail"], before + _TOLD)
+            raise Standstill(step.event.data["detail"], before + _SHOWN_STEPS)
 
     def _notice_beginnings(self, step: Step) -> None:
-        """Plan what waits for a state that was entered, or for an operation that was started."""
+        """Schedule the happenings that wait for an entered state or a started operation."""
         begun = [(name, "") for name in step.entered]
         begun += [("", command.operation) for command in step.commands if isinstance(command, Start)]
         for entered, started in begun:
@@ -599,7 +598,7 @@ class Simulation:
                         self._plan(index, happening)
 
     def result(self, cut_off: bool) -> Run:
-        """Return what came of it until now."""
+        """Return the result until now."""
         return Run(
             chart=self._machine.chart,
             history=self.history,
@@ -620,7 +619,7 @@ class Simulation:
 #: What is done for each kind of effect; False: there was nothing that it could be done to.
 _EFFECTS: Mapping[type, Callable[[Simulation, Any], object]] = {
     Ask: lambda simulation, effect: simulation._ask(effect.event, effect.data),
-    Tell: Simulation._tell,
+    SetValue: Simulation._set_value,
     Happen: lambda simulation, effect: simulation._stage.outlet.event(effect.event, effect.data),
     End: Simulation._end,
     Leave: lambda simulation, effect: simulation._stage.leave(effect.operation),

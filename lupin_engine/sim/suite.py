@@ -1,4 +1,4 @@
-"""Many scenarios: each mission loaded once, with one seed or with many."""
+"""Runs many scenarios: each mission is loaded once, with one seed or with many."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ Counts = Counter[tuple[str, str, str]]
 
 
 class RunObserver(Protocol):
-    """Counts what runs reach."""
+    """Counts the elements that runs reach."""
 
     def prepare(self, chart: Chart) -> Chart:
         """Return the chart that the runs use in place of `chart`."""
 
     def count(self, run: Run) -> Counts:
-        """Return what a run reached, as soon as it is over."""
+        """Return the counts of a run, as soon as it is over."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class ScenarioResult:
 
     @property
     def name(self) -> str:
-        """What the scenario is called."""
+        """The name of its file, without the ending."""
         return self.file.name.removesuffix(SUFFIX)
 
     @property
@@ -68,8 +68,8 @@ class Suite:
     """Runs scenarios one after the other.
 
     Args:
-        catalog: what the plugins offer.
-        observer: is told of every run.
+        catalog: of the plugins.
+        observer: gets every run.
     """
 
     def __init__(self, catalog: Catalog, observer: RunObserver | None = None) -> None:

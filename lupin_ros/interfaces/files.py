@@ -129,7 +129,7 @@ def read_interfaces(names: Iterable[str]) -> InterfaceSet:
                 found[part.name] = part
                 inside = {one.type.base for one in part.fields if one.type.is_message}
                 left.extend(inside.difference(found, left))
-    problems.tell()
+    problems.raise_any()
     return InterfaceSet(tuple(wanted), dict(sorted(found.items())))
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from lupin_engine import __version__
-from lupin_engine.machine import HELD_BACK, TOLD, Event, Machine, Possibility, Refusal, Step, View
+from lupin_engine.machine import CODE_REPORTED, HELD_BACK, Event, Machine, Possibility, Refusal, Step, View
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import (
     BOOL,
@@ -110,14 +110,14 @@ class JournalGate:
 
     def close(self) -> None:
         """Write what waits, flush it and close the file."""
-        self._refusals.tell_all()
+        self._refusals.report_all()
         self._writes.finish()
         self._slices.finish()
         self.journal.close()
 
     def when_flushed(self, then: Callable[[], None]) -> None:
         """Call `then` when what was recorded is flushed; at once while no file is open or the disk fails."""
-        self.journal.when_kept(self._ros.guarded(then))
+        self.journal.when_flushed(self._ros.guarded(then))
 
     # -- which file -------------------------------------------------------------------------------------
 
@@ -125,7 +125,7 @@ class JournalGate:
         self, loaded: LoadedMissions, machine: Machine, mission: str = "", mission_id: str = ""
     ) -> None:
         """Begin a file with a snapshot of the machine, for a mission or for the time between two."""
-        self._refusals.tell_all()
+        self._refusals.report_all()
         self._writes.finish()  # the outcomes of a file's steps are in that file
         if loaded is not self._loaded or self.journal.problem:  # the folder may have been removed
             names = loaded.short_names
@@ -212,8 +212,8 @@ class JournalGate:
 
     def check_disk(self, machine: Machine) -> None:
         """Detect a disk that does not answer, and retry a failed one every `RETRY_S`; called periodically."""
-        self.journal.look()
-        self._refusals.look(self._ros.elapsed())
+        self.journal.check_disk()
+        self._refusals.report_due(self._ros.elapsed())
         if self.journal.problem and self._ros.elapsed() >= self._retry_at:
             self._retry_at = self._ros.elapsed() + RETRY_S
             self._rotate(machine)
@@ -249,7 +249,7 @@ class JournalGate:
             except Exception as problem:  # the journal has fields that are none of the message
                 self._ros.log.warning("an outcome cannot be published again", problem=str(problem))
 
-        for number, fields in found.left.told.items():
+        for number, fields in found.left.newest.items():
             self._send_when_flushed(number, fields, resend)
         for outcome, fields in new:
             self.publish([outcome], partial(_given, fields), send)
@@ -322,7 +322,7 @@ class JournalGate:
         self._ros.trouble("journal", problem and f"the journal cannot be written: {where}")
         if not problem:
             self._ros.log.info("the journal is written again", folder=str(self.folder))
-            self._post_event(Event(TOLD, {"code": RECORDED_CODE, "detail": ""}))
+            self._post_event(Event(CODE_REPORTED, {"code": RECORDED_CODE, "detail": ""}))
             return
         self._ros.log.error("the journal cannot be written", problem=problem, folder=str(self.folder))
         self._retry_at = self._ros.elapsed() + RETRY_S
@@ -330,7 +330,7 @@ class JournalGate:
         if self.required and head is not None and head.mission_id and not self._is_returning:
             self._post_event(Event(HELD_BACK, {"hold": UNRECORDED, "detail": where}))
         else:
-            self._post_event(Event(TOLD, {"code": UNRECORDED_CODE, "detail": where}))
+            self._post_event(Event(CODE_REPORTED, {"code": UNRECORDED_CODE, "detail": where}))
         self._work()  # before the waiting callbacks run
 
 

@@ -19,9 +19,9 @@ from std_srvs.srv import Trigger
 
 from lupin_engine.errors import LupinError, shortened
 from lupin_engine.machine import (
+    CODE_REPORTED,
     NOTHING,
     RELEASED,
-    TOLD,
     UNKNOWN_MISSION,
     Event,
     Machine,
@@ -185,7 +185,7 @@ class Orchestrator:
         ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._repeat_state)
         self._start_or_resume(recovery)
         if lost:
-            self._engine.post(Event(TOLD, {"code": CLOSED_CODE, "detail": lost}))
+            self._engine.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": lost}))
         self._work()
         self._publish_missions()
         self._records.publish_chart()
@@ -228,13 +228,13 @@ class Orchestrator:
         self._gate.begin(self._loaded, self._machine)
         self._engine.start()
         detail = f"{head.mission} {head.mission_id}: {closing}; left out: {count}"
-        self._engine.post(Event(TOLD, {"code": CLOSED_CODE, "detail": detail}))
+        self._engine.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": detail}))
 
     def _unpublished(self, recovery: Recovery) -> list[tuple[Publish, Fields]]:
         """Return outcomes of replayed steps that were not recorded, and those of a closed mission."""
         old = recovery.recovered
         found = []
-        for record, outcome in old.untold if old is not None else ():
+        for record, outcome in old.unreported if old is not None else ():
             messages_then = self._messages_at(old.machine if old else self._machine, record)
             found.append((outcome, messages_then.outcome(outcome)))
         return found + [(outcome, self._state_messages.outcome(outcome)) for outcome in recovery.left_out]
@@ -295,7 +295,7 @@ class Orchestrator:
         if not commands.counts_however_late(event, self._chart):
             return False
         self._work()
-        return not self._machine.foresee(Event(event), self._clock.now(), dry=True).releases
+        return not self._machine.dry_run(Event(event), self._clock.now(), skip_fields=True).releases
 
     def _answer_when_flushed(
         self,
@@ -433,7 +433,7 @@ class Orchestrator:
 
     def _refusal(self, event: Event) -> Refusal | None:
         """Return why a request is refused without a step; else begin the file of a mission that it starts."""
-        foreseen = self._machine.foresee(event, self._clock.now())
+        foreseen = self._machine.dry_run(event, self._clock.now())
         refusal = self._gate.refusal(event, foreseen, self._chart.profile)
         if refusal is None:
             self._gate.before_request(event, foreseen, self._machine)
@@ -581,7 +581,7 @@ class Orchestrator:
     def _failed(self, problem: Exception) -> None:
         """Log an exception in the loop; the journal may lack a step, so a new file begins with a snapshot."""
         self._ros.log.error("the loop failed", exc_info=problem)
-        self._gate.journal.spoilt(f"{type(problem).__name__}: {problem}")
+        self._gate.journal.discontinue(f"{type(problem).__name__}: {problem}")
 
     def _sleep(self) -> None:
         self._sleep_until(self._engine.next_deadline)

@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypedDict
 from lupin_engine.machine import Machine, Moment, Step, View
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import Fields, Publish, Wire
-from lupin_engine.runtime import Foresight, PossibleRecord, step_record, view_record
+from lupin_engine.runtime import PossibleRecord, RequestPreview, step_record, view_record
 from lupin_ros.service import messages
 
 
@@ -169,7 +169,7 @@ class PossibleNews:
 
     def __init__(self, boot: str) -> None:
         self._boot = boot
-        self._foresight: tuple[Machine, Foresight] | None = None
+        self._foresight: tuple[Machine, RequestPreview] | None = None
         self._foreseen: list[PossibleRecord] = []
 
     def forget(self) -> None:
@@ -179,7 +179,7 @@ class PossibleNews:
     def news(self, machine: Machine, chart_hash: str, now: float) -> PublishedPossible | None:
         """Return the record if it has changed, else None; cheap where nothing can have changed."""
         if self._foresight is None or self._foresight[0] is not machine:
-            self._foresight = machine, Foresight(machine)
+            self._foresight = machine, RequestPreview(machine)
         found = self._foresight[1].news(now)
         if found is None or found == self._foreseen:
             return None

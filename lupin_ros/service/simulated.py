@@ -23,9 +23,9 @@ from lupin_engine.sim import (
     Read,
     Restart,
     Script,
+    SetValue,
     Simulation,
     Standstill,
-    Tell,
     Wrong,
     first,
     is_named,
@@ -194,7 +194,7 @@ class SimulatedPages:
         self._stopped = stopped
         spec = self._chart.inputs.get(self._chart.profile.stop)
         if spec is not None:
-            self._simulation.do(Tell(spec.value, stopped))
+            self._simulation.do(SetValue(spec.value, stopped))
             self._publish_news()
 
     def history(self, since: float, topics: Collection[str]) -> Iterator[PageMessage]:
@@ -320,7 +320,7 @@ class SimulatedPages:
 
     def _advance_to(self, due: float) -> None:
         try:
-            self._simulation.go_on()
+            self._simulation.advance()
         except Standstill as problem:
             self._stand(str(problem))
 
@@ -339,7 +339,7 @@ class SimulatedPages:
         self._orchestrator.begin(self._picture)
         # Starting up takes no time in most charts; nobody wants to wait for it.
         while self._simulation.next_due == 0.0 and not self._simulation.is_over:
-            self._simulation.go_on()
+            self._simulation.advance()
         if self._stopped:
             self.stop(True)
         self._publish_news(in_any_case=True)

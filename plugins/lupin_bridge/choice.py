@@ -81,7 +81,7 @@ def _check_recorded(parameters: Parameters) -> None:
         _sensors(parameters)
     with problems.collecting():
         load_recording(parameters["recording_file"])
-    problems.tell()
+    problems.raise_any()
 
 
 def _mqtt(parameters: Parameters, _: Clocks, report: Report) -> Backend:
@@ -95,7 +95,7 @@ def _check_mqtt(parameters: Parameters) -> None:
         _sensors(parameters)
     with problems.collecting():
         mqtt.check(_broker(parameters))
-    problems.tell()
+    problems.raise_any()
 
 
 def _broker(parameters: Parameters) -> mqtt.MqttSettings:

@@ -102,7 +102,7 @@ def check(settings: MqttSettings) -> None:
         _credentials(settings.credentials_file)
     with problems.collecting():
         _secure(client, settings)
-    problems.tell()
+    problems.raise_any()
 
 
 class Mqtt:

@@ -103,7 +103,7 @@ def given_units(written: Iterable[str]) -> Mapping[str, str]:
         except ValueError as problem:
             problems.add(f"mqtt_units {shortened(text)!r}: {problem}")
         found[sensor] = unit
-    problems.tell()
+    problems.raise_any()
     return found
 
 

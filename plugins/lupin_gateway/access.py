@@ -135,7 +135,7 @@ def read_tokens(file: Path) -> tuple[IssuedToken, ...]:
         reason = problem.strerror if isinstance(problem, OSError) else "it is not a text in UTF-8"
         raise BadTokens(f"{file}: the tokens cannot be read: {reason}") from None
     try:
-        problems.tell()
+        problems.raise_any()
     except LupinError as wrong:
         raise BadTokens(str(wrong), found.values()) from None
     if not found:

@@ -182,7 +182,7 @@ def export(
         wanted = _format(format_, output)
     with problems.collecting():
         where = None if origin is None else Georeference.parse(origin)
-    problems.tell()
+    problems.raise_any()
     if where is None and wanted == "geojson":
         raise UsageError(
             f"{wanted} has longitude and latitude, and the map is in metres from its own origin: "
@@ -229,7 +229,7 @@ def plot(
     ending = output.suffix.lower()
     if ending and ending not in PICTURES and not output.is_dir():
         problems.add(f"{str(output)!r} is no picture: end it in {' or '.join(PICTURES)}, or name a folder")
-    problems.tell()
+    problems.raise_any()
     content = _content(store, domain)
     record = select(content.rows, mission)
     sensors = _sensors(record, sensor)

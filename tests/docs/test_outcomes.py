@@ -173,7 +173,7 @@ def random_cells(
     for _ in range(25):
         until = simulation.now + dice.expovariate(1 / 6.0)
         while simulation.next_due is not None and simulation.next_due <= until:
-            simulation.go_on()
+            simulation.advance()
         simulation.wait_until(until)
         event, before, known = (
             dice.choice([*tool.EVENTS, *often]),

@@ -91,12 +91,12 @@ class CheckedOptions:
         # Importing the nodes takes ROS and a second, so only where their parameters are given.
         wanted = self._wanted
         if self.problems and not (wanted.sim or wanted.opened or of_nodes(wanted.settings)):
-            self.problems.tell()
+            self.problems.raise_any()
         with self.problems.collecting():
             given = self._given()
             parameters = self._parameters(given)
             self._check_nodes(parameters, given)
-        self.problems.tell()
+        self.problems.raise_any()
         from lupin_ros.launch import BringupSettings  # needs rclpy
 
         folder = new_run_folder(self._wanted.log_dir)

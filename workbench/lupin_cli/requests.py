@@ -76,7 +76,7 @@ def check_fields(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
                 f"{loaded.names[0]} has no use for {options[name]}: its request has no {name}; "
                 f"it has {', '.join(fields) or 'no fields'}"
             )
-    wrong.tell()
+    wrong.raise_any()
 
 
 def check_complete(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
@@ -95,7 +95,7 @@ def check_complete(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
         if known is not None and known.option:
             hint = f"write {known.option} {known.metavar or str(field.type).upper()}"
         wrong.add(f"{mission.name} needs {described(field)}; {hint}")
-    wrong.tell()
+    wrong.raise_any()
 
 
 def carried(chart: Chart, request: Mapping[str, Any]) -> dict[str, Any]:
@@ -131,5 +131,5 @@ def check_request(
         _, refusal = read_request(world, data, EvaluationScope(world, Memory()).at("", 0.0))
         if refusal is not None and not wrongly_given:
             wrong.add(refusal.text)
-    wrong.tell()
+    wrong.raise_any()
     return request

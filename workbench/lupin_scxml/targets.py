@@ -14,7 +14,7 @@ from lupin_scxml.notes import CannotSay
 
 
 def first_way(parent: Element) -> Element | None:
-    """Return a state's initial transition, if its document has an `initial` element."""
+    """Return a state's initial transition, if the state has an `initial` element."""
     return next((rule for each in parent.all("initial") for rule in each.all("transition")), None)
 
 
@@ -116,7 +116,7 @@ class Targets:
         self._together[ids] = whole
 
     def together(self, ids: str) -> Element | None:
-        """Return the parallel state whose initial states several targets are."""
+        """Return the parallel state that is entered for several targets; None where there is none."""
         wanted = {self.states.get(one) for one in ids.split()}
         parents = {state.parent if state else None for state in wanted}
         whole = parents.pop() if len(parents) == 1 else None

@@ -277,7 +277,7 @@ def read_page(file: Path, chart: Chart) -> OutcomePage:
         del page.cells[place]
     if not page.cells and not problems:
         problems.add(f"{file}: no table of outcomes; it has a head '| State | COLUMN | ... |' below an event")
-    problems.tell()
+    problems.raise_any()
     return page
 
 

@@ -184,7 +184,7 @@ def _check_seen(page: OutcomePage, explorer: SituationExplorer) -> None:
                     f"{condition.place.shown}: no condition of the mission reads {name!r}, so situations with"
                     " different values are one; leave it out"
                 )
-    problems.tell()
+    problems.raise_any()
 
 
 class _Judge:

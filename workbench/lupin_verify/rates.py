@@ -44,7 +44,7 @@ from lupin_engine.sim import (
     Script,
     ScriptNode,
     ScriptReader,
-    Tell,
+    SetValue,
     WhenNode,
     check_names,
 )
@@ -168,13 +168,13 @@ def default_chances(chart: Chart) -> Iterator[Chance]:
     for event in (*chart.profile.events, *chart.answers):
         every = 1200.0 if event == resume else 3600.0
         yield Chance(every, ((0.0, Ask(event)),))
-    some = (Between(1.0, 120.0), Tell(MISSING, []))
-    yield Chance(7200.0, ((0.0, Tell(MISSING, ["a server that is needed"])), some))
+    some = (Between(1.0, 120.0), SetValue(MISSING, []))
+    yield Chance(7200.0, ((0.0, SetValue(MISSING, ["a server that is needed"])), some))
     for found in chart.inputs.values():
         usual, others = _values(found)
         for value in others:
-            back = (Between(0.5, 300.0), Tell(found.value, usual))
-            yield Chance(3600.0 * len(others), ((0.0, Tell(found.value, value)), back))
+            back = (Between(0.5, 300.0), SetValue(found.value, usual))
+            yield Chance(3600.0 * len(others), ((0.0, SetValue(found.value, value)), back))
     classes = Classes(make_world(chart, {}), Relevance(chart), MOST_ELEMENTS)
     yield from _reports_by_class(chart, classes)
     counts = Counter(event.name for event in classes.events)
@@ -194,7 +194,7 @@ def _reports_by_class(chart: Chart, classes: Classes) -> Iterator[Chance]:
     for name, found in drawn.items():
         values = reported[name] if name != MISSING else []
         for value in values if len(values) > 1 else ():
-            yield Chance((found.freshness or CHANGES) * len(values), ((0.0, Tell(name, value)),))
+            yield Chance((found.freshness or CHANGES) * len(values), ((0.0, SetValue(name, value)),))
 
 
 def _values(found: Input) -> tuple[Any, tuple[Any, ...]]:

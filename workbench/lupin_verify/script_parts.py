@@ -22,7 +22,7 @@ from lupin_engine.sim import (
     Scenario,
     Script,
     SetClock,
-    Tell,
+    SetValue,
 )
 
 #: The digits of times: the fewest that are exact.
@@ -65,7 +65,7 @@ def _effect(effect: Effect) -> dict[str, Any]:
         case Ask(event, data) | Happen(event, data):
             word = "request" if isinstance(effect, Ask) else "event"
             return {word: {event: dict(data)} if data else event}
-        case Tell(value, is_now):
+        case SetValue(value, is_now):
             return {"value": {value: is_now}}
         case End(operation, code, detail, result):
             fields = {"do": operation, "code": code, "detail": detail, "done": dict(result)}

@@ -25,8 +25,8 @@ from lupin_engine.sim import (
     StepLine,
     load_scenario_text,
     mission_name,
+    narrate,
     short_name,
-    tell,
 )
 from lupin_verify.outcomes import OUTCOMES
 from lupin_verify.proof import Proven
@@ -61,7 +61,7 @@ class FailingScenario:
     @property
     def lines(self) -> list[StepLine]:
         """The printed steps, with the breach at its time."""
-        shown = tell(self.run.chart, self.run.history)
+        shown = narrate(self.run.chart, self.run.history)
         before = [line for line in shown if line.time <= self.breach.time + _NEARLY]
         return [*before, self.breach, *shown[len(before) :]]
 

@@ -124,7 +124,7 @@ class ActionReader:
         self._findings.unknown(node.place, "unknown-action", path, "action", node.name, known)
 
     def _write(self, node: ActionNode, given: Map | None, scope: Scope, path: str) -> ActionCall | None:
-        """Read `set`, which writes variables, and `add` and `remove`, which change what a list holds."""
+        """Read `set`, which writes variables, and `add` and `remove`, which change the elements of a list."""
         if not given:
             hint = f"write '{node.name}: {{NAME: VALUE}}'"
             problem = f"{node.name} names no variable"
@@ -148,7 +148,7 @@ class ActionReader:
         return ActionCall(node.name, found, node.place)
 
     def _element(self, node: ActionNode, place: Place, name: str, path: str) -> Type | None:
-        """Return the type of what a list holds that actions change; None after findings."""
+        """Return the element type of a list that actions change; None after findings."""
         kind = self._variables[name].type
         if kind.item is None:
             problem, hint = f"{name!r} is {with_article(kind)}", f"{node.name} needs a list or a set"

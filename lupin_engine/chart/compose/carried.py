@@ -26,12 +26,12 @@ _END = "done."
 
 
 class Carried:
-    """The fields of events by name, and of results by the state that ends, as all who write them agree on."""
+    """The types of payloads by event, and of done data by the state that ends, as all writers agree on."""
 
     def __init__(
         self, findings: Findings, known: Mapping[str, Type] | None = None, unknown: Type = NOTHING
     ) -> None:
-        """Begin with what an earlier look at the chart has found; the others are `unknown`."""
+        """Start from the types that an earlier pass has inferred; the others are `unknown`."""
         self._findings = findings
         self.known = known or {}
         self._unknown = unknown
@@ -40,11 +40,11 @@ class Carried:
         self.found: dict[str, Type] = {}
 
     def fields_of(self, name: str) -> Type:
-        """Return what `event` is for those who listen to a raised event, or to the end of a state."""
+        """Return the type of `event` for listeners to a raised event, or to the end of a state."""
         return self.known.get(name, self._unknown)
 
     def read(self, name: str, given: Map | None, place: Place, scope: Scope, path: str) -> dict[str, Value]:
-        """Read fields that an event or a result carries; all who write it must agree on them."""
+        """Read the payload of an event or a result; all writers must agree on its fields."""
         values: dict[str, Value] = {}
         fields: dict[str, Type] = {}
         written = map_at(place) if given is None else given
@@ -68,11 +68,11 @@ class Carried:
             return
         where = f"line {there.line}" if there.file == place.file else str(there)
         what = f"the end of {name.removeprefix(_END)!r}" if name.startswith(_END) else repr(name)
-        problem = f"{what} carries {_told(kind)} here, and {_told(first)} in {where}"
+        problem = f"{what} carries {_shown_type(kind)} here, and {_shown_type(first)} in {where}"
         self._findings.add(place, "different-fields", path, problem, "give it the same fields everywhere")
 
 
-def _told(kind: Type) -> str:
+def _shown_type(kind: Type) -> str:
     return ", ".join(f"{name!r} ({found})" for name, found in kind.fields.items()) or "nothing"
 
 
@@ -82,7 +82,7 @@ def end_of(state: str) -> str:
 
 
 def carries_something(draft: Draft) -> bool:
-    """Tell whether a state's text raises an event with fields, or has a result."""
+    """Say whether a state's text raises an event with fields, or has a result."""
     if draft.node is not None and draft.node.result:
         return True
     return any(found.with_ for node in texts_of(draft) for found in written_in(node, RaiseNode))

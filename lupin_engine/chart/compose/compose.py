@@ -1,10 +1,11 @@
-"""From documents to one composed chart: states filled, targets resolved, expressions typed and compiled.
+"""Composes documents to one chart: states filled, targets resolved, expressions typed and compiled.
 
 The order is: declarations of all files; the tree, so that every full name exists; then the states from the
-root down, each seeing its file's declarations, its mission's request and the itineraries around it. A part
-is composed once for every use, because what its expressions see differs; its mistakes are told once.
+root down, each in the scope of its file's declarations, its mission's request and the itineraries around it.
+A part is composed once for every use, because the scope of its expressions differs; its mistakes are reported
+once.
 
-Every step goes on after a finding. What comes out is a chart only when there are no errors.
+Every step continues after a finding. The result is a usable chart only when there are no errors.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ MAX_LEARNED = 4
 
 @dataclass
 class Composed:
-    """A chart with what the checks need to know beside it."""
+    """A chart with the further data that the checks need."""
 
     chart: Chart
     drafts: Mapping[str, Draft]
@@ -103,8 +104,8 @@ def compose(
 ) -> Composed | None:
     """Compose the chart of these documents; after errors it has holes, but may be checked further.
 
-    `missions` are those that can be started, `parts` the parts and missions that states use.
-    None where nobody knows whose words it is written in: of several profiles the lifecycle must name one.
+    `missions` are those that can be started, `parts` the parts and missions that states use. None where the
+    profile is unknown: of several profiles the lifecycle must name one.
     """
     profiled = _with_profile(catalog, lifecycle, findings)
     return None if profiled is None else _Composer(lifecycle, missions, parts, profiled, findings).compose()
@@ -209,18 +210,18 @@ class _Composer:
         return Composed(chart, self._forest.drafts, self._usage, self._declared, carried)
 
     def _learn(self) -> Carried:
-        """Return what events and results carry: composed before, as often as one follows from another."""
+        """Return the payload types of events and results, inferred in passes to a fixed point."""
         drafts = self._forest.drafts.values()
         if not any(map(carries_something, drafts)):
             return Carried(self._findings)
-        untold = Findings()
-        carried = Carried(untold, {}, ANY)
+        discarded = Findings()
+        carried = Carried(discarded, {}, ANY)
         for _ in range(MAX_LEARNED):
             files = (self._lifecycle, self._missions, self._parts)
-            _Composer(*files, self._catalog, untold, carried).compose()
+            _Composer(*files, self._catalog, discarded, carried).compose()
             if carried.found == carried.known:
                 break
-            carried = Carried(untold, carried.found, ANY)
+            carried = Carried(discarded, carried.found, ANY)
         return Carried(self._findings, carried.found)
 
     # -- what the whole chart knows ------------------------------------------------------------------------
@@ -386,7 +387,7 @@ class _Composer:
 
     @contextmanager
     def _at_all_times(self, file: FileNode, what: str, place: Place, path: str) -> Iterator[Scope]:
-        """Give what such a condition sees; it may not read what every use of its part sets otherwise."""
+        """Yield the scope of such a condition, without values that differ between uses of its part."""
         usage = Usage()
         mission = file.name if isinstance(file, MissionNode) else ""
         yield replace(timeless(self._scope_of(file, mission), what), usage=usage)
@@ -412,14 +413,14 @@ class _Composer:
         return scope.with_names({"request": Type("record", "request", fields=fields)})
 
     def _base(self, file: FileNode, mission: str = "", within: str = "") -> Scope:
-        """Return what every expression of a file sees in a mission, or in a state that uses one."""
+        """Return the scope of a file in a mission, or in a state that uses one."""
         key = (file.title, mission, within)
         if key not in self._bases:
             self._bases[key] = self._scope_of(file, mission, within)
         return self._bases[key]
 
     def _outer(self, draft: Draft) -> Scope:
-        """Return what stands around a state: its parent's inner scope, or its file's where a file begins."""
+        """Return the scope around a state: its parent's inner scope, or its file's where a file begins."""
         parent = draft.parent
         if parent is None or parent.inner is None or (draft.node is None and draft.kind is not Kind.HISTORY):
             return self._base(draft.file, draft.mission)
@@ -454,13 +455,13 @@ class _Composer:
         )
 
     def _written(self, draft: Draft) -> dict[str, Any]:
-        """Return the fields of a state that come from what is written in it."""
+        """Return the fields of a state that its text declares."""
         if draft.node is not None:
             return self._of_state(draft, draft.node)
         return self._of_file(draft) if draft.kind is not Kind.HISTORY else {}
 
     def _of_file(self, draft: Draft) -> dict[str, Any]:
-        """Return what the file says of the root, or of the wrapper of a mission."""
+        """Return the fields that the file declares for the root, or for the wrapper of a mission."""
         file, scope = draft.file, any_event(draft)
         entry = file.entry if isinstance(file, MissionNode) else []
         leave = file.exit if isinstance(file, MissionNode) else []
@@ -504,7 +505,7 @@ class _Composer:
         return found
 
     def _result(self, draft: Draft, node: StateNode, scope: Scope) -> Mapping[str, Value]:
-        """Read what the end of a state gives; one without a result counts as well."""
+        """Read the done data of a state; one without a result counts as well."""
         path = path_of(draft.name, "result")
         assert self._carried is not None
         assert draft.parent is not None
@@ -573,7 +574,7 @@ class _Composer:
         return walk, inner
 
     def _check_identity(self, item: Type, place: Place, path: str) -> None:
-        """Refuse targets that cannot be told apart in what is published about them."""
+        """Refuse targets without an identity in published messages."""
         own = item.fields.get("id", item) if item.kind == "record" else item
         if own.kind not in ("any", "text", "integer"):
             problem = f"a target is told by its 'id', and {with_article(item)} has none"
@@ -581,7 +582,7 @@ class _Composer:
             self._findings.add(place, "wrong-type", path, problem, hint)
 
     def _part_scope(self, draft: Draft, node: StateNode, scope: Scope) -> Scope:
-        """Return what the states of a part see: the part's declarations, and what its user hands on."""
+        """Return the scope of a part's states: the part's declarations, and the arguments of its use."""
         part = draft.part
         if part is None:
             return scope

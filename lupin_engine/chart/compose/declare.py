@@ -1,4 +1,4 @@
-"""What the files of a chart declare before any state is looked at: parameters, inputs, codes, holds, ...
+"""Reads the declarations of a chart's files, before the states: parameters, inputs, codes, holds, ...
 
 Every name is one for the whole chart, whichever file declares it: parameters become ROS parameters, codes
 reach one `last_error`. Two files may declare the same name, but then with the same meaning.
@@ -77,7 +77,7 @@ _T = TypeVar("_T")
 
 @dataclass
 class Declared:
-    """The declarations of all files, joined; `places` say where each was first declared, for what follows."""
+    """The declarations of all files, joined; `places` are those of the first declarations."""
 
     parameters: dict[str, Parameter] = field(default_factory=dict)
     inputs: dict[str, Input] = field(default_factory=dict)
@@ -113,7 +113,7 @@ class Declarer:
     # -- shared --------------------------------------------------------------------------------------------
 
     def _put(self, family: str, known: dict[str, _T], name: str, thing: _T, place: Place) -> None:
-        """Enter a declaration, which must mean what an earlier one of that name does."""
+        """Add a declaration, which must have the meaning of an earlier one of that name."""
         if name in known and not same_meaning(known[name], thing):
             first = self.declared.places[family, name]
             problem = f"{family} {name!r} is declared differently in {first}"
@@ -125,7 +125,7 @@ class Declarer:
             self.declared.places[family, name] = place
 
     def good_name(self, what: str, name: str, place: Place, path: str) -> bool:
-        """Tell whether a thing can be called that; a finding otherwise."""
+        """Say whether a name is allowed; a finding otherwise."""
         formed = NAME.fullmatch(name) is not None
         if formed and name not in _TAKEN.get(what, ()):
             return True
@@ -145,7 +145,7 @@ class Declarer:
         return kind
 
     def base_scope(self, file: FileNode | None, functions: bool = True) -> Scope:
-        """Return what an expression of a file sees anywhere: parameters, inputs, variables, functions."""
+        """Return the scope of a file's expressions anywhere: parameters, inputs, variables, functions."""
         known = dict(self._catalog.parameters)
         for name in [next(iter(self.declared.by_file), ""), file.title if file else ""]:
             known.update(self.declared.by_file.get(name, {}))
@@ -203,7 +203,7 @@ class Declarer:
         return Parameter(kind, value, node.summary, low, high)
 
     def check_settable(self, name: str, kind: Type, node: ParameterNode, place: Place) -> None:
-        """Find what the orchestrator cannot declare as a parameter; `place` is that of its name."""
+        """Report a parameter that the orchestrator cannot declare; `place` is that of its name."""
         path = f"params.{name}"
         if name in RESERVED:
             problem = f"every orchestrator has a parameter {name!r} already"
@@ -262,7 +262,7 @@ class Declarer:
         high: float | None,
         path: str,
     ) -> bool:
-        """Tell whether a range holds something, and the value under `key`; a finding otherwise."""
+        """Say whether a range is not empty, and holds the value under `key`; a finding otherwise."""
         what, wrong = f"the {key} value" if key == "initial" else f"the {key}", ""
         lowest, highest = (getattr(node, bound) for bound in ("min", "max"))
         if low is not None and value is not None and value < low:
@@ -328,7 +328,7 @@ class Declarer:
         )
 
     def _constant(self, node: InputNode, key: str, kind: Type, otherwise: Any, path: str) -> Any:
-        """Return what is written under `key`, else what the plugin says."""
+        """Return the constant under `key`, else the plugin's default."""
         raw = getattr(node, key)
         if raw is None:
             return otherwise
@@ -496,7 +496,7 @@ def check_code(code: str, place: Place, path: str, declared: Iterable[str], find
 
 
 def input_type(found: Input) -> Type:
-    """Return what an expression sees of an input: the value, or a record of the value and its levels."""
+    """Return the type of an input in expressions: the value, or a record of the value and its levels."""
     if not found.levels:
         return found.type
     fields = {"value": found.type, **{level.name: BOOL for level in found.levels}}

@@ -1,4 +1,4 @@
-"""Operations that a state begins: its own, or one for every element of a list."""
+"""Reads the operations of a state: its own, or one for every element of a list."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class InvokeReader:
         return Invoke(node.do, operation, arguments, node.place, timeout, code, retry, on_hold, classes)
 
     def _classes(self, node: InvokeNode, operation: Operation, path: str) -> Iterator[Mapping[str, Any]]:
-        """Yield results that a proof tries as well; each says what differs from the usual one."""
+        """Yield results that a proof tries as well; each has the differences from the usual one."""
         for index, raw in enumerate(node.classes):
             at, fields = node.at("classes", index), operation.result
             strange = [name for name in raw if name not in fields] if isinstance(raw, Map) else []
@@ -92,7 +92,7 @@ class InvokeReader:
                 yield read.value
 
     def _check_on_hold(self, node: InvokeNode, operation: Operation, path: str) -> None:
-        """Refuse what no release of a hold could do with the operation."""
+        """Refuse a reaction to a hold's release that the operation does not allow."""
         at, path = node.at("on_hold"), f"{path}.on_hold"
         if node.on_hold != "again" and operation.on_hold is not OnHold.CANCEL:
             problem = f"a hold does not cancel {node.do}: it goes on, and its answer waits for the release"
@@ -152,7 +152,7 @@ class InvokeReader:
     # -- one for every element -----------------------------------------------------------------------------
 
     def for_each(self, node: ForEachNode, scope: Scope, path: str) -> ForEach | None:
-        """Read what is done for the elements of a list; None after findings that leave nothing to do."""
+        """Read a `for_each`; None after findings that leave it unusable."""
         findings = self._findings
         around = scope.without("event", "an element comes without an event")
         items = read_list(node.in_, node.at("in"), around, findings, f"{path}.in")
@@ -183,12 +183,12 @@ class InvokeReader:
 
 
 def names_when_done(invoke: Invoke | None) -> Mapping[str, Type]:
-    """Return what is seen of an operation that has succeeded, or of a state that has ended."""
+    """Return the names that are visible after success of an operation, or after the end of a state."""
     return {"event": Type("record", "event", fields=invoke.operation.result) if invoke else ANY}
 
 
 def names_when_failed(invoke: Invoke | None) -> Mapping[str, Type]:
-    """Return what is seen of an operation that has failed: its code is one of those that it can end in."""
+    """Return the names that are visible after a failure: its code is one of the operation's."""
     code = TEXT
     if invoke is not None:
         known = {code.name for code in invoke.operation.codes} | {*OPERATION_CODES}

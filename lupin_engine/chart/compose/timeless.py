@@ -1,4 +1,4 @@
-"""Conditions about every moment, with and without a mission: what they see, and properties made of them."""
+"""Conditions about every moment, with and without a mission: their scope, and properties made of them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _KINDS = ("always", "never", "eventually")
 
 
 def timeless(scope: Scope, what: str) -> Scope:
-    """Return a scope without what comes and goes, with the engine's own holds; `what` is written in it.
+    """Return a scope without temporary names, with the engine's own holds; `what` is written in it.
 
     A property may read the request where there is one: it is about that mission's runs then.
     """
@@ -43,7 +43,7 @@ def timeless(scope: Scope, what: str) -> Scope:
 
 
 def scope_of(chart: Chart) -> Scope:
-    """Return what a property sees that stands outside of the files of a chart."""
+    """Return the scope of a property outside of the files of a chart."""
     names = {
         "param": Type("record", "param", fields={n: p.type for n, p in chart.parameters.items()}),
         "input": Type("record", "input", fields={n: input_type(i) for n, i in chart.inputs.items()}),

@@ -1,4 +1,4 @@
-"""Transitions of a state: what it does about endings, events and time, in the order of the language."""
+"""Reads the transitions of a state: on ends, events and time, in the order of the language."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ _Names = Callable[[Invoke | None], Mapping[str, Type]]
 class TransitionSite:
     """The key of a state under which transitions are written, and their event and evaluation scope.
 
-    `owner` writes them and `source` takes them: they differ for copies only. `inside`: what is written in the
-    file of the mission that the state uses.
+    `owner` writes them and `source` takes them: they differ for copies only. `inside`: they are written in
+    the file of the mission that the state uses.
     """
 
     source: Draft
@@ -57,7 +57,7 @@ class TransitionSite:
 
 @dataclass(frozen=True)
 class CompositionContext:
-    """What every state of a chart refers to; `outer` returns what expressions see around a state."""
+    """The shared data of a composition; `outer` returns the scope around a state."""
 
     catalog: Catalog
     declared: Declared
@@ -90,7 +90,7 @@ class TransitionReader:
     def read(
         self, draft: Draft, node: StateNode, invoke: Invoke | None, any_event: Scope
     ) -> tuple[Transition, ...]:
-        """Compose what a state does about endings, events and time, in the order of the language."""
+        """Compose the transitions of a state on ends, events and time, in the order of the language."""
         assert draft.scope is not None
         scope = draft.scope
         found: list[Transition] = []
@@ -115,7 +115,7 @@ class TransitionReader:
         return tuple(found)
 
     def _after(self, scope: Scope, names: _Names, invoke: Invoke | None) -> Scope:
-        """Return what is seen after an operation, worked out once for all states that invoke it."""
+        """Return the scope after an operation, cached for all states that invoke it."""
         key = (scope, names, invoke.name if invoke else "", invoke.timeout_code if invoke else None)
         found = self._after_work.get(key)
         if found is None:
@@ -123,13 +123,13 @@ class TransitionReader:
         return found
 
     def of_used(self, draft: Draft) -> list[Transition]:
-        """Compose what the mission that a state uses does in all its states, as its file says."""
+        """Compose the transitions of an embedded mission that its file declares for all its states."""
         return self.handlers(draft, draft.part, draft.part.on) if isinstance(draft.part, MissionNode) else []
 
     def handlers(
         self, draft: Draft, holder: StateNode | FileNode, handlers: Mapping[str, list[TransitionNode]]
     ) -> list[Transition]:
-        """Compose what a state does about events: as it says itself, or the file of the mission it uses."""
+        """Compose the event handlers of a state: its own, or those of the file of the mission it uses."""
         found: list[Transition] = []
         inside = holder is draft.part
         for event, nodes in handlers.items():
@@ -172,7 +172,7 @@ class TransitionReader:
         return self._list(answers, site)
 
     def _when_used_up(self, draft: Draft, node: BudgetNode) -> Transition:
-        """Compose what happens when the time of a state is used up."""
+        """Compose the transition of a state's budget."""
         path = path_of(draft.name, "budget")
         check_code(node.code, node.at("code"), f"{path}.code", self._codes, self._findings)
         return Transition(
@@ -215,7 +215,7 @@ class TransitionReader:
         return Prompt(question, choices, node.default, after, node.place)
 
     def _is_event(self, event: str, holder: StateNode | FileNode, draft: Draft) -> bool:
-        """Tell whether an event that `holder` listens to can arrive."""
+        """Say whether an event that `holder` listens to can arrive."""
         if event in self._events or event == "*":
             return True
         return self._check_event(event, holder.key_at("on", event), path_of(draft.name, f"on.{event}"))
@@ -354,7 +354,7 @@ class TransitionReader:
 
 
 def event_type(event: str, catalog: Catalog, carried: Carried) -> Type:
-    """Return the type of what comes with an event."""
+    """Return the payload type of an event."""
     if event == "mission.start":
         return _START
     if event in catalog.events:

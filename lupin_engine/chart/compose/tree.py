@@ -1,12 +1,12 @@
-"""The states of a chart before they are filled: who stands where, what is entered first, what a name means.
+"""Builds the tree of states before they are filled, and resolves names in it.
 
 The lifecycle's tree is grown with the missions in its slot and every part expanded where it is used, so that
 all full names are known before the first expression or target is read.
 
-A name is found in the nearest enclosing scope: among a state's own children, then its parent's, up to the
-root's. Further words of a dotted name descend from there. A part's states are the last that the state which
-uses it looks at. A mission that is used as a part sees what it sees where it stands by itself: its own
-states, then those of the lifecycle.
+A name is resolved in the nearest enclosing scope: among a state's own children, then its parent's, up to the
+root's. Further words of a dotted name descend from there. The states of a part come last in the scope of the
+state that uses it. An embedded mission resolves names as it does alone: its own states, then those of the
+lifecycle.
 """
 
 from __future__ import annotations
@@ -43,10 +43,9 @@ _F = TypeVar("_F", bound=FileNode)
 class Draft:
     """A state that is being composed.
 
-    `node` is what the file says of it (None for the root, a mission's wrapper and an implied history state);
-    `file` is the file its text stands in, `part` the part or mission whose states stand in it; `within` is
-    the innermost state around that uses a mission. `scope` is what its own expressions see, `inner` what its
-    children's see; both are filled from the top down.
+    `node` is its text (None for the root, a mission's wrapper and an implied history state); `file` is the
+    file of that text, `part` its part or mission; `within` is the innermost state around that uses a mission.
+    `scope` is that of its own expressions, `inner` that of its children's; both are filled from the top down.
     """
 
     name: str
@@ -72,7 +71,7 @@ class Draft:
 
     @property
     def initial(self) -> tuple[str, Place] | None:
-        """What is written as the child to enter first, and where."""
+        """The written initial child, and its place."""
         if self.slot or (self.kind is Kind.HISTORY and self.node is None):
             return None
         holder: FileNode | StateNode = self.node or self.file
@@ -89,7 +88,7 @@ class Draft:
 
 
 class Forest:
-    """Grows the tree of a chart and answers what names in it mean."""
+    """Grows the tree of a chart and resolves names in it."""
 
     def __init__(self, parts: Mapping[str, UsedNode], findings: Findings) -> None:
         self._parts = parts
@@ -209,7 +208,7 @@ class Forest:
         if isinstance(part, MissionNode) and not self._can_use(draft, node, name):
             return
         if any(above.part is part or above.file is part for above in draft.up()):
-            self._tell_circle(draft, node, part)
+            self._report_circle(draft, node, part)
             return
         draft.part = part
         self._children(draft, part.states, part)
@@ -226,8 +225,8 @@ class Forest:
             self._findings.add(node.key_at(key), "wrong-shape", draft.name, problem, hint)
         return not problem
 
-    def _tell_circle(self, draft: Draft, node: StateNode, part: UsedNode) -> None:
-        """Tell of parts and missions that contain each other, once however many of them are loaded."""
+    def _report_circle(self, draft: Draft, node: StateNode, part: UsedNode) -> None:
+        """Report parts and missions that contain each other, once however many of them are loaded."""
         circle = [draft]
         for above in draft.up():
             if above.part is part or above.node is None:
@@ -269,7 +268,7 @@ class Forest:
             self._findings.add(node.key_at(shown), "wrong-shape", draft.name, problem)
 
     def _check_filled(self, draft: Draft, node: StateNode) -> None:
-        """Refuse what only a state with states inside can have, once it is known what is inside."""
+        """Refuse keys of compound states in a state that turns out to have no children."""
         if draft.slot or node.use is not None:
             return
         for key, written in (("type", node.type == "parallel"), ("history", node.history is not None)):
@@ -302,7 +301,7 @@ class Forest:
             self._check_for_each(draft, node)
 
     def _check_for_each(self, draft: Draft, node: StateNode) -> None:
-        """Refuse what a state cannot have beside its elements."""
+        """Refuse keys that exclude a `for_each`."""
         alone = "give the for_each a state of its own, a region of a 'type: parallel' state"
         inside = "an element's end is handled inside 'for_each'"
         hints = {"invoke": alone, "states": alone, "use": alone, "slot": alone}
@@ -312,7 +311,7 @@ class Forest:
             self._findings.add(node.key_at(key), "wrong-shape", draft.name, problem, hints[key])
 
     def _check_one_end(self, draft: Draft, node: StateNode) -> None:
-        """Refuse a state that ends with its operation and with what is inside: both would be one event."""
+        """Refuse a state that ends with its operation and with a child: both would be one event."""
         if node.invoke is None or draft.slot or not _can_end(draft):
             return
         inside = "all its regions end" if draft.kind is Kind.PARALLEL else "a final state inside is reached"
@@ -323,10 +322,10 @@ class Forest:
     # -- names ---------------------------------------------------------------------------------------------
 
     def scopes(self, start: Draft, inside: bool = False) -> Iterator[Draft]:
-        """Yield the states among whose children a name is looked for that is written in `start`.
+        """Yield the states among whose children a name in `start` is resolved, in order.
 
-        A state that uses a part looks around itself: what a part calls its states is its own affair. With
-        `inside` the name is written in the file of the mission that `start` uses.
+        A state that uses a part looks around itself: the names inside a part are private. With `inside` the
+        name is written in the file of the mission that `start` uses.
         """
         scope = start if start.part is None or inside else start.parent
         while scope is not None:
@@ -339,7 +338,7 @@ class Forest:
     def find(self, name: str, start: Draft, inside: bool = False) -> list[Draft]:
         """Return the states that `name` means seen from `start`, the nearest first; see `scopes`.
 
-        The states of a part are the last that the state which uses it looks at.
+        The states of a part come last in the scope of the state that uses it.
         """
         first, dot, rest = name.partition(".")
         found = [s.children[first] for s in self.scopes(start, inside) if first in s.children]
@@ -408,13 +407,13 @@ def each_once(files: Iterable[_F]) -> list[_F]:
 
 
 def texts_of(draft: Draft) -> list[StateNode | FileNode]:
-    """Return what is written of a state, in the file of a mission that it uses as well."""
+    """Return the nodes of a state, with the file of a mission that it uses."""
     own: StateNode | FileNode = draft.node or draft.file
     return [own, draft.part] if isinstance(draft.part, MissionNode) else [own]
 
 
 def _apart(one: Draft, other: Draft) -> bool:
-    """Tell whether two states stand in different files, one of them in a part: neither can know the other."""
+    """Say whether two states stand in different files, one of them in a part: neither can name the other."""
     files = (one.file, other.file)
     return one.file is not other.file and (
         any(isinstance(file, PartNode) for file in files)
@@ -423,7 +422,7 @@ def _apart(one: Draft, other: Draft) -> bool:
 
 
 def _can_end(draft: Draft) -> bool:
-    """Tell whether a state ends by what is inside: a final child, or of a parallel one every region."""
+    """Say whether a state can complete: it has a final child, or is parallel and every region can."""
     children = [child for child in draft.children.values() if child.kind is not Kind.HISTORY]
     if draft.kind is Kind.PARALLEL:
         return bool(children) and all(child.kind is Kind.FINAL or _can_end(child) for child in children)

@@ -1,4 +1,4 @@
-"""Missions as parts of others: with which request a state uses one, and what begins anew with it."""
+"""Embedded missions: their request, and the variables that restart with them."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class UsedMissionReader:
     # -- what begins anew --------------------------------------------------------------------------------
 
     def _begun(self, draft: Draft) -> dict[str, None]:
-        """Return the variables of the mission that a state uses, and of what that uses."""
+        """Return the variables of the mission that a state uses, and of missions embedded in that."""
         below = (d.part for d in self._using() if draft in d.up())
         return dict.fromkeys(name for part in below if part is not None for name in part.context)
 
@@ -89,7 +89,7 @@ class UsedMissionReader:
             self._findings.add(at, "conflicting-definition", f"context.{name}", problem, "rename one")
 
     def _check_apart(self, draft: Draft, node: StateNode, mission: MissionNode, begun: Iterable[str]) -> None:
-        """Refuse variables that begin anew while somebody else reckons with them."""
+        """Refuse variables that restart here while another state relies on them."""
         rule, around = "conflicting-definition", list(draft.up())
         for file in each_once(above.file for above in around if isinstance(above.file, MissionNode)):
             self._check_context(file, mission)

@@ -1,4 +1,4 @@
-"""The functions of expressions that are built in: what they take, and what they return."""
+"""The built-in functions of expressions, with their signatures."""
 
 from __future__ import annotations
 

@@ -1,21 +1,20 @@
 """Expressions: a typed, side-effect-free subset of Python, checked at load and compiled once.
 
-What is allowed: and/or/not, comparisons (also `in`), + - * / // %, unary minus, `x if c else y`, indexing of
+Allowed are and/or/not, comparisons (also `in`), + - * / // %, unary minus, `x if c else y`, indexing of
 lists, fields of declared records, lists and tuples, `[... for NAME in LIST if ...]`, numbers and texts, and
 calls of the functions in `builtins` and in the catalog. Everything else is refused: above all method calls,
-names with a leading underscore, `**`, shifts, loops in loops, lambdas and formatted texts. Arithmetic takes
-numbers only, so no text or list can be multiplied; a product of integers is bounded when it is computed. What
-an expression costs is counted, with the most elements that each list can have: one that may take too many
-steps is refused. There is thus no way to reach an object's attributes, or to use much time or memory.
+names with a leading underscore, `**`, shifts, nested loops, lambdas and formatted texts. Arithmetic takes
+numbers only, so no text or list can be multiplied; a product of integers is bounded when it is computed. The
+cost of an expression is bounded by the largest size of each list, and refused above a limit. There is thus no
+way to reach an object's attributes, or to use much time or memory.
 
 Units are part of a number's type. A text that is a quantity ('5 s') counts as a number where it meets one
 with a unit, and a written 0 has any unit. The environment has every number in its base unit; a name whose
-type has another one, as in a binding, is read in that. Every mistake is told at its column in the file.
+type has another one, as in a binding, is read in that. Every mistake is reported at its column in the file.
 
-Checking writes the same expression anew (`a.b` becomes `a["b"]`, names become look-ups in the environment).
-Python's own compiler gets that, with no builtins, when the expression is evaluated for the first time, so an
-expression costs what the same Python would and a chart of a thousand states need not compile what it never
-evaluates.
+Checking translates the expression (`a.b` becomes `a["b"]`, names become look-ups in the environment). It is
+compiled by Python, without builtins, at its first evaluation, so an expression costs as much as the same
+Python, and unused ones in a large chart are never compiled.
 """
 
 from __future__ import annotations
@@ -108,8 +107,8 @@ def compile_expression(
     """Check an expression that must be of type `wanted`; None after findings.
 
     The result reads an environment as `chart.model` describes. It raises `UnknownInput`, ZeroDivisionError,
-    IndexError (also of an empty list's smallest element), OverflowError or what a plugin's function raises;
-    after reading something of type `any` also KeyError and TypeError, where that was not as expected.
+    IndexError (also of an empty list's smallest element), OverflowError or the exception of a plugin's
+    function; after reading a value of type `any` also KeyError and TypeError, where that has another shape.
     """
     source = fragment.source.strip()
     key = (source, id(wanted))  # what is kept under it keeps the type alive; to hash a type takes longer
@@ -168,7 +167,7 @@ class _Checker(ExpressionReader):
         self.scope.usage.parameters.update(_PARAMETER.findall(self.fragment.source))
 
     def _note_parts(self, root: ast.expr) -> None:
-        """Note the operands of the outermost and/or/not, which tell why a guard was false."""
+        """Record the operands of the outermost and/or/not, which explain a false guard."""
         if isinstance(root, ast.BoolOp) or (isinstance(root, ast.UnaryOp) and isinstance(root.op, ast.Not)):
             self.parts = [(self.text_of(node), typed) for node, typed in self._operands]
 
@@ -229,7 +228,7 @@ class _Checker(ExpressionReader):
         return self.wrong(node, "unknown-name", f"unknown name {name!r}", self._instead_of(name))
 
     def _instead_of(self, name: str) -> str:
-        """Say what was probably meant by an unknown name: a name, a field of a record, a variable to come."""
+        """Return a hint for an unknown name: a name, a field of a record, a variable to declare."""
         names = self.scope.names
         roots = {root: kind for root, kind in names.items() if root in ROOTS}
         field = next(called(name, roots), None)
@@ -320,7 +319,7 @@ class _Checker(ExpressionReader):
         return Typed(item or ANY, f"{value.code}[{index.code}]")
 
     def _by_name(self, node: ast.Subscript, value: Typed, index: Typed, field: str, kind: Type) -> Typed:
-        """`values['NAME']`: what is told under a name, unknown when nothing is."""
+        """`values['NAME']`: the value of that name in a list of records, unknown when it is missing."""
         name = index.written
         if not isinstance(name, str):
             return self.wrong(node.slice, "wrong-type", "a name must be written out, in quotes")
@@ -328,11 +327,11 @@ class _Checker(ExpressionReader):
             problem = f"{self.text_of(node.value)!r} tells no {name!r}"
             return self.wrong(node.slice, "unknown-name", problem, nearest(name, kind.named))
         self.unknowns += 1
-        told, within = kind.named[name], f"[{field!r}]" if field else ""
+        found, within = kind.named[name], f"[{field!r}]" if field else ""
         code = f"_named({value.code}{within}, {name!r}, {self.text_of(node)!r})"
-        if told.unit in UNITS and UNITS[told.unit][0] != told.unit:
-            return Typed(q.number(UNITS[told.unit][0]), f"_in_base({code}, {told.unit!r})")
-        return Typed(told, code)
+        if found.unit in UNITS and UNITS[found.unit][0] != found.unit:
+            return Typed(q.number(UNITS[found.unit][0]), f"_in_base({code}, {found.unit!r})")
+        return Typed(found, code)
 
     def _sequence(self, node: ast.List | ast.Tuple) -> Typed:
         found = [self.visit(element) for element in node.elts]
@@ -519,13 +518,13 @@ class _Checker(ExpressionReader):
 
 
 def _in_its_unit(kind: Type, code: str) -> Typed:
-    """Return what is looked up in the environment, which has base units, in the unit of its type."""
+    """Convert a value from the environment's base unit to the unit of its type."""
     unit = innermost(kind).unit
     return Typed(kind, f"_in_unit({code}, {unit!r})" if unit in UNITS and UNITS[unit][0] != unit else code)
 
 
 def _can_be_compiled(code: str) -> bool:
-    """Tell whether code is small and flat enough in which values stand that a part was given."""
+    """Say whether code with a part's arguments in it is small and flat enough."""
     if len(code) > MAX_CODE:
         return False
     try:

@@ -1,4 +1,4 @@
-"""What is worked out while a mission runs: expressions, what they see, and constants with the same face."""
+"""Evaluation at run time: expressions, their environment, and constants with the same interface."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MAX_ELEMENTS = 1000
 
 
 class UnknownValue(Exception):
-    """An expression asked for something that is not there, which `known` would have told."""
+    """An expression read a missing value; `known` would have been false."""
 
 
 class UnknownInput(UnknownValue):
@@ -33,7 +33,7 @@ class UnknownInput(UnknownValue):
 
 
 def _times(left: Any, right: Any) -> Any:
-    """Multiply; integers only as far as a float could tell them apart."""
+    """Multiply; integers only within the precision of a float."""
     return _counted(left * right, left, right)
 
 
@@ -43,12 +43,12 @@ def _over(left: Any, right: Any) -> Any:
 
 
 def _round(value: Any, digits: int | None = None) -> Any:
-    """Round; to whole numbers only as far as a float could tell them apart."""
+    """Round; to whole numbers only within the precision of a float."""
     return _counted(round(value, digits), value)
 
 
 def _counted(result: Any, *operands: Any) -> Any:
-    """Return what was computed, unless it is beyond what numbers can be; a sensor may tell of infinity."""
+    """Return a computed number, or raise if it is beyond the limit; a sensor's infinity passes."""
     if isinstance(result, int):
         if abs(result) > MAX_INTEGER:
             raise OverflowError(f"{float(result):.3g} is too large")
@@ -58,16 +58,16 @@ def _counted(result: Any, *operands: Any) -> Any:
 
 
 def _number(value: Any) -> Any:
-    """Refuse to calculate with what is no number: no text or list may be multiplied."""
+    """Refuse to calculate with anything but numbers: no text or list may be multiplied."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise TypeError(f"expected a number, got {value!r}")
     return value
 
 
 def _text(value: Any, unit: str, digits: int | None, computed: str) -> str:
-    """Return a value as a text tells it; what has no unit in its type is told as it is.
+    """Return a value as text; a number with a unit in that unit.
 
-    What a sensor tells may be infinite; what was `computed`, which is its source or '', may not.
+    A sensor's value may be infinite; a `computed` one, which is its source or '', may not.
     """
     if isinstance(value, (list, tuple)):
         return ", ".join(_text(each, unit, digits, computed) for each in value)
@@ -83,7 +83,7 @@ def _text(value: Any, unit: str, digits: int | None, computed: str) -> str:
 
 
 def _bounded(values: Any) -> Any:
-    """Refuse to go through what is no list, or one that is longer than any should be."""
+    """Refuse to loop over anything but a list of limited length."""
     if not isinstance(values, (list, tuple)):
         raise TypeError(f"expected a list, got {values!r}")
     if len(values) > MAX_ELEMENTS:
@@ -92,7 +92,7 @@ def _bounded(values: Any) -> Any:
 
 
 def _short(values: Any) -> Any:
-    """Refuse what is too long to be looked at again for each element of a list."""
+    """Refuse a list or text that is too long to be read in each pass of a loop."""
     limit = MAX_TEXT if isinstance(values, str) else MAX_ELEMENTS
     if len(values) > limit:
         raise ValueError(f"something of length {len(values)}; in a loop at most {limit} can be looked at")
@@ -112,7 +112,7 @@ def _found(values: Iterator[Any], sought: str) -> Any:
 
 
 def _named(values: Sequence[Mapping[str, Any]], name: str, sought: str) -> Any:
-    """Return the value that is told under a name."""
+    """Return the value of a name in a list of records."""
     for value in values:
         if value["name"] == name:
             return value["value"]
@@ -120,7 +120,7 @@ def _named(values: Sequence[Mapping[str, Any]], name: str, sought: str) -> Any:
 
 
 def _known(read: Callable[[], Any]) -> bool:
-    """Say whether what is read is there."""
+    """Say whether a value can be read."""
     try:
         read()
     except UnknownValue:
@@ -181,7 +181,7 @@ class Compiled:
         return (self._function or self.compiled())(env)
 
     def compiled(self) -> Callable[[Environment], Any]:
-        """Return the plain function, for those who call it often."""
+        """Return the plain function, for frequent calls."""
         if self._function is None:
             self._function = to_function(self.code)
         return self._function

@@ -1,12 +1,12 @@
-"""What can be told of conditions without running them: which exclude each other, which always hold.
+"""Static analysis of conditions: mutual exclusion, implication, totality and constants.
 
-A condition is brought to a normal form: `Every` and `Some` of facts, where a fact says of one operand which
-values it may have (`error.code` is 'late'; `charge.value` lies below 0.2). Everything is decided by one
-question, whether some conditions can hold together, and the answer is cautious: what is not understood may
-hold. Operands are compared as they are written, so `a.b` is the same operand wherever it stands within one
-transition list, which is where conditions are compared.
+A condition is brought to a normal form: `Every` and `Some` of facts, where a fact gives the possible values
+of one operand (`error.code` is 'late'; `charge.value` lies below 0.2). Everything is decided by
+satisfiability of conditions together, conservatively: a part that is not understood may hold, and so may
+everything beyond a budget. Operands are compared by their text, so `a.b` is the same operand wherever it
+stands within one transition list, which is where conditions are compared.
 
-Nothing is known here of types: a text that is a quantity ('5 s') counts as the number it stands for.
+Types are unknown here: a text that is a quantity ('5 s') counts as the number it stands for.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class ValueSet:
     high_open: bool = False
 
     def holds(self, value: Any) -> bool:
-        """Tell whether `value` is in the set."""
+        """Say whether `value` is in the set."""
         if value in self.excluded or (self.allowed is not None and value not in self.allowed):
             return False
         if self.low == -math.inf and self.high == math.inf:
@@ -77,7 +77,7 @@ class ValueSet:
         return above and (value < self.high or (value == self.high and not self.high_open))
 
     def meets(self, other: ValueSet) -> ValueSet | None:
-        """Return what is in both sets; None when nothing is."""
+        """Return the intersection; None when it is empty."""
         if self.allowed is not None and other.allowed is not None and self.allowed.isdisjoint(other.allowed):
             return None
         low, low_open = max((self.low, self.low_open), (other.low, other.low_open))
@@ -125,7 +125,7 @@ def fact(operand: str, value: Any) -> Fact:
 
 
 def possible(*conditions: Condition) -> bool:
-    """Tell whether conditions may hold together; False is certain, True is not."""
+    """Say whether conditions may hold together; False is certain, True is not."""
     if len(conditions) == 2:  # most are simple comparisons, and many pairs are asked for
         first, second = conditions
         if isinstance(first, Fact) and isinstance(second, Fact):
@@ -135,7 +135,7 @@ def possible(*conditions: Condition) -> bool:
 
 
 def _possible(waiting: list[Condition], known: Mapping[str, ValueSet], budget: list[int]) -> bool:
-    """Look for one way in which all that wait hold, given what is known of the operands."""
+    """Search one way in which all waiting conditions hold, given the known facts of the operands."""
     budget[0] -= 1
     if budget[0] < 0:
         return True
@@ -158,17 +158,17 @@ def _possible(waiting: list[Condition], known: Mapping[str, ValueSet], budget: l
 
 
 def exclusive(first: Condition, second: Condition) -> bool:
-    """Tell whether two conditions can never hold at the same time."""
+    """Say whether two conditions can never hold at the same time."""
     return not possible(first, second)
 
 
 def implies(first: Condition, second: Condition) -> bool:
-    """Tell whether the second condition certainly holds when the first does."""
+    """Say whether the second condition certainly holds when the first does."""
     return not possible(first, negate(second))
 
 
 def total(conditions: Sequence[Condition], *given: Condition) -> bool:
-    """Tell whether one of the conditions certainly holds whenever all of `given` do."""
+    """Say whether one of the conditions certainly holds whenever all of `given` do."""
     return not possible(*given, *(negate(condition) for condition in conditions))
 
 
@@ -306,20 +306,20 @@ def _constant(node: ast.expr) -> Any:
 
 _TEXTS = re.compile(r"'[^']*'|\"[^\"]*\"")
 _JOINTS = re.compile(r"\b(?:and|or|not)\b|[()]")
-_TELLING = frozenset({"true", "false", "True", "False"})
+_CONSTANTS = frozenset({"true", "false", "True", "False"})
 _NAMES = re.compile(r"[A-Za-z_][\w.]*")
 
 
 @lru_cache(_CACHED)
 def constant(source: str) -> bool | None:
-    """Return what a condition always is; None for one that depends on something.
+    """Return the value of a constant condition; None for one that depends on something.
 
-    Most conditions read every operand once and compare it with something: those are told apart by their
-    words alone, without parsing them.
+    Most conditions read every operand once and compare it: those are recognized by their words alone, without
+    parsing them.
     """
     pieces = [_NAMES.findall(piece) for piece in _JOINTS.split(_TEXTS.sub("0", source)) if piece.strip()]
     names = [name for piece in pieces for name in piece]
-    plain = all(pieces) and len(set(names)) == len(names) and _TELLING.isdisjoint(names)
+    plain = all(pieces) and len(set(names)) == len(names) and _CONSTANTS.isdisjoint(names)
     if plain and "[]" not in source and "()" not in source:
         return None
     condition = condition_of(source)

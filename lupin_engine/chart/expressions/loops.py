@@ -1,7 +1,7 @@
-"""Going through lists in an expression: one loop at a time, over a list that has an end.
+"""Loops over lists in an expression: one at a time, over a bounded list.
 
 The element has a name: in `[... for NAME in LIST if ...]` the author's, in `find` and `sorted` it is `t`. A
-loop inside a loop is refused, so that what an expression costs is hardly more than the sum of its lists.
+nested loop is refused, so that the cost of an expression is hardly more than the sum of its lists.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def holding(kind: Type, most: float) -> Type:
 
 
 def by_name(shown: str, kind: Type, index: Typed) -> str:
-    """Say how to read what somebody wrote as `shown[index]`: a field, or the element that a text names."""
+    """Return a hint for `shown[index]`: a field, or the element with that identity."""
     if index.written in kind.fields:
         return f"write '{shown}.{index.written}'"
     inner = {f"{shown}.{name}": field for name, field in kind.fields.items()}
@@ -122,7 +122,7 @@ def first(checker: ExpressionReader, node: ast.Call) -> Typed:
 
 
 def total(checker: ExpressionReader, node: ast.Call) -> Typed:
-    """`sum(LIST)`: what the numbers of a list come to, of an empty one 0."""
+    """`sum(LIST)`: the sum of a list of numbers, of an empty one 0."""
     values = _list_argument(checker, node, "sum", 1)
     if values is None:
         return UNTYPED
@@ -151,7 +151,7 @@ def _values(checker: ExpressionReader, node: ast.expr) -> Typed | None:
 
 @contextmanager
 def _looping(checker: ExpressionReader, node: ast.expr, name: str, values: Typed) -> Iterator[str]:
-    """Let the element be read by its name, and give what code calls it; '' after findings."""
+    """Bind the element's name in a loop, and yield its name in code; '' after findings."""
     taken = name in checker.scope.names or name in ROOTS or name in BUILTIN_CALLS or name in WORDS
     if checker.element:
         problem, hint = "a loop inside a loop is not allowed", "`x in list` asks whether something is there"

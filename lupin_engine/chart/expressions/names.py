@@ -1,4 +1,4 @@
-"""What checked expressions read, found in their text: names, and inputs that may be unknown."""
+"""Finds the dependencies of checked expressions in their text: names, and inputs that may be unknown."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def names_read(source: str) -> frozenset[str]:
 
 @lru_cache(_CACHED)
 def unknowns_read(source: str, known: frozenset[str] = frozenset()) -> tuple[str, ...]:
-    """Return what an expression reads that may be unknown, where nobody has asked whether it is known.
+    """Return the possibly unknown values that an expression reads without a guard by `known`.
 
-    That is an input, as `input.NAME`, a call of `find` or a value by its name, both as they are written.
+    These are inputs, as `input.NAME`, calls of `find` and values by name, both as they are written.
     """
     tree = tree_of(source)
     return tuple(dict.fromkeys(_unasked(tree, known))) if tree is not None else ()
@@ -51,13 +51,13 @@ def unknowns_read(source: str, known: frozenset[str] = frozenset()) -> tuple[str
 
 @lru_cache(_CACHED)
 def unknowns_asked(source: str, outcome: bool) -> frozenset[str]:
-    """Return what is known where a condition came out as `outcome`."""
+    """Return the values that are known when a condition has this `outcome`."""
     tree = tree_of(source)
     return _asked(tree, outcome) if tree is not None else frozenset()
 
 
 def _unasked(node: ast.AST, known: frozenset[str]) -> Iterator[str]:
-    """Yield what may be unknown and is read below a node, given what is known there."""
+    """Yield the possibly unknown values that are read below a node, given the known ones there."""
     name = _unknown(node)
     if name and name not in known:
         yield name
@@ -82,7 +82,7 @@ def _unasked(node: ast.AST, known: frozenset[str]) -> Iterator[str]:
 
 
 def _asked(node: ast.expr, outcome: bool) -> frozenset[str]:
-    """Return what is known where a condition came out as `outcome`."""
+    """Return the values that are known when a condition has this `outcome`."""
     asked = _question(node)
     if asked is not None:
         return frozenset(_unasked(asked, frozenset())) if outcome else frozenset()
@@ -97,7 +97,7 @@ def _asked(node: ast.expr, outcome: bool) -> frozenset[str]:
 
 
 def _question(node: ast.AST) -> ast.expr | None:
-    """Return what `known(...)` asks about."""
+    """Return the argument of `known(...)`."""
     if isinstance(node, ast.Call) and _is_called(node, "known") and node.args:
         return node.args[0]
     return None
@@ -108,7 +108,7 @@ def _is_called(node: ast.Call, name: str) -> bool:
 
 
 def _unknown(node: ast.AST) -> str:
-    """Return what a node reads that may be unknown; '' when it cannot be."""
+    """Return the possibly unknown value that a node reads; '' when there is none."""
     if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "input":
         return f"input.{node.attr}"
     if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
@@ -119,5 +119,5 @@ def _unknown(node: ast.AST) -> str:
 
 
 def may_ask(source: str) -> bool:
-    """Tell at a glance whether an expression may read something that can be unknown."""
+    """Say, by its text, whether an expression may read a possibly unknown value."""
     return any(mark in source for mark in ("input.", "find(", ERROR_RESULT, "['", '["'))

@@ -1,4 +1,4 @@
-"""Reading an expression: its text as a tree, and findings at their column in the file."""
+"""Parses an expression to a tree, with findings at their column in the file."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ _QUANTITY = re.compile(
 
 
 class ExpressionReader(ABC):
-    """Reads one expression and reports what is wrong with it; subclasses say what its nodes mean."""
+    """Parses one expression and reports its mistakes; subclasses give the meaning of its nodes."""
 
     def __init__(self, fragment: Fragment, scope: Scope, findings: Findings, path: str) -> None:
         self.fragment = fragment
@@ -190,7 +190,7 @@ class ExpressionReader(ABC):
         self.wrong(node, "wrong-type", f"expected {asked}, but {shown!r} is {q.describe(got)}", hint)
 
     def refuse(self, node: ast.expr, kind: str) -> Typed:
-        """Report what Python has and an expression may not have."""
+        """Report a construct of Python that expressions do not have."""
         what = _REFUSED.get(kind, f"this ({kind})")
         return self.wrong(
             node, "bad-expression", f"{what} is not allowed in an expression", _INSTEAD.get(kind, "")
@@ -204,7 +204,7 @@ class ExpressionReader(ABC):
         return typed
 
     def looked_at(self, typed: Typed, times: int = 1) -> Typed:
-        """Count the steps of looking at all of a value; in a loop, that is done only while it is short."""
+        """Add the cost of reading a whole value; in a loop that must be short."""
         kind = typed.type
         if kind.kind not in ("list", "text", "any"):
             return typed
@@ -227,7 +227,7 @@ class ExpressionReader(ABC):
         return self.wrong(node, "wrong-type", problem, hint)
 
     def arity(self, node: ast.Call, name: str, count: int) -> bool:
-        """Tell whether a call has as many arguments as it should; a finding otherwise."""
+        """Say whether a call has the right number of arguments; a finding otherwise."""
         if len(node.args) == count:
             return True
         rule = "missing-argument" if len(node.args) < count else "unknown-argument"
@@ -236,7 +236,7 @@ class ExpressionReader(ABC):
 
 
 def _bare_quantity(source: str) -> str:
-    """Return what to write for a number with a unit that stands without quotes; '' where none does."""
+    """Return the quoted form of a number with a unit that stands without quotes; '' without one."""
     found = (match[1] for match in _QUANTITY.finditer(source) if match[2] in UNITS)
     quantity = next(found, None)
     return f"write the quantity in quotes: '{quantity}'" if quantity else ""
@@ -252,25 +252,25 @@ def _syntax(error: SyntaxError, length: int) -> tuple[int, str]:
 
 
 def capacity(kind: Type) -> int:
-    """Return how many elements a list has at most; how many steps a look at a text is worth."""
+    """Return the largest number of elements of a list; of a text, the cost of reading it."""
     if kind.kind == "text":
         return TEXT_STEPS
     return MAX_ELEMENTS if kind.maximum is None or kind.kind != "list" else int(kind.maximum)
 
 
 def gone_through(typed: Typed) -> Typed:
-    """Return a list of which every element is looked at; how many there are is looked at, if nothing says."""
+    """Return a list to loop over; its length is checked at run time, if its type has no limit."""
     is_bounded = typed.type.kind == "list" and typed.type.maximum is not None
     return typed if is_bounded else Typed(typed.type, f"_bounded({typed.code})")
 
 
 def calculable(typed: Typed) -> Typed:
-    """Let what came over the wire be a number where it is calculated with; what is not one fails then."""
+    """Treat a value from the wire as a number in calculations; anything else fails at run time."""
     return Typed(q.WIRE, f"_number({typed.code})") if typed.type is q.WIRE else typed
 
 
 def orderable(kind: Type) -> bool:
-    """Tell whether values of a type have an order."""
+    """Say whether values of a type have an order."""
     return q.is_number(kind) or kind.kind == "any"
 
 

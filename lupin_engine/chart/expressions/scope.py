@@ -1,4 +1,4 @@
-"""What an expression may see where it stands, and what checking it comes to."""
+"""The scope of an expression, and the result of checking it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _WHOLE = re.compile(r"\s*\$\{(.*)\}\s*", re.DOTALL)
 
 @dataclass
 class Usage:
-    """What the expressions of a chart have read; shared by all scopes of one load."""
+    """The names that the expressions of a chart have read; shared by all scopes of one load."""
 
     parameters: set[str] = field(default_factory=set)
     functions: set[str] = field(default_factory=set)
@@ -42,13 +42,13 @@ class Usage:
 
 @dataclass(frozen=True, eq=False)
 class Scope:
-    """What an expression may see where it stands.
+    """The names that an expression may read where it stands.
 
-    `names` are the roots and the context variables with their types. `absent` says, for a root that is not
-    there, the rule and the reason. `bound` are parameters of a part that its user has given a value. `states`
-    are full names, for in_state; `holds` are names, for held. With `open_states` more states may exist than
-    are loaded: the lifecycle also speaks of missions that stand in other files. `item` is what the element of
-    a `for_each` is called. `within` is the state that uses a mission whose file the expression stands in.
+    `names` are the roots and the context variables with their types. `absent` gives, for a root that is
+    missing, the rule and the reason. `bound` are parameters of a part with an argument. `states` are full
+    names, for in_state; `holds` are names, for held. With `open_states` more states may exist than are
+    loaded: the lifecycle also names those of missions in other files. `item` is the name of the element of a
+    `for_each`. `within` is the state that uses a mission whose file the expression stands in.
     """
 
     names: Mapping[str, Type]
@@ -74,7 +74,7 @@ class Scope:
 
     @property
     def has_context(self) -> bool:
-        """Tell whether variables can be declared for it: in a chart, not in a binding."""
+        """Say whether variables can be declared for it: in a chart, not in a binding."""
         return "input" in self.names
 
     def with_names(self, names: Mapping[str, Type]) -> Scope:
@@ -87,7 +87,7 @@ class Scope:
         return derived
 
     def with_event(self, kind: Type) -> Scope:
-        """Return this scope with an event of a type: what most transitions and actions see."""
+        """Return this scope with an event of a type: that of most transitions and actions."""
         key = id(kind)  # the scope that is kept under it keeps the type alive
         derived = self._derived.get(key)
         if derived is None:
@@ -132,7 +132,7 @@ class Typed(NamedTuple):
 
 
 class CheckedExpression(NamedTuple):
-    """What is the same wherever an expression of type `wanted` stands in a scope."""
+    """The result for an expression of type `wanted`, equal wherever it stands in a scope."""
 
     wanted: Type
     type: Type
@@ -160,7 +160,7 @@ class Inset(NamedTuple):
 
 
 def insets(text: str) -> Iterator[Inset]:
-    """Yield the expressions in a text; what stands in quotes or brackets ends none."""
+    """Yield the expressions in a text; braces in quotes or brackets end none."""
     begin = text.find("${")
     while begin >= 0:
         colon, end = _colon_and_end(text, begin + 2)
@@ -169,7 +169,7 @@ def insets(text: str) -> Iterator[Inset]:
 
 
 def _colon_and_end(text: str, begin: int) -> tuple[int, int]:
-    """Return where the colon of an expression stands, and behind its end; -1 for what is not there."""
+    """Return the position of an expression's colon, and of its end; -1 for a missing one."""
     colon, depth, quote = -1, 0, ""
     for at in range(begin, len(text)):
         sign = text[at]

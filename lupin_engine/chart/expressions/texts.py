@@ -1,8 +1,8 @@
 """Texts with expressions in them: `shelf ${ target.id }: ${ event.depth:.1f cm }`.
 
 Each expression may be a text, a number, a yes or no, or a list of those, which is joined with commas. A
-number is told with its unit. Behind a colon stands how many digits it gets (`.1f`), in which unit of its
-dimension it is told (`cm`, `min`, `%`), or both.
+number is followed by its unit. A format after a colon gives the digits (`.1f`), the unit of its dimension
+(`cm`, `min`, `%`), or both.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def check_text(raw: Text, scope: Scope, findings: Findings, path: str) -> Typed 
             findings.add(raw.at(inset.begin), "bad-expression", path, problem, hint)
             return None
         parts.append(repr(raw[begin : inset.begin]))
-        code = _Told(raw, inset, findings, path).code(scope)
+        code = _Inserted(raw, inset, findings, path).code(scope)
         right = right and code is not None
         parts.append(code or "''")
         begin = inset.end
@@ -48,8 +48,8 @@ def check_text(raw: Text, scope: Scope, findings: Findings, path: str) -> Typed 
     return Typed(TEXT, code) if right else None
 
 
-class _Told:
-    """An expression in a text, and how its value is told."""
+class _Inserted:
+    """An expression in a text, and the format of its value."""
 
     def __init__(self, raw: Text, inset: Inset, findings: Findings, path: str) -> None:
         self._raw, self._inset = raw, inset
@@ -70,11 +70,11 @@ class _Told:
         if typed is None or not self._fits(typed.type, digits, unit):
             return None
         own = innermost(typed.type).unit
-        told = unit or ("" if own == "*" else own)
+        unit_shown = unit or ("" if own == "*" else own)
         known = own in UNITS and UNITS[own][0] != own  # in a binding a number may be in another unit
         code = f"_in_base({typed.code}, {own!r})" if known else typed.code
         computed = self._source.strip() if _COMPUTES.search(self._source) else ""
-        return f"_text({code}, {told!r}, {digits}, {computed!r})"
+        return f"_text({code}, {unit_shown!r}, {digits}, {computed!r})"
 
     def _fits(self, kind: Type, digits: str | None, unit: str | None) -> bool:
         inner = innermost(kind)

@@ -1,7 +1,7 @@
-"""How types of the language relate: what fits where, what two values have in common, what arithmetic yields.
+"""Relations between types of the language: subtyping, joins, and units in arithmetic.
 
-Numbers differ by unit, whole numbers fit where numbers do, `any` fits everywhere. A written zero has any
-unit (`*`): there is no other zero to be confused with.
+Numbers differ by unit, whole numbers fit where numbers do, `any` fits everywhere. A written zero has any unit
+(`*`): there is no other zero to be confused with.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _EXAMPLES: Mapping[str, str] = {
 
 
 def is_number(kind: Type) -> bool:
-    """Tell whether arithmetic can use a value of this type."""
+    """Say whether arithmetic can use a value of this type."""
     return kind.kind in ("integer", "number")
 
 
@@ -111,7 +111,7 @@ def one(name: str) -> str:
 
 
 def unit_hint(wanted: Type, got: Type) -> str:
-    """Return what to write when a plain number stands where one with a unit is needed."""
+    """Return a correct spelling for a plain number where one with a unit is needed."""
     for unit, other in ((wanted.unit, got.unit), (got.unit, wanted.unit)):
         if unit in UNITS and not other:
             example = _EXAMPLES.get(unit, f"'5 {unit}'")
@@ -120,12 +120,12 @@ def unit_hint(wanted: Type, got: Type) -> str:
 
 
 def same_unit(first: Type, second: Type) -> bool:
-    """Tell whether two numbers can be compared or added."""
+    """Say whether two numbers can be compared or added."""
     return first.unit == second.unit or "*" in (first.unit, second.unit)
 
 
 def accepts(wanted: Type, got: Type) -> bool:
-    """Tell whether a value of type `got` may stand where `wanted` is asked for."""
+    """Say whether a value of type `got` may stand where `wanted` is expected."""
     if "any" in (wanted.kind, got.kind):
         return True
     if is_number(wanted) and is_number(got):
@@ -191,7 +191,7 @@ def arithmetic(sign: str, left: Type, right: Type) -> Type | None:
 
 @cache
 def _combined(first: str, second: str, power: int) -> str | None:
-    """Return the unit of `first` times `second` to a power of 1 or -1; None for what is in no base unit."""
+    """Return the unit of `first` times `second` to a power of 1 or -1; None if there is no such unit."""
     if first == second and power == -1:
         return ""
     if not second or (not first and power == 1):

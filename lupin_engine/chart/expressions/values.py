@@ -1,8 +1,8 @@
-"""Reading a value that a file writes: an expression, or plain data that must already have its type.
+"""Reads a value of a file: an expression, or plain data that must already have its type.
 
 A text that is wholly `${ ... }` is an expression, one with `${ ... }` in it is read by `texts`, any other is
-itself. A number that has a unit in its type must be written with one: `30` where seconds are meant is an
-error, not thirty seconds. What stands in a request or a ROS parameter is not read here.
+itself. A number that has a unit in its type must be written with one: `30` for seconds is an error, not
+thirty seconds. Values in a request or a ROS parameter are read elsewhere.
 """
 
 from __future__ import annotations
@@ -80,14 +80,14 @@ def read_under(
 
 
 def read_literal(holder: Map, key: str, scope: Scope, findings: Findings, path: str) -> Value | None:
-    """Read the value under a key where no type is asked for: a literal has the one that it looks like."""
+    """Read the value under a key without an expected type: a literal has the type of its form."""
     raw = holder[key]
     is_text = is_expression(raw) and fragment_of(raw) is None  # with expressions in it
     return read_under(holder, key, TEXT if is_text else literal_type(raw), scope, findings, path)
 
 
 def read_key(node: Node, key: str, wanted: Type, scope: Scope, findings: Findings, path: str) -> Value | None:
-    """Read what a mapping says under `key`; None when it says nothing, or after findings."""
+    """Read the value under `key`; None when there is none, or after findings."""
     raw = getattr(node, key)
     if raw is None:
         return None
@@ -114,7 +114,7 @@ def read_list(raw: Any, place: Place, scope: Scope, findings: Findings, path: st
 
 
 def literal_type(raw: Any) -> Type:
-    """Return the type of a value that is written out; what is no value of the language is anything."""
+    """Return the type of a literal; a value outside the language is `any`."""
     if isinstance(raw, bool):
         return BOOL
     if isinstance(raw, (int, float)):
@@ -130,7 +130,7 @@ def literal_type(raw: Any) -> Type:
 
 
 def _both(first: Type, second: Type) -> Type | None:
-    """Return the type of two written elements; a text that looks like a quantity may be a text."""
+    """Return the common type of two literals; a text that looks like a quantity may be a text."""
     if first.kind == second.kind == "record":
         if first.fields.keys() != second.fields.keys():
             return None
@@ -143,7 +143,7 @@ def _both(first: Type, second: Type) -> Type | None:
 
 
 def _difference(first: Type, this: Type) -> str:
-    """Say in what an element differs from the first one of its list."""
+    """Return the difference of an element from the first one of its list."""
     if first.kind == this.kind == "record" and first.fields.keys() == this.fields.keys():
         name = next(name for name, kind in first.fields.items() if _both(kind, this.fields[name]) is None)
         known, got = describe(first.fields[name]), describe(this.fields[name])
@@ -163,7 +163,7 @@ def check_bound(value: Value, wanted: Type, name: str, findings: Findings, path:
 
 @dataclass(frozen=True)
 class PerElement:
-    """What an expression about the element of a list may read, `name` of type `type`, and must give."""
+    """The scope of an expression about an element, `name` of type `type`, and its result's type."""
 
     name: str
     type: Type
@@ -198,7 +198,7 @@ def _kind(kind: Type) -> str:
 
 
 def is_expression(raw: Any) -> bool:
-    """Tell whether a value is meant to be computed."""
+    """Say whether a value is meant to be computed."""
     return isinstance(raw, Text) and ("${" in raw or "{{" in raw)
 
 
@@ -220,19 +220,19 @@ def read_guard(raw: Any, place: Place, scope: Scope, findings: Findings, path: s
 def read_constant(raw: Any, place: Place, wanted: Type, findings: Findings, path: str) -> Constant | None:
     """Read plain data of type `wanted`, numbers with the unit that the type has; None after findings."""
     found = problems(raw, wanted, Notation.FILE)
-    told = [problem for problem in found if not is_expression(problem.value)]
-    for problem in told:
-        _tell(problem, raw, place, findings, path)
+    literal = [problem for problem in found if not is_expression(problem.value)]
+    for problem in literal:
+        _report(problem, raw, place, findings, path)
     inside = list(_expressions_in(raw, place))
     for where, steps in inside:
-        if not any(p.fault is Fault.KIND and steps[: len(p.path)] == p.path for p in told):
+        if not any(p.fault is Fault.KIND and steps[: len(p.path)] == p.path for p in literal):
             hint = "an expression stands for the whole value here"
             findings.add(where, "partial-expression", path, "an expression inside a list or record", hint)
     return None if inside or found else Constant(converted(plain(raw), wanted), place, wanted)
 
 
 def plain(raw: Any) -> Any:
-    """Return what was read as plain data, without places."""
+    """Return a read value as plain data, without places."""
     if isinstance(raw, str):
         return str(raw)
     if isinstance(raw, Mapping):
@@ -256,8 +256,8 @@ def _expressions_in(raw: Any, place: Place, steps: _Steps = ()) -> Iterator[tupl
             yield from _expressions_in(value, where, (*steps, index))
 
 
-def _tell(problem: ValueProblem, raw: Any, place: Place, findings: Findings, path: str) -> None:
-    """Report what is wrong with a part of a value, where that part stands."""
+def _report(problem: ValueProblem, raw: Any, place: Place, findings: Findings, path: str) -> None:
+    """Report the mistake in a part of a value, at that part's place."""
     fault, wanted = problem.fault, problem.wanted
     for step in problem.path:
         is_field = isinstance(raw, Map)
@@ -280,7 +280,7 @@ def _tell(problem: ValueProblem, raw: Any, place: Place, findings: Findings, pat
 
 
 def _instead(raw: Any, wanted: Type) -> str:
-    """Return what to write where a value is of another kind."""
+    """Return a correct spelling for a value of another kind."""
     if is_moment(wanted):
         return f'write {_MOMENTS[wanted.name]}, in quotes: "{wanted.example}"'
     if wanted.kind == "text" and isinstance(raw, bool):
@@ -293,7 +293,7 @@ def _instead(raw: Any, wanted: Type) -> str:
 
 
 def _wrong_number(problem: ValueProblem, path: str) -> tuple[str, str, str, str]:
-    """Return rule, path, problem and hint for what is no number, or not one of the type's."""
+    """Return rule, path, problem and hint for a value that is no number of the type."""
     raw, wanted, fault = problem.value, problem.wanted, problem.fault
     expected = f"expected {describe(wanted)}, got {show(raw)}"
     if fault is Fault.RANGE:
@@ -335,7 +335,7 @@ class Signature:
 def read_arguments(
     signature: Signature, given: Map | None, place: Place, scope: Scope, findings: Findings, path: str
 ) -> dict[str, Value]:
-    """Read the arguments of an operation or action; defaults stand in for what is not given."""
+    """Read the arguments of an operation or action; missing ones get their defaults."""
     what, wanted = signature.name, signature.arguments
     found: dict[str, Value] = {}
     written = map_at(place) if given is None else given

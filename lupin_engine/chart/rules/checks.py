@@ -1,9 +1,9 @@
-"""Running the rules about a composed chart: what must hold beyond each piece being right by itself.
+"""Runs the rules about a composed chart, which go beyond the correctness of each piece.
 
-A rule is a small function in `chart.rules`, by subject. It looks at the composed states, so it sees parts
-expanded and targets resolved. Rules that follow transitions through the whole chart run only when all of
-them could be resolved: after a misspelt target, half the chart would seem unreachable. So do rules about what
-is never used only when everything that could use it was understood.
+A rule is a small function in `chart.rules`, by subject. It sees parts expanded and targets resolved. Rules
+that follow transitions through the whole chart run only when all of them could be resolved: after a misspelt
+target, half the chart would seem unreachable. Rules about unused declarations run only when every possible
+use was understood.
 """
 
 from __future__ import annotations
@@ -95,9 +95,9 @@ UNUSED: tuple[Rule, ...] = (unheard_event, unused_code, unused_input, unused_var
 def check_composed(
     composed: Composed, known: Iterable[Diagnostic] = (), whole: bool = True
 ) -> Iterator[Diagnostic]:
-    """Yield what is found by every rule that still makes sense after what is `known` already.
+    """Yield the findings of every rule that makes sense beside those `known` already.
 
-    Where it is not the `whole` chart, something was left out of which nobody knows what it says.
+    Without `whole`, parts of the chart were left out, whose content is unknown.
     """
     rules = [*LOCAL]
     if whole:

@@ -1,4 +1,4 @@
-"""Rules about what stands side by side: which of several transitions is taken, and whether one is."""
+"""Rules about alternatives: which of several transitions is taken, and whether one is."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from lupin_engine.chart.rules.index import (
     Index,
     always_taken,
     condition,
+    event_name,
     groups_of,
     guard_of,
     line_of,
     local,
-    told,
     understood,
 )
 from lupin_engine.chart.semantics import FAULT, matches
@@ -110,10 +110,10 @@ def _hidden_by_earlier(index: Index, group: Sequence[Transition]) -> Iterator[Di
 
 
 def _goes_before(earlier: Transition, later: Transition) -> bool:
-    """Tell whether the earlier one is asked first wherever the later one could be taken.
+    """Say whether the earlier transition is evaluated first wherever the later one could be taken.
 
     A hold lets eventless transitions and levels through one by one; requests and answers are decided by the
-    first whose guard holds, whatever is held.
+    first whose guard holds, held or not.
     """
     if not matches(earlier.event, later.event):
         return False
@@ -137,13 +137,13 @@ def _why_hidden(index: Index, earlier: Sequence[Transition], later: Transition) 
 
 def _why_none_is_left(index: Index, earlier: Sequence[Transition], later: Transition) -> str:
     """Say which of those before a transition leave nothing over between them."""
-    told_of = [t for t in earlier if not _never_true(t)]
-    if not total(_sure_conditions(index, told_of)):
+    covering = [t for t in earlier if not _never_true(t)]
+    if not total(_sure_conditions(index, covering)):
         return ""
     # Two of them are often enough, and easier to understand.
-    pairs = ([first, second] for at, second in enumerate(told_of) for first in told_of[:at])
-    told_of = next((pair for pair in pairs if total(_sure_conditions(index, pair))), told_of)
-    lines = " and ".join(line_of(t.place, later.place) for t in told_of)
+    pairs = ([first, second] for at, second in enumerate(covering) for first in covering[:at])
+    covering = next((pair for pair in pairs if total(_sure_conditions(index, pair))), covering)
+    lines = " and ".join(line_of(t.place, later.place) for t in covering)
     return f"one of the guards in {lines} before it is always true"
 
 
@@ -188,7 +188,7 @@ def _resting(index: Index, state: State) -> list[State]:
 
 
 def _answers(index: Index, state: State, outer: Transition) -> bool:
-    """Tell whether a state, or all that stand inside it, take an event before an outer transition can."""
+    """Say whether a state, or all states inside it, take an event before an outer transition can."""
     if any(always_taken(t) and _goes_before(t, outer) for t in state.transitions):
         return True
     inner = [] if state.slot else _resting(index, state)
@@ -202,7 +202,7 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
     """Find two transitions of a state between which only the order of their keys decides.
 
     In the list under one key the first one whose guard is true is taken, as the language says. A refusal in
-    front is an exception to what follows, and one without a guard at the end is the rest.
+    front is an exception to the following ones, and one without a guard at the end is the rest.
     """
     for group in index.groups:
         # Sometimes true and sometimes not, as far as it was understood.
@@ -213,8 +213,8 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
             if clash is not None:
                 there = line_of(clash.place, later.place)
                 problem = (
-                    f"on {told(later.event)!r} both this and the one in {there} may be allowed: then only"
-                    " their order decides"
+                    f"on {event_name(later.event)!r} both this and the one in {there} may be allowed: then"
+                    " only their order decides"
                 )
                 hint = "write guards that exclude each other, or give the last one none"
                 yield warning(later.place, "both-can-win", later.id, problem, hint)
@@ -232,7 +232,7 @@ def _both_can_win(index: Index, earlier: Transition, later: Transition) -> bool:
 
 
 def _effect(transition: Transition) -> tuple[Any, ...]:
-    """Return what a transition does, comparable between two of them."""
+    """Return the effect of a transition, as a comparable value."""
     calls = _done(transition.actions)
     return (transition.target, transition.refuse, transition.code, transition.internal, calls)
 
@@ -263,7 +263,7 @@ def regions_clash(index: Index) -> Iterator[Diagnostic]:
 
 
 def _answers_of_regions(index: Index) -> dict[str, list[Transition]]:
-    """Return for each parallel state what its regions do on events that all of them hear."""
+    """Return for each parallel state the transitions of its regions on events that all of them hear."""
     found: dict[str, list[Transition]] = {state.name: [] for state in index.parallel}
     for name, around in index.region_of.items():
         for transition in index.chart.states[name].transitions:
@@ -279,16 +279,16 @@ def _region(index: Index, transition: Transition, parallel: str) -> str:
 
 
 def _clashes(index: Index, parallel: str, group: Sequence[Transition]) -> Iterator[Diagnostic]:
-    told_of: set[str] = set()
+    reported: set[str] = set()
     group = [transition for transition in group if understood(guard_of(transition))]
     for leaver in group:
         domain = index.semantics.domain(leaver, leaver.target or "")
-        if leaver.id in told_of or index.inside(domain, parallel):
+        if leaver.id in reported or index.inside(domain, parallel):
             continue
         others = (t for t in group if _region(index, t, parallel) != _region(index, leaver, parallel))
         other = next((t for t in others if not exclusive(condition(leaver), condition(t))), None)
         if other is not None:
-            told_of.add(other.id)
+            reported.add(other.id)
             problem = (
                 f"{leaver.event!r} leaves {local(parallel)!r} here, and another region answers it in"
                 f" {line_of(other.place, leaver.place)}: only the first of the two is carried out"
@@ -332,11 +332,11 @@ def _without_answer(index: Index, state: State) -> Iterator[Diagnostic]:
 def _without_rest(
     index: Index, state: State, event: str, group: Sequence[Transition]
 ) -> Iterator[Diagnostic]:
-    """Look at ends that are answered under guards only: is there one that none of them answers?"""
+    """Find ends that are handled under guards only, none of which may hold."""
     what = state.invoke.name if state.invoke is not None else state.local_name
     guards = [condition(t) for t in group if t.guard is not None]
     sure = _sure_conditions(index, group)
-    hint = f"let the last of '{told(event)}' have no guard"
+    hint = f"let the last of '{event_name(event)}' have no guard"
     codes = _codes(state.invoke) if event == "error" and state.invoke is not None else []
     lost = [code for code in codes if not any(possible(fact("error.code", code), g) for g in guards)]
     if lost:
@@ -351,7 +351,7 @@ def _without_rest(
 
 
 def _unheard_answers(index: Index) -> Iterator[Diagnostic]:
-    """Find a choice of a question that nobody listens to: neither the state that asks nor one around it."""
+    """Find a choice of a question without a listener: neither the state that asks nor one around it."""
     for state in index.states:
         if state.ask is None:
             continue
@@ -377,7 +377,7 @@ def _or(names: Sequence[str]) -> str:
 
 
 def _unheard_finals(index: Index) -> Iterator[Diagnostic]:
-    """Find a final state that ends what is around it, which does not say what follows and stays for ever."""
+    """Find a final state that completes the one around it, which has no `on_done` and stays for ever."""
     for state in index.states:
         if state.kind is Kind.FINAL and state.parent:
             holder = _ended_by(index, index.chart.states[state.parent])
@@ -390,7 +390,7 @@ def _unheard_finals(index: Index) -> Iterator[Diagnostic]:
 
 
 def _ended_by(index: Index, parent: State) -> State | None:
-    """Return the state that must say what follows a final child of `parent`; None where nobody must."""
+    """Return the state that must handle the completion by a final child of `parent`; None where none must."""
     above = index.chart.states[parent.parent or ""]
     if above.slot:
         return above
@@ -404,7 +404,7 @@ def _ended_by(index: Index, parent: State) -> State | None:
 
 
 def _goes_on(index: Index, state: State) -> bool:
-    """Tell whether a state says what follows its end, or is left some other way without a person."""
+    """Say whether a state handles its completion, or is left some other way without a person."""
     if any(t.event == "done" or t.target is not None for t in state.transitions):
         return True
     around = (index.chart.states[name] for name in index.lineage[state.name][1:])

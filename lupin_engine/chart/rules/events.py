@@ -1,8 +1,8 @@
-"""The rule about fields of the event that led to where an expression stands.
+"""The rule about fields of the event that led to the place of an expression.
 
-The event stays visible through eventless transitions of the same macrostep (SCXML's `_event`). So what a
-state may read of it follows from all ways into the state, through those without an event too. Where one of
-them has no event, or one without the field, the expression would be an error at run time.
+The event stays visible through eventless transitions of the same macrostep (SCXML's `_event`). So its fields
+in a state follow from all ways into the state, also eventless ones. Where one of them has no event, or one
+without the field, the expression would be an error at run time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lupin_engine.chart.expressions.evaluation import Constant, Expression
 from lupin_engine.chart.expressions.names import tree_of
 from lupin_engine.chart.model import Kind, State, Transition
 from lupin_engine.chart.records import COMPUTED, walk
-from lupin_engine.chart.rules.index import Index, always_taken, local, told, understood
+from lupin_engine.chart.rules.index import Index, always_taken, event_name, local, understood
 from lupin_engine.chart.semantics import EXECUTION_ERROR
 from lupin_engine.errors import Diagnostic
 from lupin_engine.plugin.profile import ANSWER, START
@@ -29,7 +29,7 @@ Causes = dict[str, Transition]
 
 
 def event_field(index: Index) -> Iterator[Diagnostic]:
-    """Find an expression that reads what the event which led there does not have."""
+    """Find an expression that reads a field which the event there may not have."""
     reading = [state for state in index.states if any(True for _ in _expressions(state))]
     if not reading:
         return
@@ -38,19 +38,19 @@ def event_field(index: Index) -> Iterator[Diagnostic]:
         for expression, by in _expressions(state):
             possible = causes[state.name] if by is None else _behind(index, by, causes[state.name])
             for name, lacking in _missing(index, expression, possible):
-                yield _told(expression, state, name, lacking)
+                yield _finding(expression, state, name, lacking)
 
 
 def _missing(index: Index, expression: Expression, causes: Causes) -> Iterator[tuple[str, Transition]]:
-    """Yield the fields that are read of an event and that it may lack, with what hears it then."""
+    """Yield the fields that are read of an event and that it may lack, with the transition it comes by."""
     for name in sorted(_fields_read(expression.source)):
         lacking = next((t for t in causes.values() if _lacks(index, t, name)), None)
         if lacking is not None and understood(expression):
             yield name, lacking
 
 
-def _told(expression: Expression, state: State, name: str, lacking: Transition) -> Diagnostic:
-    way = f"{told(lacking.event)!r} of {local(lacking.source) or 'the chart'!r}"
+def _finding(expression: Expression, state: State, name: str, lacking: Transition) -> Diagnostic:
+    way = f"{event_name(lacking.event)!r} of {local(lacking.source) or 'the chart'!r}"
     problem = f"there may be no event.{name} here: {way} comes without"
     if not lacking.event:
         problem = f"there may be no event.{name} here: {way} is also taken later, when no event is seen"
@@ -62,7 +62,7 @@ def _told(expression: Expression, state: State, name: str, lacking: Transition) 
 
 
 def _expressions(state: State) -> Iterator[tuple[Expression, Transition | None]]:
-    """Yield what reads fields of an event in a state, with the transition that it belongs to."""
+    """Yield the expressions of a state that read an event's fields, each with its transition."""
     given = state.use.request.values() if state.use else ()
     for part in (*state.on_entry, *given, *((state.invoke,) if state.invoke else ())):
         yield from ((found, None) for found in _reading(part))
@@ -109,7 +109,7 @@ def _causes(index: Index) -> dict[str, Causes]:
 
 
 def _behind(index: Index, transition: Transition, causes: Causes) -> Causes:
-    """Return what may be the event when a transition is taken: its own, or for none what led to its state."""
+    """Return the possible events of a transition: its own, or for an eventless one those of its state."""
     if transition.event:
         return {transition.id: transition}
     around = [index.chart.states[name] for name in index.lineage[transition.source]]
@@ -134,14 +134,14 @@ def _entered(index: Index, transition: Transition) -> set[str]:
 
 
 def _beside(index: Index, name: str, around: State) -> Iterator[str]:
-    """Yield what is entered in the other regions of a parallel state around one."""
+    """Yield the states that are entered in the other regions of a parallel state around one."""
     if around.kind is Kind.PARALLEL:
         for region in index.regions(around):
             yield from () if index.inside(name, region.name) else index.entered(region.name)
 
 
 def _remembered(index: Index, history: State) -> Iterator[str]:
-    """Yield what a history state may stand for, and where `resume_at` goes on instead."""
+    """Yield the possible values of a history state, and the targets of `resume_at`."""
     parent = history.parent or ""
     base = len(index.lineage[parent])
     for name, lineage in index.lineage.items():
@@ -157,7 +157,7 @@ def _remembered(index: Index, history: State) -> Iterator[str]:
 
 
 def _lacks(index: Index, transition: Transition, name: str) -> bool:
-    """Tell whether the event of a transition has no field of a name; False when that is not known."""
+    """Say whether the event of a transition certainly lacks a field."""
     fields = _fields(index, transition)
     return fields is not None and name not in fields
 

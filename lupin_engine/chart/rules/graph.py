@@ -1,4 +1,4 @@
-"""Strongly connected parts of a graph: who can come back to itself."""
+"""Strongly connected components of a graph (Tarjan), and cycles in them."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ def components(graph: Graph) -> Iterator[list[str]]:
 
 
 def cycles(graph: Graph, part: Sequence[str], limit: int) -> Iterator[list[str]]:
-    """Yield simple cycles within a strongly connected part; after `limit` steps of looking the rest is not.
+    """Yield simple cycles within a strongly connected component, up to `limit` steps of the search.
 
-    Each is told once, from its first node in the order of `part`.
+    Each is yielded once, from its first node in the order of `part`.
     """
     order = {node: at for at, node in enumerate(part)}
     for first in part:

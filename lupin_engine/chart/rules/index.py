@@ -1,7 +1,7 @@
-"""The composed chart with what several rules ask of it, each answered once.
+"""The composed chart with shared queries of the rules, each computed once.
 
-Rules get this and nothing else. It is made in one pass over the states; what few charts have (parallel
-states, itineraries, inputs that may be unknown) is looked for only when a rule asks.
+It is made in one pass over the states; rare features (parallel states, itineraries, inputs that may be
+unknown) are indexed only when a rule asks.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ class Work:
 
 
 class Index:
-    """What the rules look at."""
+    """The input of the rules."""
 
     def __init__(self, composed: Composed) -> None:
-        """Look through a chart, perhaps one with holes."""
+        """Index a chart, perhaps one with holes."""
         self.composed = composed
         self.chart = composed.chart
         self.states = tuple(composed.chart.states.values())
@@ -93,7 +93,7 @@ class Index:
     # -- the tree ------------------------------------------------------------------------------------------
 
     def inside(self, name: str, ancestor: str) -> bool:
-        """Tell whether a state is the other one or stands in it."""
+        """Say whether a state is the other one or stands in it."""
         return ancestor in self.lineage[name]
 
     def regions(self, state: State) -> list[State]:
@@ -114,10 +114,10 @@ class Index:
 
     @cached_property
     def reached(self) -> set[str]:
-        """The states that something can enter, followed from the root on, guards aside.
+        """The reachable states, from the root on, ignoring guards.
 
-        A state that is active because something inside it was entered has not begun with its first child. To
-        FAULT an error leads that nobody handles.
+        A state that is entered through a child of it has not entered its initial one. An unhandled error
+        leads to FAULT.
         """
         states = self.chart.states
         active: set[str] = set()
@@ -137,7 +137,7 @@ class Index:
         return active
 
     def _leads_to(self, state: State) -> list[str]:
-        """Return what is entered from a state, or together with it whatever it begins with."""
+        """Return the states that are entered from a state, or together with it whatever its initial child."""
         ways = state.transitions + state.resume_at
         found = [transition.target for transition in ways if transition.target is not None]
         if state.kind is Kind.PARALLEL:
@@ -190,7 +190,7 @@ class Index:
         return frozenset(i.name for i in inputs if i.initial is None or i.freshness is not None)
 
     def is_sure(self, guard: Expression) -> bool:
-        """Tell whether a guard says all: it is not also false because of a mistake or an unknown input."""
+        """Say whether a guard is false only by its condition, not by a mistake or an unknown input."""
         if not understood(guard):
             return False
         if not may_ask(guard.source):
@@ -198,7 +198,7 @@ class Index:
         return not any(self.may_be_unknown(name) for name in unknowns_read(guard.source))
 
     def may_be_unknown(self, name: str) -> bool:
-        """Tell whether something that an expression reads (see `unknowns_read`) may be unknown."""
+        """Say whether a read value (see `unknowns_read`) may be unknown."""
         return not name.startswith("input.") or name.removeprefix("input.") in self.unsure
 
     # -- everything that is written ------------------------------------------------------------------------
@@ -235,7 +235,7 @@ class Index:
 def guard_of(thing: Transition | ActionCall) -> Expression | None:
     """Return the condition of a transition or an `if`.
 
-    Where it says more conditions than its guard, nobody here knows what they come to: that is not understood.
+    With more conditions than the guard, their combination counts as not understood.
     """
     kind: type = type(thing)
     if not _has_more(kind):
@@ -255,12 +255,12 @@ def _has_more(kind: type) -> bool:
 
 
 def understood(*guards: Expression | None) -> bool:
-    """Tell whether guards are there without mistakes, or not there at all."""
+    """Say whether guards are without mistakes, or missing."""
     return all(guard is None or guard.evaluate is not never for guard in guards)
 
 
 def always_taken(transition: Transition) -> bool:
-    """Tell whether a transition is taken whenever its event occurs, as far as its guard goes."""
+    """Say whether a transition is taken whenever its event occurs, as far as its guard goes."""
     guard = guard_of(transition)
     return guard is None or constant(guard.source) is True
 
@@ -292,7 +292,7 @@ def groups_of(transitions: Sequence[Transition]) -> Iterator[list[Transition]]:
 
 
 def line_of(place: Place, here: Place) -> str:
-    """Return where something stands, for a finding that is told elsewhere."""
+    """Return a place as text, for a finding at another one."""
     name = place.file.rpartition("/")[2]
     return f"line {place.line}" if place.file == here.file else f"line {place.line} of {name}"
 
@@ -302,8 +302,8 @@ def local(name: str) -> str:
     return name.rpartition(".")[2]
 
 
-def told(event: str) -> str:
-    """Return what an author calls an event of the engine's own."""
+def event_name(event: str) -> str:
+    """Return the author's word for an event of the engine."""
     if event.startswith(TIMERS):
         return event.partition(".")[0]
     return {"": "always", "done": "on_done", "error": "on_error"}.get(event, event)

@@ -16,10 +16,10 @@ _MAY_WAIT = (("for_each", "in"), ("for_each", "key"), ("itinerary", "order"))
 
 
 def unknown_input_read(index: Index) -> Iterator[Diagnostic]:
-    """Find an expression that reads a live value without having asked whether it is known.
+    """Find an expression that reads a live value without a check by `known`.
 
-    A guard is then false, whatever it says; where a value is computed it is an error at run time. What
-    the guard of a transition or an `if` has asked counts for its actions, which see the same moment.
+    A guard is then false, whatever its condition; elsewhere it is an error at run time. A check in the guard
+    of a transition or an `if` counts for its actions, which run at the same moment.
     """
     asked = dict(_asked(index))
     for read in index.reads:
@@ -30,11 +30,11 @@ def unknown_input_read(index: Index) -> Iterator[Diagnostic]:
             continue
         for name in unknowns_read(source, asked.get(id(read.expression), frozenset())):
             if index.may_be_unknown(name):
-                yield _told(read, name, _why(index, name))
+                yield _finding(read, name, _why(index, name))
 
 
 def _asked(index: Index) -> Iterator[tuple[int, frozenset[str]]]:
-    """Yield the expressions in actions, by their ids, with what guards before have asked for."""
+    """Yield the expressions in actions, by their ids, with the values that guards before have checked."""
     for state in index.states:
         each = state.for_each
         ends = (*each.on_done, *each.on_error) if each else ()
@@ -57,7 +57,7 @@ def _given(
             yield from _given(call.otherwise, known | unknowns_asked(source, False))
 
 
-def _told(read: Read, name: str, why: str) -> Diagnostic:
+def _finding(read: Read, name: str, why: str) -> Diagnostic:
     if read.condition:
         problem = f"{name} may be unknown ({why}), and then this guard is false"
         hint = f"write 'known({name}) and ...', or 'not known({name}) or ...'"

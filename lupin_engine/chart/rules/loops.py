@@ -1,9 +1,9 @@
-"""The rules about transitions that lead back to each other for ever, or in no time.
+"""The rules about livelocks: transitions that lead back to each other for ever, or in no time.
 
 Eventless transitions, and those on a level, are taken one after the other within one moment: inputs do not
-change meanwhile, and operations have not begun. So a circle of them never comes to rest unless something
-that its own actions do makes a guard false. A circle that goes through operations as well takes no time when
-each of them fails at once.
+change meanwhile, and operations have not begun. So a circle of them never becomes stable unless its own
+actions make a guard false. A circle that goes through operations as well takes no time when each of them
+fails at once.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def always_loop(index: Index) -> Iterator[Diagnostic]:
         circles = cycles(loops.following, sorted(part, key=loops.place_of), MAX_STEPS)
         found = next((circle for circle in circles if loops.never_ends(circle)), None)
         if found is not None:
-            yield _told(loops, [loops.by_id[name] for name in found])
+            yield _finding(loops, [loops.by_id[name] for name in found])
 
 
 def no_time(index: Index) -> Iterator[Diagnostic]:
@@ -73,7 +73,7 @@ def _endless(loops: _Loops, part: Sequence[str], failures: set[str]) -> list[Tra
 
 
 def _fails_at_once(state: State) -> bool:
-    """Tell whether the operation of a state may end in an error without any time passing."""
+    """Say whether the operation of a state may end in an error without any time passing."""
     retry = state.invoke.retry if state.invoke is not None else None
     if retry is None or retry.backoff is None or retry.unless:
         return state.invoke is not None
@@ -81,7 +81,7 @@ def _fails_at_once(state: State) -> bool:
     return any(isinstance(value, Constant) and value.value == limit for value, limit in never)
 
 
-def _told(loops: _Loops, circle: Sequence[Transition]) -> Diagnostic:
+def _finding(loops: _Loops, circle: Sequence[Transition]) -> Diagnostic:
     first = circle[0]
     if first.target is None:
         problem = "this is taken for ever: nothing that it does makes its guard false"
@@ -98,7 +98,7 @@ class _Loops:
     """Which eventless transition may follow which within one moment."""
 
     def __init__(self, index: Index, failing: Sequence[Transition] = ()) -> None:
-        """Look at the eventless transitions, and at those that answer the failure of an operation."""
+        """Index the eventless transitions, and those that handle the failure of an operation."""
         looked_at = [*index.eventless, *failing]
         self._index = index
         self._of: dict[str, list[Transition]] = {}
@@ -110,7 +110,7 @@ class _Loops:
         self.following = {t.id: self._follow(t) for t in looked_at if self._can_be_taken(t)}
 
     def name_of(self, state: str) -> str:
-        """Return what a state is called in a message."""
+        """Return the name of a state in a message."""
         return local(state) or self._index.chart.name
 
     def place_of(self, name: str) -> tuple[str, int, int]:
@@ -119,7 +119,7 @@ class _Loops:
         return (place.file, place.line, place.column)
 
     def _can_be_taken(self, transition: Transition) -> bool:
-        """Tell whether a transition is ever taken: the hold that its level engages goes before it."""
+        """Say whether a transition is ever taken: the hold that its level engages has precedence."""
         holds = self._index.chart.holds.values()
         passes = transition.during | transition.releases
         if transition.event and any(h.engage == transition.event and h.name not in passes for h in holds):
@@ -128,7 +128,7 @@ class _Loops:
         return guard is None or constant(guard.source) is not False
 
     def _follow(self, transition: Transition) -> list[str]:
-        """Return what may be taken right after a transition."""
+        """Return the transitions that may be taken right after one."""
         if transition.target is None and transition.event == "error":
             return []  # what failed is not begun again
         if transition.target is None:
@@ -146,7 +146,7 @@ class _Loops:
         return list(found)
 
     def _asked_after(self, transition: Transition, leaf: str) -> Iterator[Transition]:
-        """Yield what is asked in an innermost state right after a transition, up to what is always taken."""
+        """Yield the candidates in an atomic state after a transition, up to one that is always taken."""
         for name in self._index.lineage[leaf]:
             candidates = self._of.get(name, ())
             yield from (t for t in candidates if t.event != "error" or self._begins(t, transition))
@@ -154,7 +154,7 @@ class _Loops:
                 break
 
     def _begins(self, failing: Transition, entering: Transition) -> bool:
-        """Tell whether a transition enters the state of an operation, and the chart rests there."""
+        """Say whether a transition enters the state of an operation in a stable configuration."""
         domain = self._index.semantics.domain(entering, entering.target or "")
         around = (t for name in self._index.lineage[failing.source] for t in self._of.get(name, ()))
         return self._below(failing.source, domain) and not any(
@@ -167,9 +167,9 @@ class _Loops:
         return [name for name in self._index.entered(target) if not self._index.begun(states[name])]
 
     def never_ends(self, circle: Sequence[str], walks: bool = False) -> bool:
-        """Tell whether nothing ends a circle once it is entered: its guards go together and stay true.
+        """Say whether a circle never ends once it is entered: its guards are compatible and stay true.
 
-        With `walks`, going on in an itinerary without end is nothing that ends one.
+        With `walks`, advancing in an itinerary without end does not end one.
         """
         changed: set[str] = set()
         conditions: list[Condition] = []
@@ -188,7 +188,7 @@ class _Loops:
         return changed.isdisjoint(read) and possible(TRUE, *conditions)
 
     def _walks_end(self, circle: Sequence[str]) -> bool:
-        """Tell whether the itineraries around a circle come to an end, however often they are advanced."""
+        """Say whether the itineraries around a circle end, however often they are advanced."""
         if any(implies(condition(self.by_id[name]), WITHIN_SWEEP) for name in circle):
             return True  # with the sweep
         states = self._index.chart.states
@@ -197,7 +197,7 @@ class _Loops:
         return all(n is None or (isinstance(n, Constant) and bool(n.value)) for n in sweeps)
 
     def _changed(self, transition: Transition) -> set[str]:
-        """Return the first words of what is different after a transition."""
+        """Return the roots of the environment that a transition changes."""
         calls = list(transition.actions)
         found = {"held"} if transition.releases else set()
         if transition.target is not None:
@@ -219,7 +219,7 @@ class _Loops:
 
 
 def _written(call: ActionCall) -> set[str]:
-    """Return the first words of what an action changes for expressions."""
+    """Return the roots of the environment that an action changes."""
     if call.name in WRITING:
         return set(call.arguments)
     return {"itinerary", "target"} if call.name.startswith("itinerary.") else set()

@@ -1,4 +1,4 @@
-"""Rules about parallel states: what their regions share, and ways from one into another."""
+"""Rules about parallel states: shared resources of their regions, and transitions between them."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ def _waits_for_region(index: Index, resource: str, works: list[Work]) -> Iterato
             known = first.setdefault(parallel, {})
             other = next((found for name, found in known.items() if name != region), None)
             if other is not None:
-                yield _told(work, other, resource)
+                yield _finding(work, other, resource)
             known.setdefault(region, work)
 
 
 def _waits_for_outer(index: Index, resource: str, works: list[Work]) -> Iterator[Diagnostic]:
-    """Compare each work with those of the states around it, which go on meanwhile."""
+    """Compare each operation with those of the states around it, which run meanwhile."""
     holders = {work.state.name: work for work in works if work.state.children}
     for work in works if holders else ():
         for name in index.lineage[work.state.name][1:]:
             if name in holders:
-                yield _told(work, holders[name], resource)
+                yield _finding(work, holders[name], resource)
 
 
-def _told(work: Work, other: Work, resource: str) -> Diagnostic:
+def _finding(work: Work, other: Work, resource: str) -> Diagnostic:
     there = f"{other.invoke.name} in {other.state.local_name!r}"
     problem = (
         f"{work.invoke.name} uses {resource!r} as {there} does, and both can be active: one waits until the"
@@ -63,7 +63,7 @@ def _final_region(parallel: State, region: State) -> Diagnostic:
 
 
 def region_leak(index: Index) -> Iterator[Diagnostic]:
-    """Find what leaves all regions of a parallel state at once: a way into another one, a final region."""
+    """Find an exit from all regions of a parallel state at once: a way into a region, a final region."""
     for parallel in index.parallel:
         yield from (_final_region(parallel, one) for one in index.regions(parallel) if one.kind is Kind.FINAL)
     for name, around in index.region_of.items():

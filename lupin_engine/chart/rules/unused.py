@@ -1,4 +1,4 @@
-"""Rules about what is declared or said and nobody listens to."""
+"""Rules about unused declarations, and events without listeners."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def unused_code(index: Index) -> Iterator[Diagnostic]:
 
 
 def _own(index: Index, family: str) -> list[tuple[str, Place]]:
-    """Return what must be used by what is loaded; the lifecycle's may be meant for other missions."""
+    """Return the declarations that must be used in these files; the lifecycle's may be for other missions."""
     lifecycle = index.chart.files[0]
     return [(name, place) for name, place in _declared(index, family) if place.file != lifecycle]
 
@@ -112,7 +112,7 @@ def unused_variable(index: Index) -> Iterator[Diagnostic]:
 
 
 def unused_field(index: Index) -> Iterator[Diagnostic]:
-    """Find a field of a request that the mission never reads; one that no start can fill is told as that."""
+    """Find a field of a request that the mission never reads; its own text for one that no start can fill."""
     for mission in index.chart.missions.values():
         for field in mission.request.values():
             can_be_given = field.default is not None or field.name in index.chart.profile.request

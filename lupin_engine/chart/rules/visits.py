@@ -1,8 +1,9 @@
-"""Rules about the visits of an itinerary: each is closed once, and only then the walk goes on.
+"""Rules about the visits of an itinerary: each is closed once, and only then the iteration advances.
 
-For every innermost state of an itinerary it is worked out whether the visit may be open or closed there, by
-following all ways from entering the itinerary on, guards on `itinerary.open` and `in_state` included. What
-is not followed (parallel states, an itinerary inside) is not judged, and only what is certain is told.
+A data-flow analysis: for every atomic state of an itinerary it computes whether the visit may be open or
+closed there, along all ways from the itinerary's entry, with guards on `itinerary.open` and `in_state`. Parts
+that are not followed (parallel states, an itinerary inside) are not judged, and only certain mistakes are
+reported.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ _IN_STATE = re.compile(r"""\bin_state\(\s*['"]([\w.]+)['"]\s*\)""")
 
 
 def visits(index: Index) -> Iterator[Diagnostic]:
-    """Find a visit that is closed a second time, and a walk that would go on from an open visit."""
+    """Find a visit that is closed a second time, and an advance over an open visit."""
     for walker in index.states:
         if walker.itinerary is not None:
             inside = list(_below(index, walker))
@@ -57,7 +58,7 @@ def visits(index: Index) -> Iterator[Diagnostic]:
 
 
 def published_twice(index: Index) -> Iterator[Diagnostic]:
-    """Find what is published of a target beside its visit, which publishes when it is closed."""
+    """Find a publication about a target beside its visit, which publishes when it is closed."""
     for written in index.calls:
         publication = index.chart.catalog.profile.publications.get(written.action.name)
         lineage = index.lineage[written.state.name]
@@ -82,7 +83,7 @@ def _never_closed(index: Index, walker: State) -> Iterator[Diagnostic]:
 
 
 def _calls(state: State) -> Iterator[_VisitCall]:
-    """Yield what a state's actions do to the itinerary."""
+    """Yield the itinerary actions of a state."""
     lists = [(f"{transition.id}.do", transition.actions) for transition in state.transitions]
     own = [(f"{state.name}.entry", state.on_entry), (f"{state.name}.exit", state.on_exit)]
     for path, actions in [*own, *lists]:
@@ -108,10 +109,9 @@ class _VisitCall:
 
 @dataclass(frozen=True)
 class _VisitStep:
-    """What a transition does to the visit: when it is taken, what it calls, which innermost states it enters.
+    """The effect of a transition on the visit: its conditions, its calls, and the atomic states it enters.
 
-    Where a history state leads is not known, nor what a guard with mistakes means: after a `vague` step the
-    visit may be either.
+    After a `vague` step, by a history or a guard with mistakes, the visit may be either.
     """
 
     transition: Transition
@@ -122,7 +122,7 @@ class _VisitStep:
 
 
 class _VisitAnalysis:
-    """What the visit may be in each innermost state of one itinerary."""
+    """The possible visits in each atomic state of one itinerary."""
 
     def __init__(self, index: Index, walker: State, inside: Sequence[State]) -> None:
         self._index = index
@@ -138,19 +138,19 @@ class _VisitAnalysis:
         self._settle()
 
     def refused(self) -> Iterator[Diagnostic]:
-        """Tell what the machine would refuse whenever it is reached."""
-        told: set[int] = set()
+        """Report calls that the machine would refuse whenever they are reached."""
+        reported: set[int] = set()
         for leaf, visit in self._at.items():
             for step in self._steps[leaf]:
                 if not understood(guard_of(step.transition)):
                     continue
                 for call, before in self._along(step.calls, _those(visit, step.when))[0]:
-                    if before == _REFUSED.get(call.action.name) and id(call.action) not in told:
-                        told.add(id(call.action))
-                        yield _told(leaf, call)
+                    if before == _REFUSED.get(call.action.name) and id(call.action) not in reported:
+                        reported.add(id(call.action))
+                        yield _finding(leaf, call)
 
     def refused_at_once(self) -> Iterator[Diagnostic]:
-        """Tell what the machine would refuse as soon as the walk begins, although not later."""
+        """Report calls that the machine would refuse at the itinerary's start, although not later."""
         first, walker = frozenset([OPEN]), local(self._walker.name)
         reached = self._along(self._entries(self._walker.name), first)[0]
         for _, steps in self._at_once(_FIRST, first):
@@ -164,7 +164,7 @@ class _VisitAnalysis:
                 return
 
     def read_without_target(self) -> Iterator[Diagnostic]:
-        """Tell where a target is read before it is asked whether there is one."""
+        """Report reads of a target before a check whether there is one."""
         entered = [self._inside[name] for name in self._index.entered(self._walker.name)]
         resting = [leaf for leaf, steps in self._at_once(_EMPTY, frozenset([CLOSED])) if not steps]
         around = dict.fromkeys(name for leaf in resting for name in self._index.lineage[leaf])
@@ -184,9 +184,9 @@ class _VisitAnalysis:
                 return
 
     def _at_once(self, given: Condition, visit: Visit) -> Iterator[tuple[str, list[_VisitStep]]]:
-        """Yield the innermost states that are entered as the walk begins, with the steps taken at once.
+        """Yield the atomic states that are entered at the itinerary's start, with the steps taken at once.
 
-        It goes no further than what the itinerary alone decides, and the visit stays as it is.
+        It follows only conditions on the itinerary, and the visit stays as it is.
         """
         waiting, seen = [name for name in self._index.entered(self._walker.name) if name in self._at], set()
         while waiting:
@@ -215,7 +215,7 @@ class _VisitAnalysis:
     # -- ways ----------------------------------------------------------------------------------------------
 
     def _steps_of(self, leaf: State) -> Iterator[_VisitStep]:
-        """Yield what may happen in an innermost state, up to the state that walks."""
+        """Yield the possible steps in an atomic state, up to the state with the itinerary."""
         around = [self._inside[name] for name in self._index.lineage[leaf.name] if name in self._inside]
         restless = any(not t.event and always_taken(t) for state in around for t in state.transitions)
         heard = (t for state in around for t in state.transitions if self._hears(leaf, t))
@@ -230,7 +230,7 @@ class _VisitAnalysis:
                 sure.append(transition.event)
 
     def _states_asked(self, leaf: State, transition: Transition) -> tuple[Condition, ...]:
-        """Return what `in_state` is in an innermost state, as far as the guards beside a transition ask."""
+        """Return the values of `in_state` in an atomic state, as far as the guards of its transitions ask."""
         guards = filter(None, map(guard_of, self._inside[transition.source].transitions))
         found = []
         for name in dict.fromkeys(asked for guard in guards for asked in _IN_STATE.findall(guard.source)):
@@ -243,12 +243,12 @@ class _VisitAnalysis:
         return tuple(found)
 
     def _excluded(self, name: str, around: Sequence[str]) -> bool:
-        """Tell whether a state cannot be active together with those around an innermost one."""
+        """Say whether a state cannot be active together with those around an atomic one."""
         common = next(above for above in self._index.lineage[name] if above in around)
         return self._index.chart.states[common].kind is not Kind.PARALLEL
 
     def _hears(self, leaf: State, transition: Transition) -> bool:
-        """Tell whether an event can arrive in an innermost state; `done` means what has just ended."""
+        """Say whether an event can arrive in an atomic state; `done` means the state that has just ended."""
         source = self._inside[transition.source]
         if transition.event == "done":
             return source.invoke is not None or (leaf.kind is Kind.FINAL and source.name == leaf.parent)
@@ -260,7 +260,7 @@ class _VisitAnalysis:
         return not left or not transition.event
 
     def _step_from(self, leaf: State, transition: Transition) -> _VisitStep:
-        """Return a step with what leaving the innermost state does."""
+        """Return a step with the exit actions of the atomic state."""
         step = self._known.get(transition.id)
         if step is None:
             step = self._known[transition.id] = self._step(transition)
@@ -273,7 +273,7 @@ class _VisitAnalysis:
         return step
 
     def _step(self, transition: Transition) -> _VisitStep:
-        """Return what a transition does, from wherever inside its source it is taken."""
+        """Return the effect of a transition, from wherever inside its source it is taken."""
         when = [condition(transition)] if _asks(transition) else []
         own = self._inside[transition.source].transitions
         before = takewhile(lambda other: other is not transition, own)
@@ -321,9 +321,9 @@ class _VisitAnalysis:
     def _along(
         self, calls: Iterable[_VisitCall], visit: Visit
     ) -> tuple[list[tuple[_VisitCall, Visit]], Visit]:
-        """Return the calls with what the visit may be before each, and what it may be after them.
+        """Return the calls with the possible visits before each, and those after all.
 
-        None are reached where the visit can be neither.
+        None are reached where neither is possible.
         """
         found: list[tuple[_VisitCall, Visit]] = []
         for call in calls if visit else ():
@@ -356,9 +356,9 @@ class _VisitAnalysis:
     # -- entering the walk ---------------------------------------------------------------------------------
 
     def _from_outside(self) -> Iterator[tuple[str, Visit]]:
-        """Yield the innermost states that the walk begins in, or is brought back to, with the visit then.
+        """Yield the atomic states in which the iteration starts or is restored, with the visit then.
 
-        A walk that is entered begins anew, with its first target; one that history brings back goes on.
+        An itinerary that is entered starts with its first target; one restored from history goes on.
         """
         begins = [self._walker.name]
         for name, state in self._inside.items():
@@ -376,7 +376,7 @@ class _VisitAnalysis:
                     yield from self._resumed(self._index.chart.states[child])
 
     def _entries(self, name: str) -> list[_VisitCall]:
-        """Return what entering a state calls."""
+        """Return the calls of a state's entry."""
         begun = [self._inside[inner] for inner in self._index.entered(name)]
         return [call for state in begun for call in _walking(f"{state.name}.entry", state.on_entry)]
 
@@ -384,14 +384,14 @@ class _VisitAnalysis:
         return ((leaf, visit) for leaf in self._index.entered(name) if leaf in self._at)
 
     def _resumed(self, history: State) -> Iterator[tuple[str, Visit]]:
-        """Yield what is entered when the past comes back: all as it was, or what the walk itself says."""
+        """Yield the states that a history restores: all as they were, or those of `resume_at`."""
         if history.depth is None:
             yield from ((leaf, _EITHER) for leaf in self._at)
         else:
             yield from self._resumed_at(self._walker)
 
     def _resumed_at(self, state: State) -> Iterator[tuple[str, Visit]]:
-        """Yield where a state goes on that comes back: what `resume_at` says, else where it begins."""
+        """Yield the states in which a restored state resumes: by `resume_at`, else its initial ones."""
         before: list[Condition] = []
         for transition in state.resume_at:
             visit = _those(_EITHER, (condition(transition), *map(negate, before)))
@@ -410,7 +410,7 @@ _TARGET = re.compile(r"(?<![\w.'\"])target\b")
 
 
 def _may_be_empty(index: Index, walker: State) -> bool:
-    """Tell whether a list may come without elements, and nothing in the chart asks for that."""
+    """Say whether a list may be empty, without a check for that in the chart."""
     assert walker.itinerary is not None
     source = getattr(walker.itinerary.items, "source", "")
     root, _, name = source.rpartition(".")
@@ -436,12 +436,12 @@ _REFUSED = {"itinerary.close": frozenset([CLOSED]), "itinerary.advance": frozens
 
 @lru_cache(256)
 def _those(visit: Visit, when: tuple[Condition, ...]) -> Visit:
-    """Return what of the visit agrees with conditions."""
+    """Return the possible visits that agree with conditions."""
     return frozenset(v for v in visit if not when or possible(fact("itinerary.open", v == OPEN), *when))
 
 
 def _asks(transition: Transition) -> bool:
-    """Tell whether a guard asks for the visit or a state; one that does not says nothing about it."""
+    """Say whether a guard reads the visit or a state."""
     guard = guard_of(transition)
     return guard is not None and any(word in guard.source for word in _ASKED)
 
@@ -453,7 +453,7 @@ def _walking(path: str, calls: Iterable[ActionCall]) -> Iterator[_VisitCall]:
             yield _VisitCall(call, path)
 
 
-def _told(leaf: str, call: _VisitCall) -> Diagnostic:
+def _finding(leaf: str, call: _VisitCall) -> Diagnostic:
     closes = call.action.name == "itinerary.close"
     how = "closed already" if closes else "still open"
     problem = f"the visit is {how} in {local(leaf)!r}, so this would be refused"

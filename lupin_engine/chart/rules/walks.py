@@ -41,9 +41,9 @@ def _begun(walker: State, transition: Transition, hint: str) -> Diagnostic:
 
 
 def untold_rest(index: Index) -> Iterator[Diagnostic]:
-    """Find a way out of a walk that leaves targets open of which nobody tells."""
+    """Find a way out of an itinerary that leaves targets open for which no outcome is published."""
     for walker in _walkers(index):
-        if not _tells_all(walker) or _told_elsewhere(index, walker) or _returns(index, walker):
+        if not _publishes_all(walker) or _closed_elsewhere(index, walker) or _returns(index, walker):
             continue
         budgets = [t for state in _inside(index, walker) for t in state.transitions if t.event == "budget"]
         for transition in (*walker.transitions, *budgets):
@@ -54,8 +54,8 @@ def untold_rest(index: Index) -> Iterator[Diagnostic]:
             yield warning(transition.place, "untold-rest", transition.id, problem, hint)
 
 
-def _tells_all(walker: State) -> bool:
-    """Tell whether a walk is to tell of each of its targets once; one that goes round and round is not."""
+def _publishes_all(walker: State) -> bool:
+    """Say whether an itinerary is to publish each of its targets once; an endless one is not."""
     walk = walker.itinerary
     if walk is None or walk.leaves_open or not walker.mission:
         return False
@@ -63,7 +63,7 @@ def _tells_all(walker: State) -> bool:
 
 
 def _ends(index: Index, walker: State, transition: Transition) -> bool:
-    """Tell whether a transition leaves a walk for another state of the mission, whatever has been visited."""
+    """Say whether a transition leaves an itinerary for another state of the mission, whatever was visited."""
     target = transition.target
     if target is None or index.inside(target, walker.name):
         return False
@@ -74,8 +74,8 @@ def _ends(index: Index, walker: State, transition: Transition) -> bool:
     return not asks and not _calls(transition, "itinerary.close_rest")
 
 
-def _told_elsewhere(index: Index, walker: State) -> bool:
-    """Tell whether the mission closes what is open when the walk is left, or after it."""
+def _closed_elsewhere(index: Index, walker: State) -> bool:
+    """Say whether the mission closes the open visits when the itinerary is left, or after it."""
     if any(call.name == "itinerary.close_rest" for call in every_call(walker.on_exit)):
         return True
     walkers = {each.name for each in _walkers(index)}
@@ -88,7 +88,7 @@ def _told_elsewhere(index: Index, walker: State) -> bool:
 
 
 def _returns(index: Index, walker: State) -> bool:
-    """Tell whether the mission goes back into a walk that was left, by a history around it."""
+    """Say whether the mission returns into an itinerary that was left, by a history around it."""
     pasts = (state for state in index.states if state.kind is Kind.HISTORY and state.mission)
     around = [past.name for past in pasts if (past.parent or "") in index.lineage[walker.name]]
     return any(

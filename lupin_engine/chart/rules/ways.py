@@ -1,4 +1,4 @@
-"""Rules about ways through the chart: what can be entered, what can be left, what goes round for ever."""
+"""Rules about reachability: unreachable states, dead ends, and circles without an end."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def never_happens(index: Index) -> Iterator[Diagnostic]:
 
 
 def _endless(index: Index, state: State) -> tuple[str, str]:
-    """Say why a state without an invocation cannot be done, and what to do."""
+    """Return why a state without an operation cannot complete, and the remedy."""
     if state.kind is not Kind.PARALLEL:
         problem = "on_done, but nothing is invoked here and no state inside is final"
         return problem, "add 'type: final' to a state inside, or remove it"
@@ -39,7 +39,7 @@ def _endless(index: Index, state: State) -> tuple[str, str]:
 
 
 def _can_be_done(chart: Chart, state: State) -> bool:
-    """Tell whether a state can end by one of its children; in the slot, other missions may stand that do."""
+    """Say whether a state can be completed by a child; in the slot, other missions may do that."""
     children = [chart.states[name] for name in state.children]
     if state.slot:
         return True
@@ -77,7 +77,7 @@ def waits_for_the_world(index: Index) -> Iterator[Diagnostic]:
 
 
 def _ways_out_of_waiting(index: Index, state: State) -> list[Transition]:
-    """Return what leads out of a state of a mission that waits; nothing where a state around it works."""
+    """Return the transitions out of a mission's waiting state; none where a state around it works."""
     around = [index.chart.states[name] for name in index.lineage[state.name]]
     inner = [one for one in around if one.mission]
     if any(_does_something(index, one) for one in inner):
@@ -88,7 +88,7 @@ def _ways_out_of_waiting(index: Index, state: State) -> list[Transition]:
 
 
 def _does_something(index: Index, state: State) -> bool:
-    """Tell whether a state works, watches the clock (as it is written), or stands beside others that do."""
+    """Say whether a state works, watches the clock (as it is written), or stands beside others that do."""
     if _ends_in_time(state) or state.invoke is not None or state.kind is Kind.PARALLEL:
         return True
     node = index.composed.drafts[state.name].node
@@ -96,18 +96,18 @@ def _does_something(index: Index, state: State) -> bool:
 
 
 def _ends_in_time(state: State) -> bool:
-    """Tell whether a clock leads out of a state, be its time right or wrong."""
+    """Say whether a timer leads out of a state, be its time right or wrong."""
     return any(t.target is not None and t.event.startswith(TIMERS) for t in state.transitions)
 
 
 def _comes_from_the_world(event: str, raised: set[str]) -> bool:
-    """Tell whether nobody in the chart and no operator makes an event."""
+    """Say whether an event comes neither from the chart nor from an operator."""
     first = event.partition(".")[0]
     return event not in raised and first not in ("", "*", "operator", "mission")
 
 
 def _has_way_out(index: Index, state: State, without: Iterable[str] = ()) -> bool:
-    """Tell whether a transition of the state, or of one around it, goes somewhere."""
+    """Say whether a transition of the state, or of one around it, has a target."""
     if any(t.target is not None and t.event not in without for t in state.transitions):
         return True
     around = (index.chart.states[name] for name in index.lineage[state.name][1:])
@@ -120,7 +120,7 @@ def _has_way_out(index: Index, state: State, without: Iterable[str] = ()) -> boo
 
 
 def unreachable_state(index: Index) -> Iterator[Diagnostic]:
-    """Find a state that no initial state and no transition leads to; told for the outermost of them."""
+    """Find a state that no initial state and no transition leads to; only the outermost ones."""
     reached = index.reached
     if len(reached) == len(index.states):
         return
@@ -132,7 +132,7 @@ def unreachable_state(index: Index) -> Iterator[Diagnostic]:
 
 
 def _is_implied(index: Index, state: State) -> bool:
-    """Tell whether a state is not written as one: the history that a `history:` key stands for."""
+    """Say whether a state is not written as one: the history that a `history:` key stands for."""
     return state.kind is Kind.HISTORY and index.composed.drafts[state.name].node is None
 
 
@@ -148,10 +148,10 @@ def dead_end(index: Index) -> Iterator[Diagnostic]:
         rest = [states[name] for name in part if name in reached and states[name].kind is Kind.ATOMIC]
         if rest:
             rest.sort(key=lambda state: state.place)
-            yield from _told_dead_end(index, rest)
+            yield from _dead_end_finding(index, rest)
 
 
-def _told_dead_end(index: Index, rest: Sequence[State]) -> Iterator[Diagnostic]:
+def _dead_end_finding(index: Index, rest: Sequence[State]) -> Iterator[Diagnostic]:
     state, hint = rest[0], "add a transition, or 'type: final'"
     if len(rest) > 1:
         problem = f"from here only {_and([s.local_name for s in rest])} can be reached, and never an end"
@@ -172,11 +172,11 @@ def _and(names: Sequence[str]) -> str:
 
 
 class _Ways:
-    """What can follow what, guards aside: a node for being in a state, another for entering it anew.
+    """The graph of possible successors, ignoring guards: a node for a state, and one for entering it anew.
 
-    An end is a final state that nothing follows: a mission's or the chart's own. FAULT counts as one; for a
+    An end is a final state without a successor: a mission's or the chart's own. FAULT counts as one; for a
     mission also every way out of the slot, and for the lifecycle the slot, for then a mission begins. States
-    with such a way out around them are not looked into.
+    inside one with such a way out are skipped.
     """
 
     def __init__(self, index: Index) -> None:
@@ -193,7 +193,7 @@ class _Ways:
                 self._add(state)
 
     def leads_on(self, part: Sequence[str]) -> bool:
-        """Tell whether states that lead to each other hold an end, or lead to something else."""
+        """Say whether a strongly connected component holds an end, or leads out of it."""
         own = set(part)
         return not own.isdisjoint(self._ends) or any(
             after not in own for node in part for after in self.leads[node]
@@ -231,7 +231,7 @@ class _Ways:
         return f"{name}+"
 
     def _after_end(self, final: State) -> list[str]:
-        """Return what follows a final state; one that nothing follows is an end."""
+        """Return the successors of a final state; without any it is an end."""
         parent = self._states[final.parent or ""]
         above = self._states[parent.parent] if parent.parent is not None else None
         if above is None or above.slot:

@@ -1,4 +1,4 @@
-"""All actions and expressions that stand in a chart, each with the path that it is told under."""
+"""All actions and expressions of a chart, each with its path for findings."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from lupin_engine.chart.records import COMPUTED, Role, walk
 
 
 class Read(NamedTuple):
-    """An expression of the chart: whether it is a condition (else a value), and where it is told.
+    """An expression of the chart: whether it is a condition (else a value), and its path.
 
-    There are many and most are in order, so the path is put together when it is asked for.
+    There are many and most are in order, so the path is built on demand.
     """
 
     expression: Expression
@@ -24,12 +24,12 @@ class Read(NamedTuple):
 
     @property
     def path(self) -> str:
-        """What the expression is for."""
+        """The path of the expression, for findings."""
         return ".".join(word for word in self.words if word)
 
 
 class WrittenAction(NamedTuple):
-    """An action of the chart, the state that it is written in and what its list is called."""
+    """An action of the chart, its state and the name of its list."""
 
     action: ActionCall
     state: State
@@ -111,12 +111,12 @@ class Texts:
         self._by_mission = {mission: "\n".join(texts) for mission, texts in by_mission.items()}
 
     def names(self, name: str, mission: str | None = None) -> bool:
-        """Tell whether a name is read, by anyone or within one mission."""
+        """Say whether a name is read, anywhere or within one mission."""
         word = re.compile(rf"(?<![\w.'\"]){re.escape(name)}(?![\w'\"])")
         return any(name in text and word.search(text) for text in self._of(mission))
 
     def quotes(self, text: str) -> bool:
-        """Tell whether a text is written out in an expression."""
+        """Say whether a text occurs as a literal in an expression."""
         return any(f"'{text}'" in found or f'"{text}"' in found for found in self._of(None))
 
     def _of(self, mission: str | None) -> Iterable[str]:

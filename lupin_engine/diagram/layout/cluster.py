@@ -1,4 +1,8 @@
-"""The drawing of one cluster: its ranks from top to bottom, and the routes of its edges."""
+"""Draws one cluster of a layered graph.
+
+The nodes of each rank are ordered for few crossings, then get their x; then the ranks are stacked, and the
+horizontal parts of edges get tracks between them.
+"""
 
 from __future__ import annotations
 
@@ -51,9 +55,9 @@ def draw_cluster(graph: LayeredGraph, hints: Mapping[tuple[int, bool], int], eff
     """Draw a cluster.
 
     Args:
-        graph: Its nodes and edges, rank by rank.
+        graph: Its nodes and edges, rank by rank; it is reordered in place.
         hints: The x outside of ports, by (edge, at the lower border), from an earlier iteration.
-        effort: What straight lines may cost.
+        effort: A budget that all clusters share; when it is spent the lines are less straight.
     """
     reduce_crossings(graph, hints)
     return _RankStack(graph, assign_coordinates(graph, effort)).drawn()

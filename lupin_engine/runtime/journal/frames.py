@@ -1,8 +1,8 @@
-"""FrameScan: records one after the other in a file, each with its length and a checksum.
+"""Frames: records one after the other in a file, each with its length and a checksum.
 
 A frame is the length of its content and the CRC-32 of that, both 4 bytes, little-endian, and the content. A
-file begins with `MAGIC`. What follows the last whole frame is a torn tail: a write that a crash broke off. A
-broken frame that others follow is damage: what comes after it is out of sequence, and read apart.
+file begins with `MAGIC`. Bytes after the last whole frame are a torn tail: a write that a crash broke off. A
+broken frame that others follow is damage: the frames behind it are out of sequence, and read apart.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _BEGIN = b'["'
 
 @dataclass(frozen=True)
 class FrameScan:
-    """What was read: the contents of the good frames, each with where it ends, and what is behind them.
+    """The result of reading: the contents of the good frames, each with its end, and of those behind damage.
 
-    `good` is how many bytes can be used, `torn` how many follow these. `damaged`: others than a broken-off
-    write, so something that was kept is lost; `behind` are the whole contents that follow the damage.
+    `good` is the number of usable bytes, `torn` that of the rest. `damaged`: the rest is not only a torn
+    write, so durable records are lost; `behind` are the whole contents that follow the damage.
     """
 
     contents: list[bytes]

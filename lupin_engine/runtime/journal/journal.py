@@ -1,6 +1,8 @@
-"""The journal of one domain: a folder with a file for each mission, and one for the time between missions.
+"""The write-ahead log of one domain: a folder with a file for each mission, and files for the time between.
 
-Everything is called on the loop's thread; only `JournalWriter` has one of its own.
+A file's head has a snapshot; more follow, so that recovery replays little. Old files are deleted. When the
+disk fails, waiting calls proceed and the failure is reported. Called on the loop's thread only;
+`JournalWriter` has one of its own.
 """
 
 from __future__ import annotations
@@ -54,7 +56,7 @@ SNAPSHOT_BYTES, SNAPSHOT_TIMES = 262_144, 8
 #: A file is followed by another part of the same mission, which begins with a snapshot, in bytes.
 PART_BYTES, IDLE_BYTES = 16_777_216, 1_048_576
 #: How many files about no mission are kept.
-KEPT_IDLE = 3
+MAX_IDLE_FILES = 3
 #: A disk that has not answered for so many seconds counts as failed. Memory cards pause for seconds now and
 #: then; what must be on the disk first waits meanwhile, and stops never do.
 PATIENCE_S = 10.0
@@ -89,12 +91,12 @@ class Journal:
 
         Args:
             folder: of the domain; made where it is missing.
-            keep: what is kept when another file is begun.
+            keep: limits of what is stored when another file begins.
             post: runs a call on the loop's thread.
-            changed: told of what keeps records from the disk, '' when nothing does any more; what waits for
-                them goes on after that.
-            wall_ns: the clock on the wall.
-            writer: where the frames go, instead of to the disk.
+            changed: called with the reason when the disk fails, then waiting calls proceed; and with '' when
+                it works again.
+            wall_ns: the wall clock.
+            writer: receives the frames, instead of the disk.
         """
         self.folder = folder
         self._keep = keep
@@ -103,9 +105,9 @@ class Journal:
         self.wall_ns = wall_ns
         self._writer = writer or JournalWriter(post, self._on_failure)
         self.head: JournalHead | None = None
-        #: What keeps records from the disk; '' when nothing does.
+        #: Why the disk fails; '' when it does not.
         self.problem = ""
-        self._told = ""
+        self._reported = ""
         self._bytes = self._since_shot = self._shot = 0
         self._short = Shorthand()
         self._outcomes = 0
@@ -115,7 +117,7 @@ class Journal:
     # -- files ------------------------------------------------------------------------------------------
 
     def begin(self, head: JournalHead) -> None:
-        """Begin another file; what comes before it is kept on the disk first."""
+        """Begin another file, after flushing the one before."""
         self.head = head = replace(head, outcomes=self._outcomes)
         self.problem = ""
         self._bytes = self._since_shot = 0
@@ -125,11 +127,11 @@ class Journal:
         self._writer.open(path)
         self._put(encoded_head(head), urgent=True)
         self._writer.do(partial(self._make_room, path))
-        if self._told:
-            self._writer.when_kept(self._is_back)
+        if self._reported:
+            self._writer.when_flushed(self._is_back)
 
     def go_on(self, found: JournalFile, shift: float, now: float, boot: str) -> None:
-        """Go on with the file of a process that is gone, after what is good of it.
+        """Append to the file of a process that has ended, after its usable bytes.
 
         Args:
             found: the file.
@@ -145,7 +147,7 @@ class Journal:
         self._put(encoded(RESUMED, now, {"boot": boot, "ahead_ns": ahead, "shift": shift}), urgent=True)
 
     def count_from(self, outcomes: int) -> None:
-        """Number outcomes from there on: those of before may wait for their marks yet."""
+        """Number outcomes from there on, because earlier ones may not be marked as published yet."""
         self._outcomes = outcomes
 
     def keep_files(self, name: str, files: Mapping[str, bytes]) -> None:
@@ -153,7 +155,7 @@ class Journal:
         self._writer.do(partial(_save, self.folder / CHARTS / name, files))
 
     def close(self) -> None:
-        """Write what is queued, and end."""
+        """Flush the queue, and end."""
         self._writer.close()
 
     def _name(self, head: JournalHead) -> str:
@@ -166,11 +168,11 @@ class Journal:
         return f"{moment}.{stamp % 1000:03d}Z_{about}{SUFFIX}"
 
     def _make_room(self, current: Path) -> None:
-        """Remove what is older or more than is kept, but never the file that is written."""
+        """Delete files beyond the limits, but never the current one."""
         files = journal_files(self.folder)
         idle = [file for file in files if not mission_in_name(file)]
         missions = [file for file in files if file not in idle and file != current]
-        for file in idle[:-KEPT_IDLE]:
+        for file in idle[:-MAX_IDLE_FILES]:
             file.unlink(missing_ok=True)
         oldest = self.wall_ns() * 1e-9 - self._keep.days * 86400.0
         size = 0
@@ -188,14 +190,14 @@ class Journal:
             if folder.name not in used:
                 shutil.rmtree(folder, ignore_errors=True)
 
-    # -- what entered the machine -------------------------------------------------------------------------
+    # -- inputs of the machine ----------------------------------------------------------------------------
 
     def started(self, now: float, ahead: float | None) -> None:
         """The machine is started."""
         self._input((START, now, ahead), now)
 
     def handled(self, now: float, event: Event, origin: Mapping[str, str]) -> None:
-        """The machine gets an event; `origin` is who asked for it."""
+        """The machine gets an event; `origin` names who requested it."""
         if self.head is None:
             return
         short = None if origin else self._short.written(now, event)
@@ -209,34 +211,34 @@ class Journal:
         self._input((TIMER, now), now)
 
     def loaded(self, now: float) -> None:
-        """The machine goes on from another one's memory."""
+        """The machine was replaced by a hot reload."""
         self._input((LOADED, now), now)
 
-    def when_kept(self, then: Callable[[], None]) -> None:
-        """Call `then` when all that was written is on the disk; at once when that cannot be."""
+    def when_flushed(self, then: Callable[[], None]) -> None:
+        """Call `then` when all records are durable; at once while the disk has failed or no file is open."""
         if self.problem or self.head is None:
             then()
         else:
-            self._writer.when_kept(then)
+            self._writer.when_flushed(then)
 
-    # -- what was told the world --------------------------------------------------------------------------
+    # -- outputs ------------------------------------------------------------------------------------------
 
-    def outcome(self, told: Publish, fields: Mapping[str, Any]) -> int:
-        """Write what is going to be published, and return its number."""
+    def outcome(self, outcome: Publish, fields: Mapping[str, Any]) -> int:
+        """Write an outcome before it is published, and return its number (transactional outbox)."""
         self._outcomes += 1
-        self._put(encoded(OUTCOME, self._outcomes, asdict(told), fields), urgent=True)
+        self._put(encoded(OUTCOME, self._outcomes, asdict(outcome), fields), urgent=True)
         return self._outcomes
 
     def targets(self, mission: str, mission_id: str, targets: list[str]) -> None:
-        """Write which targets a mission has taken on: each will have an outcome, also when it is closed."""
+        """Write the targets of a mission: each will get an outcome, also when the mission is closed."""
         self._put(encoded(TARGETS, mission, mission_id, targets), urgent=False)
 
     def published(self, number: int) -> None:
-        """Write that it was."""
+        """Write that an outcome was published."""
         self._put(encoded(PUBLISHED, number), urgent=True)
 
     def answered(self, command_id: str, what: str, answer: Mapping[str, Any]) -> None:
-        """Write what came of a command; `what` names what was commanded."""
+        """Write the answer to a command; `what` names the command."""
         self._put(encoded(ANSWERED, command_id, what, answer), urgent=True)
 
     def refused(self, request: str, code: str, more: int) -> None:
@@ -260,32 +262,32 @@ class Journal:
 
     # -- the disk -----------------------------------------------------------------------------------------
 
-    def look(self) -> None:
-        """Notice a disk that does not answer; to be called now and then."""
+    def check_disk(self) -> None:
+        """Detect a disk that does not answer; to be called periodically."""
         if self._writer.waits > PATIENCE_S and not self.problem:
             self._on_failure(f"the disk has not answered for {PATIENCE_S:g} s", self._writer.give_up())
 
-    def spoilt(self, reason: str) -> None:
-        """Write no more into this file: what is read of it would not lead to where the machine is."""
+    def discontinue(self, reason: str) -> None:
+        """Stop writing this file, because a replay of it would not lead to the machine's state."""
         self.problem = reason
         self._post(partial(self._on_failure, reason, []))  # not in the midst of a step
 
     @property
     def failing(self) -> str:
-        """What kept records from the disk, until some are on it again: while it is tried anew, too."""
-        return self.problem or self._told
+        """The reason for the disk's failure, until records are durable again; '' where there is none."""
+        return self.problem or self._reported
 
     def _on_failure(self, reason: str, waiting: list[Callable[[], None]]) -> None:
         self.problem = reason
-        if not self._told:
-            self._told = reason
+        if not self._reported:
+            self._reported = reason
             self._changed(reason)
         for then in waiting:
             if then != self._is_back:
                 then()
 
     def _is_back(self) -> None:
-        self._told = ""
+        self._reported = ""
         self._changed("")
 
     def _input(self, record: tuple[Any, ...], now: float, urgent: bool = True) -> None:
@@ -299,7 +301,7 @@ class Journal:
         try:
             content = encoded(*record)
         except (TypeError, ValueError) as problem:
-            self.spoilt(f"{self._short.name_in(record)} cannot be written: {problem}")
+            self.discontinue(f"{self._short.name_in(record)} cannot be written: {problem}")
             return
         self._short.time = now
         self._put(content, urgent=urgent)

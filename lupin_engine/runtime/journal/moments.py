@@ -1,4 +1,4 @@
-"""The machine as it was at any moment that a journal has."""
+"""Restores the machine at any moment of a journal, by replay from a snapshot before it."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ class JournalMoments:
     def at(
         self, chart: Chart, chart_hash: str, boot: str, wall: float, before: int | None
     ) -> tuple[Machine, float]:
-        """Return the machine of a process as it was, and what its clock showed.
+        """Return the machine of a process at a moment, and the time of its clock.
 
         Args:
             chart: that it ran, made of the files of `chart_hash`.
             boot: the name of the process.
-            wall: when, in POSIX time.
+            wall: the moment, in POSIX time.
             before: the number of a step that it had not taken yet.
 
         Raises:
-            JournalError: it is not in this journal; or comes to another memory than was recorded.
+            JournalError: it is not in this journal; or its replay differs from the record.
         """
         found = self._file(wall)
         if found is None or boot not in _boots(found) or found.head.chart != chart_hash:
@@ -67,7 +67,7 @@ def _boots(found: JournalFile) -> set[str]:
 
 
 def _until(found: JournalFile, number: int | None) -> JournalFile:
-    """Return a file without the record of a number and what follows it."""
+    """Return a file up to the record of a number, without that."""
     return replace(found, records=found.records[:number])
 
 

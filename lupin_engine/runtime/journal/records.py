@@ -1,11 +1,11 @@
 """The records of a journal: JSON lists that begin with their kind.
 
-What entered the machine, each with the machine's time: `start`, `event`, `value` (an event too; `shorthand`
-says how these and progress are written), `timer`, `loaded` (a machine of another chart goes on), `resumed`
-(another process goes on). What was told the world: `outcome` before it is published, `published` after,
-`answered` what came of a command with an id. And for whoever reads: `head` first, `wall` when the clock on
-the wall was set, `refused` how many more requests were refused like those before, `snapshot`, `end`, and
-`targets` that the mission has taken on: they are known from there also where the file is damaged.
+Inputs of the machine, each with the machine's time: `start`, `event`, `value` (an event too; `shorthand`
+compresses these and progress), `timer`, `loaded` (hot reload), `resumed` (a process has recovered it).
+Outputs: `outcome` before it is published, `published` after, `answered` with the answer to a command that has
+an id. For readers: `head` first, `wall` when the wall clock was set, `refused` with the number of further
+refused requests of one kind, `snapshot`, `end`, and `targets` of the mission, which makes them known even
+where the file is damaged.
 """
 
 from __future__ import annotations
@@ -64,18 +64,18 @@ class JournalError(LupinError):
 
 
 class NothingWritten(JournalError):
-    """The first write of a file was broken off: what came of it had not begun, and the file before counts."""
+    """The first write of a file was torn: its mission had not begun, and the file before counts."""
 
 
 @dataclass(frozen=True)
 class JournalHead:
-    """What a file begins with: which machine it is about, and its memory then ("" for one not started).
+    """The first record of a file: identifies the machine, with its snapshot ("" for one not started).
 
-    `chart` is the hash of the files, `chart_name` the lifecycle's. `ahead_ns` is how far the clock on the
-    wall, in POSIX time, is ahead of the machine's. `part` counts the files of one mission from 1.
-    `mission_id` is empty while no mission is under way. `boot` names the start of the process, `engine` its
-    version. `files` are the missions, in the folder that keeps the chart's files. `outcomes` is how many were
-    told before, `lineage` what the ids of goals are made of.
+    `chart` is the hash of the files, `chart_name` the lifecycle's. `ahead_ns` is how far the wall clock, in
+    POSIX time, is ahead of the machine's. `part` counts the files of one mission from 1. `mission_id` is
+    empty between missions. `boot` names the process, `engine` its version. `files` are the missions, in the
+    folder of the chart's files. `outcomes` counts those before this file, `lineage` is the prefix of the
+    goals' ids.
     """
 
     boot: str
@@ -98,7 +98,7 @@ class JournalHead:
 
 @dataclass(frozen=True)
 class JournalRecord:
-    """One record: its kind, the machine's time, what the clock on the wall showed (POSIX), and the rest.
+    """One record: its kind, the machine's time, the wall clock's time (POSIX), and the data.
 
     `number` counts from 0, the head; `end` is the place in the file where it ends.
     """
@@ -120,15 +120,15 @@ class JournalRecord:
 
     @property
     def origin(self) -> Mapping[str, str]:
-        """Who asked for it, and by which id, as far as that was told."""
+        """The requester and its command id, as far as they are recorded."""
         return self.data[2] if self.kind == EVENT and len(self.data) > 2 else {}
 
 
 @dataclass(frozen=True)
 class JournalFile:
-    """A file that was read: its head, its records, how many bytes can be used, and what the rest is.
+    """A file that was read: its head, its records, the number of usable bytes, and the rest.
 
-    `behind` are records after the damage: each is whole, but what the machine made of it is not known.
+    `behind` are records after the damage: each is whole, but the machine's steps there are unknown.
     """
 
     path: Path
@@ -141,7 +141,7 @@ class JournalFile:
 
     @property
     def problem(self) -> str:
-        """What is wrong with it, in words; '' for nothing."""
+        """The damage or the torn tail, in words; '' where there is none."""
         if self.damaged:
             place = f"{self.path} is damaged at byte {self.good}"
             return f"{place}: the {self.torn} bytes from there on are not used"
@@ -175,7 +175,7 @@ def encoded_head(head: JournalHead) -> bytes:
 
 
 def read_journal(path: Path) -> JournalFile:
-    """Return what is in a file.
+    """Read a file.
 
     Raises:
         JournalError: it cannot be read, or has no head.
@@ -188,10 +188,10 @@ def read_journal(path: Path) -> JournalFile:
 
 
 def journal_of(path: Path, data: bytes) -> JournalFile:
-    """Return what is in the bytes of a file; errors as for `read_journal`.
+    """Read the bytes of a file; errors as for `read_journal`.
 
-    A record of another shape is damage, like one whose checksum is wrong. Where the head is lost, the one of
-    a mission is made of its targets: the chart is not known then.
+    A record of another shape is damage, like one with a wrong checksum. A lost head is replaced by one with
+    the mission of `targets` alone, without a chart.
     """
     found = read_frames(data)
     if data.startswith(FAMILY) and not (data.startswith(MAGIC) or found.behind):
@@ -263,7 +263,7 @@ def _head_behind(contents: Iterable[bytes]) -> JournalHead | None:
 
 
 class _Records:
-    """Reads the records of a file one after the other; what each adds to those before is known."""
+    """Decodes the records of a file in sequence, with the state that each leaves for the next."""
 
     def __init__(self, head: JournalHead) -> None:
         self._ahead, self._time = head.ahead_ns * 1e-9, head.time
@@ -314,7 +314,7 @@ def _out_of_sequence(contents: Iterable[bytes], head: JournalHead) -> list[Journ
 
 
 def _check(kind: str, data: list[Any]) -> None:
-    """Raise ValueError, TypeError or LookupError where a record has another shape."""
+    """Raise ValueError, TypeError or LookupError for a record of another shape."""
     needed, more = _SHAPES[kind]
     shape = (*needed, *more)
     fits = len(needed) <= len(data) <= len(shape)

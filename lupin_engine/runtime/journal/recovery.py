@@ -1,4 +1,7 @@
-"""What a process left behind that is gone: the memory of its machine, and what it had not told yet."""
+"""Recovery: replays the journal of a process that has ended into its machine and unreported outcomes.
+
+Recovery ends before damage or the first record that replays differently, with the problem as text.
+"""
 
 from __future__ import annotations
 
@@ -30,16 +33,16 @@ from lupin_engine.runtime.journal.records import (
 )
 from lupin_engine.runtime.journal.replay import ReplayError, replay, tail
 
-#: How many files are looked at for what was told: a mission's, and the one that follows.
-LOOKED_AT = 2
-#: So many of the newest outcomes are told again: what was published died with its publisher, and whoever was
-#: not there then has none of it. A repeat is the same message.
+#: How many files are read for outcomes: a mission's, and the one that follows.
+MAX_FILES_READ = 2
+#: So many of the newest outcomes are published again: messages died with their publisher, and subscribers
+#: that came later lack them. A repeat is the same message.
 BACKLOG = 50
 
 
 @dataclass(frozen=True)
 class KeptCommand:
-    """A command with an id: when it came, in POSIX time, what was commanded, and its answer, if any."""
+    """A command with an id: its arrival in POSIX time, its name, and its answer, if any."""
 
     wall: float
     what: str = ""
@@ -50,11 +53,11 @@ class KeptCommand:
 class Leftover:
     """The newest file of a journal, and the newest outcomes, published or not, by number.
 
-    `outcomes` is how many there were. `commands` are those of the newest files, by id, in their order.
+    `outcomes` is their total. `commands` are those of the newest files, by id, in their order.
     """
 
     file: JournalFile
-    told: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    newest: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     outcomes: int = 0
     commands: Mapping[str, KeptCommand] = field(default_factory=dict)
 
@@ -64,7 +67,7 @@ class Leftover:
         return next((r for r in reversed(self.file.records) if r.kind in INPUTS), None)
 
     def away(self, wall: float) -> float:
-        """Return for how many seconds nobody has watched, at a time of the clock on the wall."""
+        """Return for how many seconds no process has run, at a time of the wall clock."""
         return max(0.0, wall - (self.last.wall if self.last else self.file.records[0].wall))
 
     def shift(self, now: float, wall: float) -> float:
@@ -75,20 +78,20 @@ class Leftover:
 
 @dataclass(frozen=True)
 class Recovered:
-    """A machine as it was, and what it wanted to have published in its last step and had not written down.
+    """A recovered machine, and outcomes that its steps wanted published but did not write.
 
-    `problem` says why nobody can go on with it; '' where one can.
+    `problem` says why it cannot go on; '' where it can.
     """
 
     machine: Machine
-    untold: tuple[tuple[JournalRecord, Publish], ...]
+    unreported: tuple[tuple[JournalRecord, Publish], ...]
     problem: str = ""
 
 
 def leftover(folder: Path) -> tuple[Leftover | None, list[str], str]:
-    """Return what is in the newest files of a folder, what is wrong with them, and which mission is lost.
+    """Return the newest files of a folder, their problems, and the mission that is lost.
 
-    That is the one of the newest file, with the reason, where it cannot be read; '' where it can.
+    The mission of an unreadable newest file is lost, with the reason; '' where it was read.
     """
     found: list[JournalFile] = []
     problems: list[str] = []
@@ -106,19 +109,19 @@ def leftover(folder: Path) -> tuple[Leftover | None, list[str], str]:
         else:
             problems += [found[-1].problem] if found[-1].problem else []
         is_newest = False
-        if len(found) == LOOKED_AT:
+        if len(found) == MAX_FILES_READ:
             break
     if not found:
         return None, problems, lost
     records = [record for file in reversed(found) for record in file.all]
-    told = {record.data[0]: record.data[2] for record in records if record.kind == OUTCOME}
-    newest = dict(list(told.items())[-BACKLOG:])
-    outcomes = max([*(file.head.outcomes for file in found), *told])
+    written = {record.data[0]: record.data[2] for record in records if record.kind == OUTCOME}
+    newest = dict(list(written.items())[-BACKLOG:])
+    outcomes = max([*(file.head.outcomes for file in found), *written])
     return Leftover(found[0], newest, outcomes, _commands(records)), problems, lost
 
 
 def _commands(records: list[JournalRecord]) -> dict[str, KeptCommand]:
-    """Return what was commanded; what has no answer may have been carried out all the same."""
+    """Return the commands by id; one without an answer may have been carried out all the same."""
     found: dict[str, KeptCommand] = {}
     for record in records:
         if record.kind == ANSWERED:
@@ -130,7 +133,7 @@ def _commands(records: list[JournalRecord]) -> dict[str, KeptCommand]:
 
 
 def recover(found: JournalFile, world: World) -> Recovered:
-    """Return the machine of a file as it was in the end, or before what is wrong in it.
+    """Replay a file to its end, or to the record before its first problem.
 
     Raises:
         JournalError: no machine can be made of it.
@@ -149,13 +152,13 @@ def _replayed(found: JournalFile, world: World, problem: str) -> Recovered:
     for each in replay(tail(found), world):
         machine = each.machine
         if each.step is not None:
-            waiting += [(each.record, told) for told in outcomes_of(each.step)]
+            waiting += [(each.record, outcome) for outcome in outcomes_of(each.step)]
         elif each.record.kind == OUTCOME and waiting:
             waiting.pop(0)
     assert machine is not None, "a file that was read has a head"
     behind = {record.data[1]["target"] for record in found.behind if record.kind == OUTCOME}
-    untold = [one for one in waiting if one[1].target not in behind]
-    return Recovered(machine, tuple(untold[_published_without_record(found) :]), problem)
+    unreported = [one for one in waiting if one[1].target not in behind]
+    return Recovered(machine, tuple(unreported[_published_without_record(found) :]), problem)
 
 
 def _published_without_record(found: JournalFile) -> int:
@@ -166,7 +169,7 @@ def _published_without_record(found: JournalFile) -> int:
 
 
 def outcomes_of(step: Step) -> list[Publish]:
-    """Return what a step wants published."""
+    """Return the outcomes that a step publishes."""
     return [command for command in step.commands if isinstance(command, Publish)]
 
 
@@ -176,18 +179,18 @@ def open_targets(found: JournalFile, recovered: Recovered | None) -> list[str]:
     Each is known from its own record, and from the steps or the snapshots: no single damage hides it.
     """
     mission_id = found.head.mission_id
-    noted = [record.data[1:] for record in found.all if record.kind == TARGETS]
+    recorded = [record.data[1:] for record in found.all if record.kind == TARGETS]
     shots = [record.data[0] for record in found.all if record.kind == SNAPSHOT]
-    left = [target for of, targets in noted if of == mission_id for target in targets]
+    left = [target for of, targets in recorded if of == mission_id for target in targets]
     left += _open_in(shots[-1] if shots else found.head.snapshot, mission_id)
-    told = {record.data[1]["target"] for record in found.all if record.kind == OUTCOME}
+    closed = {record.data[1]["target"] for record in found.all if record.kind == OUTCOME}
     if recovered is not None:
-        told |= {told.target for _, told in recovered.untold}
+        closed |= {outcome.target for _, outcome in recovered.unreported}
         memory = recovered.machine.memory
         visits = memory.outcomes if memory.mission_id == mission_id else ()
-        told |= {visit.target for visit in visits if visit.closed}
+        closed |= {visit.target for visit in visits if visit.closed}
         left += [visit.target for visit in visits]
-    return [target for target in dict.fromkeys(left) if target not in told]
+    return [target for target in dict.fromkeys(left) if target not in closed]
 
 
 def _open_in(shot: str, mission_id: str) -> list[str]:
@@ -201,22 +204,22 @@ def _open_in(shot: str, mission_id: str) -> list[str]:
 
 
 def goes_on(machine: Machine) -> bool:
-    """Say whether a machine is gone on with."""
+    """Say whether a recovered machine is to go on, by its lifecycle."""
     lifecycle = machine.view.lifecycle
     return bool(lifecycle) and lifecycle not in machine.chart.profile.stages.begins_anew
 
 
 def resumed_event(left: Leftover, machine: Machine, wall: float) -> Event:
-    """Return what a machine is told that another process goes on with, at a time of the clock on the wall."""
+    """Return the event that informs a recovered machine, at a time of the wall clock."""
     since = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(left.last.wall if left.last else wall))
     away = left.away(wall)
-    told = f"nobody watched since {since}, {away:.1f} s; under way: {under_way(machine)}"
+    detail = f"nobody watched since {since}, {away:.1f} s; under way: {under_way(machine)}"
     held = machine.view.lifecycle not in machine.chart.profile.stages.without_mission
-    return Event(RESUMED, {"detail": told, "held": held, "away": round(away, 6)})
+    return Event(RESUMED, {"detail": detail, "held": held, "away": round(away, 6)})
 
 
 def under_way(machine: Machine) -> str:
-    """Return what a machine was doing, in words."""
+    """Return the machine's phase, target and operations as text."""
     view = machine.view
     where = " ".join(filter(None, (view.lifecycle, view.phase)))
     target = f", at {view.target}" if view.target else ""

@@ -1,7 +1,7 @@
-"""Requests that are refused again and again: some of them are written down, the others are counted.
+"""Rate limit of refused requests: beyond 64 KiB in 10 s of one name and code they are counted, not recorded.
 
-A request that is refused changes nothing but the number of the step. So one that is known to be refused need
-not come to the machine at all, and the journal of a flood stays small.
+A refused request changes nothing but the number of the step. So one that a dry run refuses need not reach the
+machine, and the journal of a flood stays small.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ class _Alike:
 
 
 class Refusals:
-    """Counts what is not written; `tell` is told the request, its code, and how many more there were."""
+    """Counts requests that are not recorded; `report` gets the request's name, its code, and their number."""
 
-    def __init__(self, tell: Callable[[str, str, int], None]) -> None:
-        self._tell = tell
+    def __init__(self, report: Callable[[str, str, int], None]) -> None:
+        self._report = report
         self._alike: dict[tuple[str, str], _Alike] = {}
 
     def is_one_more(self, request: Event, code: str, now: float) -> bool:
-        """Count a request that will be refused; say whether it is one more of many, and not to be written."""
+        """Count a request that will be refused; say whether it is over the limit, and not to be recorded."""
         key = ANSWER if request.name.startswith(ANSWER) else request.name, code
         alike = self._alike.get(key)
         if alike is not None and now - alike.since >= WINDOW_S:
@@ -49,18 +49,18 @@ class Refusals:
         alike.written += size
         return False
 
-    def look(self, now: float) -> None:
-        """Tell of what is over; to be called now and then."""
+    def report_due(self, now: float) -> None:
+        """Report the counts of windows that have passed; to be called periodically."""
         for key, alike in list(self._alike.items()):
             if now - alike.since >= WINDOW_S:
                 self._end(key)
 
-    def tell_all(self) -> None:
-        """Tell of all, and begin anew."""
+    def report_all(self) -> None:
+        """Report all counts, and reset."""
         for key in list(self._alike):
             self._end(key)
 
     def _end(self, key: tuple[str, str]) -> None:
         more = self._alike.pop(key).more
         if more:
-            self._tell(*key, more)
+            self._report(*key, more)

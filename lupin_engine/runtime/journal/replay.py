@@ -1,4 +1,4 @@
-"""From records to steps: the same inputs at the same times give the same memory, which snapshots assert."""
+"""Replay: the same inputs at the same times give the same memory; recorded snapshots are compared with it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from lupin_engine.runtime.journal.records import (
 
 
 class ReplayError(JournalError):
-    """The machine of now does not come to what was recorded: `record` is the first that does not fit."""
+    """A replay differs from the recording: `record` is the first that does not fit."""
 
     def __init__(self, path: Path, record: JournalRecord, how: str) -> None:
         where = f"{path}, record {record.number} ({record.kind} at {record.time:g} s)"
@@ -92,7 +92,7 @@ def _run(machine: Machine, record: JournalRecord) -> tuple[Step | None, Machine]
 
 
 def tail(found: JournalFile) -> JournalFile:
-    """Return a file from its last snapshot but one on: who runs that is held to the last one."""
+    """Return a file from its last snapshot but one on, so that a replay is compared with the last one."""
     shots = [record for record in found.records if record.kind == SNAPSHOT]
     if len(shots) < 2:
         return found
@@ -102,7 +102,7 @@ def tail(found: JournalFile) -> JournalFile:
 
 
 def resumed(machine: Machine, seconds: float) -> Machine:
-    """Return the machine that goes on from another one's memory on a clock that is so many seconds ahead."""
+    """Return a machine on another one's memory, by a clock that is so many seconds ahead."""
     memory = restore(machine.chart, machine.snapshot())
     shift(memory, seconds)
     return Machine(machine.world, memory)

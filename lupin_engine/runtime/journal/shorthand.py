@@ -1,10 +1,10 @@
-"""The records that come ten times a second, written short: what follows from those before is left out.
+"""Delta encoding of the records that come ten times a second: values and progress.
 
 A value is `["v", time, name, age, value]`, progress of an attempt `["p", time, attempt, detail]`. A time is
-how much later it is than that of the input before, in whole microseconds, or a number with a point where that
-would not be exact. A name is written once, then its number. `age` is how much earlier the value was true, in
-microseconds, or null where the stamp stands behind the value. A plain value that is the same as before is not
-written again.
+relative to that of the input before, in whole microseconds, or a number with a point where that would not be
+exact. A name is written once, then its number. `age` is how much earlier the value was true, in microseconds,
+or null where the stamp stands behind the value. A plain value that is the same as before is not written
+again.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _PROGRESS_EVENT = "attempt.progress"
 
 
 class Shorthand:
-    """What is known from the records before: by who writes a file, and in the same way by who reads it."""
+    """The encoder's state after the records before; a reader builds the same."""
 
     def __init__(self) -> None:
         #: The time of the last input, in seconds of the machine's clock.
@@ -63,7 +63,7 @@ class Shorthand:
         self._values.append(None)
 
     def name_in(self, record: tuple[Any, ...]) -> str:
-        """Return what a record is about, for people."""
+        """Return the subject of a record, for people."""
         kind, _, *data = record
         about = data[0] if data else kind
         return self._names[about] if kind == SHORT_VALUE and isinstance(about, int) else str(about)

@@ -1,7 +1,7 @@
-"""The thread that writes: what was queued meanwhile goes to the disk together (group commit).
+"""The writer's thread: flushes all queued records together (group commit).
 
-The loop's thread only queues, so no disk can keep it from stopping something. Records that nobody waits for
-are written when some have come together; a process that is killed loses those of the last `LAZY_S` seconds.
+The loop's thread only queues, so no disk can delay a stop. Records without a waiting call are written after
+up to `LAZY_S` seconds; a process that is killed loses these.
 """
 
 from __future__ import annotations
@@ -31,29 +31,29 @@ LOCK = "lock"
 
 
 class FrameWriter(Protocol):
-    """Where a journal's frames go."""
+    """Receives a journal's frames."""
 
     def open(self, path: Path, cut: int | None = None) -> None:
         """Write into another file from here on: a new one, or after the first `cut` bytes of one there."""
 
     def append(self, data: bytes, *, urgent: bool) -> None:
-        """Write; what is `urgent` at once, the rest soon."""
+        """Write a frame; an `urgent` one at once, others soon."""
 
     def do(self, work: Callable[[], None]) -> None:
-        """Do something else with the disk in its turn."""
+        """Queue other work with the disk."""
 
-    def when_kept(self, then: Callable[[], None]) -> None:
-        """Call `then` on the loop's thread when all that was queued is on the disk."""
+    def when_flushed(self, then: Callable[[], None]) -> None:
+        """Call `then` on the loop's thread when everything queued is durable."""
 
     @property
     def waits(self) -> float:
-        """For how long the disk has been waited for, in seconds."""
+        """How long a call has waited for the disk, in seconds."""
 
     def give_up(self) -> list[Callable[[], None]]:
-        """Return the calls that wait, which are not called any more by this."""
+        """Return the waiting calls, and drop them here."""
 
     def close(self) -> None:
-        """Write what is queued, and end."""
+        """Flush the queue, and end."""
 
 
 class MemoryWriter:
@@ -64,7 +64,7 @@ class MemoryWriter:
         self.waits = 0.0
 
     def open(self, path: Path, cut: int | None = None) -> None:
-        """Begin anew, or after what is good."""
+        """Begin with an empty file, or after the first `cut` bytes."""
         self.data = MAGIC if cut is None else self.data[:cut]
 
     def append(self, data: bytes, *, urgent: bool) -> None:
@@ -74,7 +74,7 @@ class MemoryWriter:
     def do(self, work: Callable[[], None]) -> None:
         """Do nothing: there is no disk."""
 
-    def when_kept(self, then: Callable[[], None]) -> None:
+    def when_flushed(self, then: Callable[[], None]) -> None:
         """Call it: all is kept."""
         then()
 
@@ -122,11 +122,11 @@ class JournalWriter:
         self._add(work, urgent=False)
 
     def append(self, data: bytes, *, urgent: bool) -> None:
-        """Write; what is `urgent` at once, the rest soon."""
+        """Write a frame; an `urgent` one at once, others soon."""
         self._add(data, urgent=urgent)
 
-    def when_kept(self, then: Callable[[], None]) -> None:
-        """Call `then` on the loop's thread when all that was queued is on the disk."""
+    def when_flushed(self, then: Callable[[], None]) -> None:
+        """Call `then` on the loop's thread when everything queued is durable."""
         with self._ready:
             self._waiting.append(then)
             self._urgent = True
@@ -135,18 +135,18 @@ class JournalWriter:
 
     @property
     def waits(self) -> float:
-        """For how long the disk has been waited for, in seconds."""
+        """How long a call has waited for the disk, in seconds."""
         since = self._since
         return 0.0 if since is None else time.monotonic() - since
 
     def give_up(self) -> list[Callable[[], None]]:
-        """Return the calls that wait, which are not called any more by this."""
+        """Return the waiting calls, and drop them here."""
         with self._ready:
             given, self._waiting, self._since = self._waiting, [], None
         return given
 
     def close(self, limit: float = 2.0) -> None:
-        """Write what is queued, and end; a disk that does not answer is waited for so many seconds."""
+        """Flush the queue, and end; wait at most `limit` seconds for the disk."""
         with self._ready:
             self._ended = True
             self._ready.notify()
@@ -180,14 +180,14 @@ class JournalWriter:
             except Exception as problem:  # whatever it is: without this thread nothing that waits goes on
                 self._fail(getattr(problem, "strerror", None) or str(problem), waiting)
             else:
-                self._tell(waiting)
+                self._notify(waiting)
             if ended:
                 self._close_file()
                 if self._lock is not None:
                     os.close(self._lock)
                 return
 
-    def _tell(self, waiting: list[Callable[[], None]]) -> None:
+    def _notify(self, waiting: list[Callable[[], None]]) -> None:
         if not waiting:
             return
         with self._ready:
@@ -244,7 +244,7 @@ class JournalWriter:
             os.ftruncate(self._file, cut)
 
     def _take(self, folder: Path) -> None:
-        """Have a folder, which nobody else may have meanwhile."""
+        """Lock a folder against other processes."""
         if self._lock is not None:
             if _is_file(self._lock, folder / LOCK):
                 return
@@ -271,7 +271,7 @@ def _call(waiting: list[Callable[[], None]]) -> None:
 
 
 def _is_file(descriptor: int, path: Path) -> bool:
-    """Say whether what is open is what stands at a path."""
+    """Say whether an open file is still the one at a path."""
     try:
         return os.path.samestat(os.fstat(descriptor), path.stat())
     except FileNotFoundError:
@@ -279,7 +279,7 @@ def _is_file(descriptor: int, path: Path) -> bool:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Have the name of a new file on the disk as well."""
+    """Make the name of a new file durable as well."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

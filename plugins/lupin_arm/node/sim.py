@@ -57,7 +57,7 @@ def check(values: Mapping[str, Any]) -> None:
     with problems.collecting():
         if values["hand"]:
             _servo_pose("hand", values["hand"])
-    problems.tell()
+    problems.raise_any()
 
 
 class ArmSimNode:

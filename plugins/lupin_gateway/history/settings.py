@@ -49,5 +49,5 @@ def history_topics(entries: Sequence[str]) -> list[HistoryTopic]:
             found[match["name"]] = HistoryTopic(
                 match["name"], match["type"], limit, every, match["on_change"] is not None
             )
-    problems.tell()
+    problems.raise_any()
     return list(found.values())

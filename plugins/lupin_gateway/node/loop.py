@@ -48,8 +48,8 @@ class LoopThread:
     def post(self, callback: Callable[..., None], *arguments: Any) -> None:
         """Schedule a call on the loop, in the order of posting; safe from every thread.
 
-        The loop is woken once for all calls that are queued before it runs; after it has ended they are
-        dropped.
+        The loop is woken once for all calls that are queued before it runs. One that fails is reported to the
+        loop's exception handler. After the loop has ended none is carried out.
         """
         self._posted.append((callback, arguments))
         if not self._is_woken:

@@ -112,7 +112,7 @@ def check(values: Mapping[str, Any]) -> None:
     if not problems:
         with problems.collecting():
             tls(values)
-    problems.tell()
+    problems.raise_any()
 
 
 def tls(values: Mapping[str, Any]) -> Mapping[str, str]:

@@ -128,7 +128,7 @@ def check(values: Mapping[str, Any]) -> None:
             layout.load(values["tag_locations_file"])
     with problems.collecting():
         fusion_rules(values)
-    problems.tell()
+    problems.raise_any()
 
 
 def fusion_rules(values: Mapping[str, Any]) -> Rules:

@@ -1,5 +1,7 @@
 """The simulated robot as a node: pose, sensors, battery, stop, and the action `navigate_to_pose`.
 
+A stop brakes the robot and does not end its goal: it drives on when the stop is released. A new goal aborts
+the one before, as in Nav2; a goal is also aborted when the mission's node falls silent (the watchdog).
 A 5 Hz heartbeat publishes; a faster timer moves the robot only while it drives. No callback blocks.
 """
 
@@ -107,7 +109,7 @@ def check(values: Mapping[str, Any]) -> None:
         load_layout(values["tag_locations_file"])
     with problems.collecting():
         senses.places(values["pests"])
-    problems.tell()
+    problems.raise_any()
 
 
 class SimNode:
@@ -166,7 +168,7 @@ class SimNode:
     # --- settings -----------------------------------------------------------------------------------------
 
     def _change(self, values: Mapping[str, Any]) -> str | None:
-        """Apply new parameter values; return why not, None where that is done."""
+        """Apply new values of parameters in `LIVE`; return why not, None where that is done."""
         fixed = [name for name in values if name not in LIVE]
         if fixed:
             return f"{', '.join(fixed)}: read at the start of the node only"
@@ -201,6 +203,7 @@ class SimNode:
         self._ros.post(show)
 
     def _on_stop(self) -> None:
+        """Brake, or drive on: the stop of pages and HMIs has changed."""
         self._advance()
         self._settle()
 
@@ -313,6 +316,7 @@ class SimNode:
             self._end_goal("canceled", "cancelled by the client")
 
     def _lost(self, reason: str) -> None:
+        """Abort the goal: the watchdog has not heard the mission's node for too long."""
         if self._goal is not None:
             self._advance()
             self._ros.log.warning("the robot stops", reason=reason)

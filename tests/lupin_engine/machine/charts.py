@@ -394,7 +394,7 @@ class Bench:
     @property
     def clock(self) -> str:
         """What the robot's clock shows."""
-        return self.calendar.told(self.now + (self.machine.memory.wall or 0.0))
+        return self.calendar.as_text(self.now + (self.machine.memory.wall or 0.0))
 
     def send(self, name: str | Event, /, **data: Any) -> Step:
         """Let an event happen now."""

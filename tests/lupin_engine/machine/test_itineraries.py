@@ -364,7 +364,7 @@ def test_a_target_without_a_name_is_an_error_and_not_walked(item: Any) -> None:
 def test_a_mission_begins_though_its_first_target_has_no_name() -> None:
     """The error is that of the state that walks; what is known before it is nothing."""
     bench = Bench(chart({"A": {}, "W": {"itinerary": {"items": lambda _: [1.5]}}}))
-    Itineraries(bench.machine.scope).foresee(bench.machine.chart.states["W"])
+    Itineraries(bench.machine.scope).register(bench.machine.chart.states["W"])
     assert bench.machine.memory.itineraries == {}
 
 

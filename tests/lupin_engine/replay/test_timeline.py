@@ -14,7 +14,7 @@ from lupin_engine.replay.timeline_svg import svg
 from lupin_engine.replay.timeline_text import ASCII, UNICODE, text
 from lupin_engine.sim.scenario import load_scenario
 from lupin_engine.sim.scripted import MockOutcome, Rule
-from lupin_engine.sim.simulation import Ask, Happening, Run, Script, Tell, simulate
+from lupin_engine.sim.simulation import Ask, Happening, Run, Script, SetValue, simulate
 from tests import shipped
 
 
@@ -43,11 +43,14 @@ def eventful() -> Run:
         ),
         happenings=(
             Happening(Ask("operator.pause"), 5.0),
-            Happening(Tell("robot.estop", True), 10.0),
+            Happening(SetValue("robot.estop", True), 10.0),
             Happening(Ask("operator.resume"), 11.0),
-            Happening(Tell("robot.estop", False), 12.0),
+            Happening(SetValue("robot.estop", False), 12.0),
             Happening(Ask("operator.resume"), 14.0),
-            *(Happening(Tell("robot.battery", 1 - 0.005 * time), float(time)) for time in range(0, 120, 10)),
+            *(
+                Happening(SetValue("robot.battery", 1 - 0.005 * time), float(time))
+                for time in range(0, 120, 10)
+            ),
         ),
     )
 

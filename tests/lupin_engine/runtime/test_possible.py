@@ -25,7 +25,7 @@ from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.builtin import MISSING
 from lupin_engine.plugin.profile import START
 from lupin_engine.runtime.explanation import explanation
-from lupin_engine.runtime.possible import Foresight, requests_of
+from lupin_engine.runtime.possible import RequestPreview, requests_of
 from lupin_engine.runtime.setup import make_machine
 from lupin_engine.sim.scenario import Missions, load_scenario, scenario_files
 from lupin_engine.sim.simulation import Simulation
@@ -86,7 +86,7 @@ class Situation:
 
     def told(self) -> Told:
         """Return what is told of all requests here."""
-        found = Foresight(self.machine).news(self.now)
+        found = RequestPreview(self.machine).news(self.now)
         assert found is not None, "nobody has looked yet"
         return found
 
@@ -226,13 +226,13 @@ def test_what_was_told_holds_until_something_else_is() -> None:
         world = missions.world(scenario.chart, scenario.parameters)
         simulation = Simulation(scenario.chart, scenario.script, scenario.parameters, world)
         simulation.begin()
-        foresights: dict[Machine, Foresight] = {}
+        foresights: dict[Machine, RequestPreview] = {}
         told: Told = []
-        while not simulation.is_over and simulation.go_on() and simulation.now < scenario.script.limit:
+        while not simulation.is_over and simulation.advance() and simulation.now < scenario.script.limit:
             machine = simulation.machine  # after a crash it is another one
-            foresight = foresights.get(machine) or foresights.setdefault(machine, Foresight(machine))
+            foresight = foresights.get(machine) or foresights.setdefault(machine, RequestPreview(machine))
             told = foresight.news(simulation.now) or told
-            assert told == Foresight(machine).news(simulation.now), (file, simulation.now)
+            assert told == RequestPreview(machine).news(simulation.now), (file, simulation.now)
             machine.scope.watches.pop()
 
 
@@ -264,7 +264,7 @@ def small(folder: Path, guard: str) -> Chart:
     return load_chart(folder / "lifecycle.yaml", [folder / "nothing.yaml"], shipped.catalog())
 
 
-def docking(foresight: Foresight, now: float) -> str | None:
+def docking(foresight: RequestPreview, now: float) -> str | None:
     """Return the code that a request to dock is refused with; None: no news."""
     found = foresight.news(now)
     return None if found is None else next(one["code"] for one in found if one["verb"] == "dock")
@@ -273,7 +273,7 @@ def docking(foresight: Foresight, now: float) -> str | None:
 def test_what_grows_old_is_news(tmp_path: Path) -> None:
     """Nobody says anything, and a request is refused from then on; its deadline is when to look."""
     machine = begun(small(tmp_path, "not known(input.pose)")).machine
-    dock = partial(docking, Foresight(machine))
+    dock = partial(docking, RequestPreview(machine))
     assert [dock(0.0), dock(1.9)] == ["", None]
     assert machine.next_deadline == 2.0
     assert machine.advance(2.0) is not None
@@ -288,7 +288,7 @@ def test_what_the_time_of_day_decides_is_news(tmp_path: Path) -> None:
     machine = make_machine(chart, {"time_zone": "UTC"})
     machine.start(0.0, ahead=6.5 * 3600.0 - 1.0)
     machine.handle(events.observed("robot.pose", POSE, 0.0), 0.0)
-    dock = partial(docking, Foresight(machine))
+    dock = partial(docking, RequestPreview(machine))
     assert dock(0.5) == ""
     assert dock(1.5) == "lost"
 
@@ -296,7 +296,7 @@ def test_what_the_time_of_day_decides_is_news(tmp_path: Path) -> None:
 def test_a_start_that_only_its_fields_keep_from_beginning_is_told_as_one() -> None:
     """A form can ask for it with others; what else keeps it is told first."""
     machine = make_machine(shipped.mission("inspection"), {"tag_sequence": ["999"]})
-    foresight = Foresight(machine)
+    foresight = RequestPreview(machine)
     machine.start(0.0)
 
     def starting(now: float) -> tuple[str, bool]:

@@ -44,7 +44,7 @@ class Telling:
             self.called.append(name)
             if name == self._raises:
                 raise RuntimeError(f"{name} raises")
-            if name == "when_kept":
+            if name == "when_flushed":
                 given[0]()
 
         return call
@@ -77,13 +77,14 @@ def test_what_ends_leaves_first(raises: str) -> None:
         for _ in range(2):
             step = engine.request(Event("operator.pause"))
             assert step.accepted
-        does = [name for name in told.called if name in ("start", "cancel", "act", "listener", "when_kept")]
+        counted = ("start", "cancel", "act", "listener", "when_flushed")
+        does = [name for name in told.called if name in counted]
         assert does[0] == "cancel", (commands, does)
         assert does.count("cancel") == 2
-        assert bool(failed) == (raises in ("listener", "wall", "handled", "when_kept"))
+        assert bool(failed) == (raises in ("listener", "wall", "handled", "when_flushed"))
 
 
-@pytest.mark.parametrize("raises", ["listener", "when_kept"])
+@pytest.mark.parametrize("raises", ["listener", "when_flushed"])
 def test_without_somebody_to_tell_it_is_raised_after_that(raises: str) -> None:
     """As in simulations, where it is a defect to be seen."""
     told = Telling(raises)

@@ -16,7 +16,7 @@ from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import RESTARTED
 from lupin_engine.runtime.history import History
 from lupin_engine.sim.scenario import Missions, Scenario, load_scenario
-from lupin_engine.sim.simulation import Ask, Restart, Simulation, Tell
+from lupin_engine.sim.simulation import Ask, Restart, SetValue, Simulation
 from tests import shipped
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -60,13 +60,13 @@ class Trial:
                 if not begun:
                     begun = True
                     run.begin()
-                elif not run.go_on():
+                elif not run.advance():
                     break
             except Killed:
                 self._die()
             if self.states and run.machine.view.mission:
                 for value, is_now in self._speaks.items():
-                    run.do(Tell(value, is_now))
+                    run.do(SetValue(value, is_now))
             if RESTARTED in run.machine.memory.held:
                 run.do(Ask("operator.resume"))
         return outcomes(run.history)

@@ -10,9 +10,9 @@ from lupin_engine.errors import LupinError
 from lupin_engine.machine.event import Start
 from lupin_engine.plugin.mocks import contains
 from lupin_engine.runtime import engine
-from lupin_engine.sim.narration import short_name, shorten, tell
+from lupin_engine.sim.narration import narrate, short_name, shorten
 from lupin_engine.sim.scripted import MockOutcome, Rule
-from lupin_engine.sim.simulation import Ask, Happening, Run, Script, Tell, simulate
+from lupin_engine.sim.simulation import Ask, Happening, Run, Script, SetValue, simulate
 from tests import shipped
 
 
@@ -74,7 +74,7 @@ def test_happenings_count_from_the_start_or_from_a_state() -> None:
 
 def test_what_never_happened_is_told() -> None:
     """A happening that waits for a state which is not entered is not forgotten."""
-    never = Happening(Tell("robot.estop", True), 0.0, "FAULT")
+    never = Happening(SetValue("robot.estop", True), 0.0, "FAULT")
     assert inspection("1", happenings=(never,)).unfired == (never,)
 
 
@@ -83,7 +83,7 @@ NAV, BRIDGE = "action server navigate_to_pose", "service get_tag_reading"
 
 def missing(*changes: tuple[float, list[str]]) -> tuple[Happening, ...]:
     """Tell what the plugins wait for, from these times on."""
-    return tuple(Happening(Tell("plugins.missing", names), at) for at, names in changes)
+    return tuple(Happening(SetValue("plugins.missing", names), at) for at, names in changes)
 
 
 @pytest.mark.parametrize("rule", [(), (Rule("plugins.ready", (MockOutcome(never=True),)),)])
@@ -171,12 +171,12 @@ STORY = """\
 def test_a_story_is_told_in_lines() -> None:
     """One line a step: time, event, where it led, what was commanded, why not."""
     happenings = (
-        Happening(Tell("robot.estop", True), 0.4),
+        Happening(SetValue("robot.estop", True), 0.4),
         Happening(Ask("operator.resume"), 0.6),
-        Happening(Tell("robot.estop", False), 0.7),
+        Happening(SetValue("robot.estop", False), 0.7),
     )
     run = inspection("1", happenings=happenings)
-    assert "\n".join(str(line) for line in tell(run.chart, run.history)) == STORY
+    assert "\n".join(str(line) for line in narrate(run.chart, run.history)) == STORY
 
 
 def test_states_are_called_as_they_are_published() -> None:

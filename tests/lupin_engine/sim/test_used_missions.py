@@ -24,7 +24,16 @@ from lupin_engine.runtime.record import step_record
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scenario import Missions, load_scenario_text
 from lupin_engine.sim.scripted import MockOutcome, Rule
-from lupin_engine.sim.simulation import Ask, Happening, Restart, Run, Script, Simulation, Tell, simulate
+from lupin_engine.sim.simulation import (
+    Ask,
+    Happening,
+    Restart,
+    Run,
+    Script,
+    SetValue,
+    Simulation,
+    simulate,
+)
 from tests import shipped
 
 Load = Callable[..., Chart]
@@ -373,7 +382,10 @@ def test_a_target_that_is_named_twice_is_two_visits(load: Load) -> None:
 
 def test_what_is_told_of_the_world_is_shared(load: Load) -> None:
     """A level of the lifecycle leads the whole mission home, and back into the part."""
-    battery = (Happening(Tell("robot.battery", 0.1), 4.0), Happening(Tell("robot.battery", 1.0), 60.0))
+    battery = (
+        Happening(SetValue("robot.battery", 0.1), 4.0),
+        Happening(SetValue("robot.battery", 1.0), 60.0),
+    )
     run = evening(load(), *battery, asked("resume", 100.0))
     assert (run.ended, told(run), run.view.counts["OK"]) == (True, EVERY, 5)
 
@@ -490,7 +502,7 @@ def test_what_it_is_given_is_shown_and_drawn(load: Load) -> None:
     running = Simulation(chart, Script("Evening"), {})
     running.begin()
     while "MISSION.Evening.SECOND" not in running.machine.memory.configuration:
-        running.go_on()
+        running.advance()
     lines = ["".join(text for text, _ in line) for line in variables(running)]
     given = [" ".join(line.split()) for line in lines if "." in line]
     assert given == ["SECOND.most 2", "SECOND.names [b, c]"]
@@ -530,15 +542,15 @@ def test_what_its_file_raises_for_all_states_is_known(load: Load) -> None:
 
 def happenings(chance: random.Random) -> list[Happening]:
     """Let some of what can happen happen in the first minute; then somebody brings it to an end."""
-    kinds: list[Ask | Tell | Restart] = [
+    kinds: list[Ask | SetValue | Restart] = [
         *(Ask(f"operator.{name}") for name in ("abort", "dock", "pause", "resume", "resume", "skip_current")),
-        *(Tell("robot.estop", stopped) for stopped in (True, False)),
-        *(Tell("robot.battery", charge) for charge in (0.1, 1.0)),
+        *(SetValue("robot.estop", stopped) for stopped in (True, False)),
+        *(SetValue("robot.battery", charge) for charge in (0.1, 1.0)),
         Restart(1.0),
     ]
     found = [Happening(chance.choice(kinds), chance.uniform(0.0, 60.0)) for _ in range(chance.randint(1, 6))]
     for at in (200.0, 220.0, 300.0, 320.0):
-        mended = (Tell("robot.estop", False), Tell("robot.battery", 1.0), Ask("operator.resume"))
+        mended = (SetValue("robot.estop", False), SetValue("robot.battery", 1.0), Ask("operator.resume"))
         found += [Happening(what, at + number) for number, what in enumerate(mended)]
     return found
 

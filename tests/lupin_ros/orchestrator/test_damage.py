@@ -17,7 +17,7 @@ from lupin_engine.missions.selection import load_missions
 from lupin_engine.runtime.journal.frames import MAGIC, frame, read_frames
 from lupin_engine.runtime.journal.journal import journal_files, mission_in_name
 from lupin_engine.runtime.journal.recovery import outcomes_of
-from lupin_engine.sim.simulation import Happening, Script, Simulation, Tell
+from lupin_engine.sim.simulation import Happening, Script, SetValue, Simulation
 from lupin_ros.orchestrator.journal_gate import JournalGate
 from lupin_ros.orchestrator.recovery import RESUME_PARAMETERS, Recovery, find_recovery
 from tests import shipped
@@ -28,7 +28,7 @@ from tests.lupin_ros.world import Operator, World
 TARGETS = ["1", "5", "12", "21", "29"]
 GIVEN = {name: one.default for name, one in RESUME_PARAMETERS.items()}
 POSES = tuple(
-    Happening(Tell("robot.pose", {"x": 0.1 * at, "y": 1 / 3, "yaw": 0.0}), float(at)) for at in range(40)
+    Happening(SetValue("robot.pose", {"x": 0.1 * at, "y": 1 / 3, "yaw": 0.0}), float(at)) for at in range(40)
 )
 
 
@@ -47,7 +47,7 @@ class BrokenOff:
         self._gate.begin(loaded, self._run.machine, "InspectionMission", "sim-1")
         self._run.begin()
         while len(self.told) < 2 or self._run.machine.view.phase != "NAVIGATING":
-            assert self._run.go_on()
+            assert self._run.advance()
             self._settle()
         self._gate.close()
         (self.file,) = (file for file in journal_files(folder) if mission_in_name(file))
@@ -85,7 +85,7 @@ def accounted(broken: BrokenOff, found: Recovery | None) -> list[str]:
         return told
     if found.machine is not None:
         return told + [visit.target for visit in found.machine.memory.outcomes if visit.target not in told]
-    untold = [told.target for _, told in found.recovered.untold] if found.recovered else []
+    untold = [told.target for _, told in found.recovered.unreported] if found.recovered else []
     return told + untold + [one.target for one in found.left_out]
 
 

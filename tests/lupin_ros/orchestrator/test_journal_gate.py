@@ -85,11 +85,11 @@ def test_what_the_disk_does_not_take_is_published_when_it_does(
         node.posted.get()()
     assert sent == ([] if required else [1])
     start = Event(START, {"mission_type": "InspectionMission"})
-    refused = gate.refusal(start, machine.foresee(start, 0.0), loaded.chart.profile)
+    refused = gate.refusal(start, machine.dry_run(start, 0.0), loaded.chart.profile)
     why = f"the journal cannot be written: No space left on device: {tmp_path}; {WHAT_TO_DO}"
     assert (refused and refused.text) == (f"start refused: {why}" if required else None)
     pause = Event("operator.pause")
-    assert gate.refusal(pause, machine.foresee(pause, 0.0), loaded.chart.profile) is None
+    assert gate.refusal(pause, machine.dry_run(pause, 0.0), loaded.chart.profile) is None
 
     gate.journal._writer._sync = os.fdatasync  # type: ignore[attr-defined]
     gate.check_disk(machine)

@@ -89,7 +89,7 @@ def test_what_was_interrupted_is_whole_afterwards() -> None:
     one = debugger()
     list(answered(one, ["start tag_sequence=1", "step"]))
     before = plain(one.do("where")), one.prompt
-    one.simulation.go_on()  # half a step, which no move stands for
+    one.simulation.advance()  # half a step, which no move stands for
     assert plain(one.interrupted()) == ["interrupted"]
     assert (plain(one.do("where")), one.prompt) == before
 

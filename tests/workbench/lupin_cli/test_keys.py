@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from lupin_cli.terminal.keys import Keypad, Press, typed
-from lupin_engine.runtime.record import OpenQuestion
+from lupin_engine.runtime.questions import OpenQuestion
 from lupin_greenhouse.profile import PROFILE
 
 ASKED = [

@@ -13,7 +13,7 @@ from lupin_cli.verbs.up import served
 from lupin_engine.errors import UsageError
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.runtime.offer import missions_record
-from lupin_engine.runtime.possible import Foresight
+from lupin_engine.runtime.possible import RequestPreview
 from lupin_engine.runtime.record import step_record, view_record
 from lupin_engine.runtime.setup import make_machine
 from tests import shipped
@@ -114,7 +114,7 @@ def told() -> tuple[list[dict[str, Any]], dict[str, Any], dict[str, Any]]:
     machine = make_machine(shipped.mission("inspection"), {})
     step = machine.start(0.0)
     steps = [{"step": step_record(step), "view": view_record(machine.view, machine.chart)}]
-    return steps, {"requests": Foresight(machine).news(11.0)}, missions_record(machine, 11.0, ())
+    return steps, {"requests": RequestPreview(machine).news(11.0)}, missions_record(machine, 11.0, ())
 
 
 TOLD = told()

@@ -21,7 +21,7 @@ from lupin_cli.verbs.simulate import simulate
 from lupin_engine.errors import UsageError
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.replay.story import columns_for, laid_out
-from lupin_engine.sim.narration import StepLine, tell
+from lupin_engine.sim.narration import StepLine, narrate
 from lupin_engine.sim.simulation import Run, Script
 from lupin_engine.sim.simulation import simulate as run_script
 from tests import shipped
@@ -103,7 +103,7 @@ def test_a_story_is_as_wide_as_the_terminal(width: int) -> None:
         "exploration/seeded_once",
     ):
         run = load_scenario(SCENARIOS.parent / f"{name}.scenario.yaml", catalog).run()
-        lines = tell(run.chart, run.history)
+        lines = narrate(run.chart, run.history)
         columns = columns_for(lines, width)
         rows = ["".join(text for text, _ in row) for line in lines for row in laid_out(line, columns)]
         assert max(map(len, rows)) <= width

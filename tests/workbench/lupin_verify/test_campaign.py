@@ -29,7 +29,7 @@ from lupin_engine.properties.built_in import BUILT_IN, STANDSTILL
 from lupin_engine.runtime import engine
 from lupin_engine.sim.scenario import Missions, load_scenario, load_scenario_text
 from lupin_engine.sim.scripted import AnyOf, MockOutcome
-from lupin_engine.sim.simulation import Tell
+from lupin_engine.sim.simulation import SetValue
 from lupin_verify import minimise
 from lupin_verify.campaign import Campaign, CampaignSum
 from lupin_verify.dealing import (
@@ -505,7 +505,7 @@ def test_live_values_are_drawn_from_their_classes() -> None:
     exploration = load_missions(["exploration"], shipped.catalog())
     campaign = Campaign(exploration, default_rates(exploration.chart), {})
     every = [(one.every, effect) for one in campaign.rates.chances for _, effect in one.effects]
-    told = [(t, len(e.is_now)) for t, e in every if isinstance(e, Tell) and e.value == "tags.discovered"]
+    told = [(t, len(e.is_now)) for t, e in every if isinstance(e, SetValue) and e.value == "tags.discovered"]
     assert told == [(2100.0, count) for count in range(7)]
     taken = run_seeds(campaign, range(2)).transitions
     assert "MISSION.ExplorationMission.MONITORING.SCANNING.READING.on_done.0" in taken

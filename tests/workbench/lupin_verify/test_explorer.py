@@ -537,3 +537,35 @@ def test_a_breach_is_not_hidden_by_many_others_after_as_many_moves(monkeypatch: 
         "no_execution_error": 0,
         "no_deaf_wait": 0,
     }
+
+
+def test_a_value_that_only_an_event_carries_is_told_apart(tmp_path: Path) -> None:
+    """What a raised event carries decides where it is read: here the number of a sweep, in the fourth."""
+    carries = 'raise: {event: round.over, with: {sweep: "${ itinerary.sweep }"}}'
+    (tmp_path / "rounds.yaml").write_text(
+        f"""\
+mission: Rounds
+summary: Goes round two tags, until the fourth round.
+initial: ROUND
+states:
+  ROUND:
+    itinerary: {{items: "${{ tags.named(['1', '5']) }}", sweeps: 0}}
+    on: {{round.over: {{target: BAD, guard: event.sweep > 3}}}}
+    initial: GOES
+    states:
+      GOES:
+        after:
+          1 s: {{target: NEXT, do: [{{itinerary.close: {{status: OK}}}}]}}
+      NEXT:
+        always:
+          - {{target: GOES, guard: itinerary.remaining > 0, do: [itinerary.advance, {{{carries}}}]}}
+          - target: visited
+      visited: {{type: final}}
+    on_done: done
+  BAD: {{after: {{1 s: done}}}}
+  done: {{type: final}}
+""",
+        encoding="utf-8",
+    )
+    rounds = load_missions([str(tmp_path / "rounds.yaml")], shipped.catalog()).chart
+    assert any(name.endswith(".BAD") for name in explored(rounds, targets=1, restarts=False).entered)

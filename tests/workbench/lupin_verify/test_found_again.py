@@ -85,7 +85,7 @@ def test_targets_of_a_mission_that_fails(tmp_path: Path) -> None:
 
 def test_targets_of_a_mission_that_ends_before_it_walks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Aborted while localizing, the engine knew nothing of them."""
-    monkeypatch.setattr(Machine, "_foresee", lambda *_: None)
+    monkeypatch.setattr(Machine, "_register_targets", lambda *_: None)
     assert broken(shipped.mission("inspection"), 300) == ["all_closed"]
 
 

@@ -30,7 +30,7 @@ def attendant(domain: int | None) -> Iterator[Attendant]:
         close_the_doors(domain)
     with problems.collecting():
         prepare_ros()
-    problems.tell()
+    problems.raise_any()
     from lupin_ros.launch import Attendant  # needs rclpy
 
     found = Attendant()

@@ -18,7 +18,7 @@ from lupin_engine.errors import LupinError, nearest
 from lupin_engine.machine import Possibility, World
 from lupin_engine.plugin import START
 from lupin_engine.replay import TonedLine, laid_out, usual_columns
-from lupin_engine.sim import Effect, Hand, Read, Script, Simulation, Wrong, is_named, label_of, tell
+from lupin_engine.sim import Effect, Hand, Read, Script, Simulation, Wrong, is_named, label_of, narrate
 
 #: A mission that never ends is stopped after so many steps of one `run`.
 MOST_STEPS = 10_000
@@ -85,7 +85,7 @@ class Debugger:
         simulation.begin()
         # Starting up takes no time in most charts; nobody wants to step through it.
         while simulation.next_due == 0.0 and not simulation.is_over:
-            simulation.go_on()
+            simulation.advance()
         return simulation
 
     # -- for whoever shows it -----------------------------------------------------------------------------
@@ -198,7 +198,7 @@ class Debugger:
 
     def _news(self) -> list[TonedLine]:
         """Return the lines of steps that were not shown yet."""
-        lines = tell(self._chart, self.simulation.history, self._shown)
+        lines = narrate(self._chart, self.simulation.history, self._shown)
         self._shown = len(self.simulation.steps)
         return [row for line in lines for row in laid_out(line, self._columns)]
 

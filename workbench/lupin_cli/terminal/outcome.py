@@ -29,7 +29,7 @@ from lupin_engine.replay import (
     summarise,
 )
 from lupin_engine.runtime import command_record, step_record, view_record
-from lupin_engine.sim import Run, StepLine, tell
+from lupin_engine.sim import Run, StepLine, narrate
 from lupin_ros.launch import ALL_VISITED, NOT_DONE, SOME_MISSED
 
 #: How wide the output is where there is no terminal, in cells.
@@ -60,7 +60,7 @@ def draw(lanes: Timeline, file: Path) -> None:
 
 def print_story(run: Run, console: Console, wait: Callable[[float], None]) -> None:
     """Print the story line by line; `wait` is called with the virtual time between two lines."""
-    lines = tell(run.chart, run.history)
+    lines = narrate(run.chart, run.history)
     print_lines(lines, columns_for(lines, console.width), console, wait)
 
 

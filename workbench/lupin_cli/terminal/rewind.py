@@ -24,7 +24,7 @@ def go_on(times: int) -> Move:
     """Return the move that lets the next things happen by themselves."""
 
     def action(simulation: Simulation) -> bool:
-        return all(simulation.go_on() for _ in range(times))
+        return all(simulation.advance() for _ in range(times))
 
     return Move("step", action)
 

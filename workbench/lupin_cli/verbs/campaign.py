@@ -167,7 +167,7 @@ def _campaign(mission: str, rates: Path | None, settings: tuple[str, ...]) -> Ca
         problems.add(f"no file {str(rates)!r}; without --rates everything goes wrong now and then")
     parameters, wrong = settings_in("--set", settings, loaded.chart.parameters)
     problems.add(*wrong)
-    problems.tell()
+    problems.raise_any()
     drawn = default_rates(loaded.chart) if rates is None else read_rates(rates, loaded.chart)
     return Campaign(loaded, drawn, parameters)
 

@@ -79,7 +79,7 @@ def check(
         problems.add("--prove takes its time; leave out --watch")
     if watch and forms:
         problems.add(f"--watch is for people and {named} for programs; use one of them")
-    problems.tell()
+    problems.raise_any()
     if watch:
         return watch_paths(paths, strict)
     return check_paths(paths, forms[0] if forms else "text", strict, budget)
@@ -183,7 +183,7 @@ def run_check(paths: Sequence[str | Path], catalog: Catalog) -> Checked:
         with problems.collecting():
             lifecycle, missions = _meant_by(str(path))
             groups.setdefault(lifecycle, {}).update(dict.fromkeys(missions))
-    problems.tell()
+    problems.raise_any()
     found: dict[Diagnostic, None] = {}
     for root, files in groups.items():
         if files:

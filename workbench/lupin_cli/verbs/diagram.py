@@ -87,7 +87,7 @@ def diagram(
         loaded = _loaded(mission, load_catalog())
         if focus is not None:
             find_state(loaded.chart, focus)
-    problems.tell()
+    problems.raise_any()
     picture = _picture(loaded, wanted, focus, depth)
     if trace is not None and counts is not None:
         check_fits(picture, counts, trace.name)

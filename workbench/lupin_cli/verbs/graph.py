@@ -40,7 +40,7 @@ def graph(words: Sequence[str], domain: int | None, everything: bool, mermaid: b
         close_the_doors(domain)
     with problems.collecting():
         prepare_ros()
-    problems.tell()
+    problems.raise_any()
     chosen = _chosen(words, everything)
     if as_json:
         click.echo(json.dumps([asdict(interface) for interface in chosen], indent=2, ensure_ascii=False))

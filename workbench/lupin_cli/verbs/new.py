@@ -89,7 +89,7 @@ def write_mission(
         _check_name(name, (missions / f"{name}.yaml", *(() if text else (scenario,))))
     with problems.collecting():
         model = None if like is None else _model(like, folder)
-    problems.tell()
+    problems.raise_any()
     own = {
         missions / f"{name}.yaml": MISSION.format(title=title_of(name)),
         scenario: (SCENARIO_LIKE if like else SCENARIO).format(name=name),

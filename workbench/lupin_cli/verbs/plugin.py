@@ -172,13 +172,14 @@ def check(name: str | None, live: bool, as_json: bool) -> int:
     """Check that a plugin keeps the contract; without a NAME, all that are installed.
 
     NAME may be a folder with a pyproject.toml: the plugins that it declares are checked, installed or not.
+    With --live, a driver is tried against the nodes that its plugin brings, which are started for that.
     """
     # Python shows these to tests only; here the author looks. See `lupin_engine.moved`.
     warnings.filterwarnings("default", ".* is now lupin_", DeprecationWarning)
     verdicts: list[RuleVerdict] = []
     printed: set[str] = set()
     for subject in _subjects(name):
-        for verdict in _tried(subject, live):
+        for verdict in _tried(subject, live, is_named=name is not None):
             verdicts.append(verdict)
             if not as_json and (verdict.problems or name is not None):
                 _print_verdict(verdict, printed)
@@ -221,7 +222,8 @@ def _in_folder(folder: Path) -> list[PluginUnderTest]:
     return found
 
 
-def _tried(subject: PluginUnderTest, live: bool) -> Iterator[RuleVerdict]:
+def _tried(subject: PluginUnderTest, live: bool, is_named: bool) -> Iterator[RuleVerdict]:
+    """Yield the verdicts on a plugin; a driver without nodes is not tried, which is an error where named."""
     from lupin_harness import findings
 
     name = subject.point.name
@@ -230,19 +232,23 @@ def _tried(subject: PluginUnderTest, live: bool) -> Iterator[RuleVerdict]:
     except PluginError as problem:
         yield RuleVerdict(name, "loads", (str(problem),))
         return
+    is_tried = live and plugin.client
+    if is_tried and not plugin.serving:
+        reason = (
+            f"plugin {plugin.name!r} brings no node to try its driver with; "
+            "derive a test from lupin_harness.DriverContract, with servers of yours"
+        )
+        if is_named:
+            raise UsageError(reason)
+        click.echo(f"not tried live: {reason}", err=True)
     for rule, problems in findings(subject).items():
         yield RuleVerdict(name, rule, tuple(problems))
-    if live and plugin.client:
+    if is_tried and plugin.serving:
         yield from _tried_live(subject)
 
 
 def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
     plugin = subject.plugin
-    if not plugin.serving:
-        raise UsageError(
-            f"plugin {plugin.name!r} brings no node to try its driver with; "
-            "derive a test from lupin_harness.DriverContract, with servers of yours"
-        )
     from lupin_ros.launch import prepare_ros
 
     prepare_ros()

@@ -121,7 +121,7 @@ def prove(
     for name, one in loaded.items():
         given[name], wrong = settings_in("--set", settings, one.chart.parameters)
         problems.add(*wrong)
-    problems.tell()
+    problems.raise_any()
     tasks = [
         task
         for name, one in loaded.items()

@@ -54,7 +54,7 @@ def record(output: Path | None, without: str | None, domain: int | None) -> int:
         pattern = _pattern(without)
     with problems.collecting():
         prepare_ros()
-    problems.tell()
+    problems.raise_any()
     return _record(path, pattern)
 
 

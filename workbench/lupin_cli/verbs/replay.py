@@ -143,7 +143,7 @@ class _Again:
             problems.add(f"{str(file)!r} must end in {SUFFIX}")
         if file.exists():
             problems.add(f"{str(file)!r} exists; remove it, or choose another name")
-        problems.tell()
+        problems.raise_any()
         promise = f"{self.recording.mission} as {self.mission_id} was run"
         missions = Missions(self.loaded.chart.catalog)
         write_text(file, scenario_text(self.recording, promise, file, missions))

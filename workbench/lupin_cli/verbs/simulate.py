@@ -101,7 +101,7 @@ def simulate(
         subject = _subject(problems, mission, request, fields, settings, until, started=started)
     with problems.collecting():
         _check_clock(clock)
-    problems.tell()
+    problems.raise_any()
     said: dict[str, Any] = {"seed": seed, "clock": clock}
     script = replace(subject.script, **{name: one for name, one in said.items() if one is not None})
     subject = replace(subject, script=script)

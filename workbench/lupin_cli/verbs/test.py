@@ -114,7 +114,7 @@ def _checked(paths: Sequence[Path], drawing: Path | None) -> list[Path]:
         files = _chosen(paths)
     if drawing is not None and drawing.suffix != ".svg":
         problems.add(f"{str(drawing)!r} must end in .svg")
-    problems.tell()
+    problems.raise_any()
     return files
 
 
@@ -150,7 +150,7 @@ def _make_scenario(
         problems.add(f"{str(output)!r} exists; remove it, or choose another name")
     with problems.collecting():
         recorded = read_recording(_text(recording), str(recording))
-    problems.tell()
+    problems.raise_any()
     promise = f"{recorded.mission} as it was recorded in {recording.name}"
     write_text(output, scenario_text(recorded, promise, output, Missions(catalog)))
     click.echo(f"wrote {output}")

@@ -54,7 +54,7 @@ def _named(more: Iterable[str]) -> list[str]:
     for name in more:
         with problems.collecting():
             found.extend(_interfaces(name))
-    problems.tell()
+    problems.raise_any()
     return found
 
 

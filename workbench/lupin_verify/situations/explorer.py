@@ -158,7 +158,7 @@ class SituationExplorer:
             return self._late(memory, situation, move.timer[1])
         machine = _TrackedMachine(self.world, memory)
         if move.timer[0] != "fresh":
-            machine.trust(memory.fetch(self.table.index[KNOWN_FALSE]))
+            machine.restore_known_false(memory.fetch(self.table.index[KNOWN_FALSE]))
         begins_anew = self.chart.profile.stages.begins_anew
         try:
             is_restart = move.event is not None and move.event.name == RESUMED
@@ -215,7 +215,7 @@ class SituationExplorer:
             running = (*memory.timers, *(() if was_gone else deadlines_of(watched)))
             ordered = (tuple(rankable(self.chart, timers)) for timers in (running, memory.frozen))
             deadlines = Deadlines(*ordered)
-        self._set(delta, memory, KNOWN_FALSE, machine.calm)
+        self._set(delta, memory, KNOWN_FALSE, machine.known_false)
         if claims is not None:
             self._set(delta, memory, CLAIMS, claims or None)
         does = Does.ADVANCES * any(isinstance(command, (Publish, Report)) for command in step.commands)

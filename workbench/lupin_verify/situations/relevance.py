@@ -382,7 +382,5 @@ def deciding(chart: Chart) -> Iterator[Value]:
 
 
 def _all(chart: Chart) -> Iterator[Expression]:
-    """Yield every expression that decides, is a variable's default, or is an argument of an action."""
-    values = [*deciding(chart), *(v for call in actions_of(chart) for v in call.arguments.values())]
-    values += [variable.default for variable in chart.context.values()]
-    yield from (value for value in values if isinstance(value, Expression))
+    """Yield every expression that decides or is computed: a variable, or an event raised, may carry it on."""
+    yield from (value for value in said_in(chart, COMPUTED) if isinstance(value, Expression))

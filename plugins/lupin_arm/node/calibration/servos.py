@@ -1,5 +1,6 @@
 """The driver of the calibration chart's operations, over the vendor's servo services.
 
+The chart runs inside the arm's node (`procedure.Calibration`), not in the orchestrator.
 Servos are handled one after the other. The first failure ends the operation, and the chart restores all
 servos; restoring offsets, and reading them to measure, goes on with the next servo.
 """
@@ -121,7 +122,7 @@ class Servos:
             self._connection = None
 
     def left_behind(self) -> str:
-        """Return what an earlier calibration has left unrestored; "" for nothing."""
+        """Return what an earlier calibration left unrestored; "" for nothing: then its mark is removed."""
         if not self._owed and self._arm.torque and self._mark.left_behind:
             self._mark.remove()  # somebody has switched it on since
         if not self._mark.left_behind:
@@ -131,7 +132,7 @@ class Servos:
     # --- the driver ---------------------------------------------------------------------------------------
 
     def missing(self) -> list[str]:
-        """Return nothing: a missing service is reported when it is called."""
+        """Return nothing: a missing service fails the operation that calls it."""
         return []
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
@@ -179,6 +180,7 @@ class Servos:
         self._ask(attempt, [call], lambda _: self._done(attempt))
 
     def _interrupted(self, _: str) -> None:
+        """Report a stop to the chart, which leaves its operation; the driver ends nothing itself."""
         self.publish_stopped()
 
     def publish_stopped(self) -> None:
@@ -268,6 +270,8 @@ class Servos:
         self._ros.call_later(arguments["window"], lambda: self._measured(attempt, arguments["largest"]))
 
     def _measured(self, attempt: str, largest: float) -> None:
+        if attempt not in self._running:
+            return  # cancelled meanwhile; to look at the servos would connect to them again
         counts = dict(self._servos.counts)
         silent = [joint for joint in HOMES if joint not in counts]
         if silent:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import HELD_BACK, RELEASED, RESUMED, TOLD, Event
+from lupin_engine.machine.event import CODE_REPORTED, HELD_BACK, RELEASED, RESUMED, Event
 from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.operations import RECOVERY_DEADLINE
 from lupin_engine.machine.step import Step
@@ -148,7 +148,7 @@ def test_what_a_passed_deadline_leads_to_at_once_comes_before_the_next(held: boo
 def test_a_failed_journal_holds_and_a_code_is_told() -> None:
     """Both come from whoever runs the machine."""
     made = bench()
-    made.send(Event(TOLD, {"code": "journal_failed", "detail": "full"}))
+    made.send(Event(CODE_REPORTED, {"code": "journal_failed", "detail": "full"}))
     assert (made.machine.view.code, made.machine.view.detail) == ("journal_failed", "full")
     made.send(Event(HELD_BACK, {"hold": UNRECORDED, "detail": "full"}))
     assert made.machine.memory.held == [UNRECORDED]

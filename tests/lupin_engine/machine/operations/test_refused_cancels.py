@@ -10,7 +10,7 @@ from lupin_engine.machine.event import RESUMED, Event
 from lupin_engine.machine.memory import Phase
 from lupin_engine.machine.operations import CANCEL_DEADLINE, MAX_LOST, REFUSAL_LIMIT
 from lupin_engine.plugin.contract import REFUSED_CODE
-from lupin_engine.runtime.possible import Foresight
+from lupin_engine.runtime.possible import RequestPreview
 from tests.lupin_engine.machine.charts import PAUSE, Bench, chart
 
 TOLD = "the robot may be moving"
@@ -49,7 +49,7 @@ def test_it_is_reported_after_a_second_and_once() -> None:
 
 def test_resume_is_refused_with_the_reason_until_the_drive_has_ended() -> None:
     bench, old = paused()
-    foresight = Foresight(bench.machine)
+    foresight = RequestPreview(bench.machine)
 
     def foreseen() -> str:
         told = foresight.news(bench.now) or []

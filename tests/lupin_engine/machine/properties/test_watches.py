@@ -31,7 +31,7 @@ def test_every_scenario_takes_the_steps_of_looking_always(
 ) -> None:
     """Nothing that a watch leaves out would have been true, or told."""
     watched = [steps_of(file, missions) for file in SCENARIOS]
-    monkeypatch.setattr(Watch, "settle", lambda *_: None)
+    monkeypatch.setattr(Watch, "cache_false", lambda *_: None)
     for file, steps in zip(SCENARIOS, watched, strict=True):
         assert steps_of(file, missions) == steps, file
 

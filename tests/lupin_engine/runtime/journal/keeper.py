@@ -32,7 +32,7 @@ class Keeper:
     def settle(self) -> None:
         """Wait until all that was written is on the disk, or has failed, and let what waits for it go on."""
         done: list[bool] = []
-        self.journal.when_kept(lambda: done.append(True))
+        self.journal.when_flushed(lambda: done.append(True))
         while not done:
             self.calls.get(timeout=10.0)()
 

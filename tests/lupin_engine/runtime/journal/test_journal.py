@@ -20,7 +20,7 @@ from lupin_engine.runtime.journal.records import JournalError, JournalFile, read
 from lupin_engine.runtime.journal.recovery import recover
 from lupin_engine.runtime.journal.replay import replay
 from lupin_engine.runtime.journal.writer import LOCK
-from lupin_engine.sim.simulation import Ask, Happening, Script, Simulation, Tell
+from lupin_engine.sim.simulation import Ask, Happening, Script, SetValue, Simulation
 from tests import shipped
 from tests.lupin_engine.machine.charts import chart
 from tests.lupin_engine.runtime.journal.keeper import Keeper
@@ -29,10 +29,10 @@ TAGS = {"tag_sequence": [str(number) for number in range(1, 6)]}
 HAPPENINGS = (
     Happening(Ask("operator.pause"), 12.0),
     Happening(Ask("operator.resume"), 19.0),
-    Happening(Tell("robot.estop", True), 33.0),
-    Happening(Tell("robot.estop", False), 40.0),
+    Happening(SetValue("robot.estop", True), 33.0),
+    Happening(SetValue("robot.estop", False), 40.0),
     Happening(Ask("operator.resume"), 41.0),
-    *(Happening(Tell("robot.pose", {"x": 0.1 * t, "y": 1 / 3, "yaw": 0.0}), float(t)) for t in range(90)),
+    *(Happening(SetValue("robot.pose", {"x": 0.1 * t, "y": 1 / 3, "yaw": 0.0}), float(t)) for t in range(90)),
 )
 
 
@@ -49,7 +49,7 @@ def ran(folder: Path) -> tuple[Simulation, JournalFile]:
     run = Simulation(shipped.mission("inspection"), script, {}, log=keeper.journal)
     keeper.begin(run.machine, "sim-1")
     run.begin()
-    while not run.is_over and run.go_on():
+    while not run.is_over and run.advance():
         keeper.journal.compact(run.machine)
         keeper.settle()
     keeper.journal.close()
@@ -291,10 +291,10 @@ def test_a_disk_that_does_not_answer_is_given_up(tmp_path: Path, monkeypatch: py
 
     keeper.journal._writer._sync = hang
     done: list[str] = []
-    keeper.journal.when_kept(lambda: done.append("went on"))
+    keeper.journal.when_flushed(lambda: done.append("went on"))
     while not blocked:
-        keeper.journal.when_kept(lambda: done.append("as well"))
-    keeper.journal.look()
+        keeper.journal.when_flushed(lambda: done.append("as well"))
+    keeper.journal.check_disk()
     assert keeper.problems == ["the disk has not answered for 0 s"]
     hangs.put(lambda: None)
     keeper.journal.close()
@@ -326,7 +326,7 @@ class Held:
         """Note it."""
         self.noted.append("loaded")
 
-    def when_kept(self, then: Any) -> None:
+    def when_flushed(self, then: Any) -> None:
         """Wait."""
         self.waiting.append(then)
 

@@ -30,9 +30,9 @@ def test_some_of_each_kind_are_written_and_the_others_are_counted() -> None:
     assert counted == [False] * 4 + [True] * 473
     assert not refusals.is_one_more(START, "not_possible", 1.5)
     assert not refusals.is_one_more(Event("operator.pause"), "unknown_mission", 1.5)
-    refusals.look(9.9)
+    refusals.report_due(9.9)
     assert told == []
-    refusals.look(10.0)
+    refusals.report_due(10.0)
     assert told == [("mission.start", "unknown_mission", 473)]
     assert not refusals.is_one_more(START, "unknown_mission", 10.1)
 
@@ -43,7 +43,7 @@ def test_answers_that_nobody_asked_for_are_alike_whatever_they_are_called() -> N
     names = [f"answer.{number:0100}" for number in range(2000)]
     counted = [refusals.is_one_more(Event(name), "not_possible", 1.0) for name in names]
     assert 400 < counted.count(False) < WINDOW_BYTES // 100
-    refusals.tell_all()
+    refusals.report_all()
     assert told == [("answer.", "not_possible", counted.count(True))]
 
 
@@ -51,7 +51,7 @@ def test_a_request_that_is_too_large_to_be_written_is_counted() -> None:
     told: list[tuple[str, str, int]] = []
     refusals = Refusals(lambda *more: told.append(more))
     assert refusals.is_one_more(Event("mission.start", {"tags": ["1"] * 40_000}), "bad_request", 0.0)
-    refusals.tell_all()
+    refusals.report_all()
     assert told == [("mission.start", "bad_request", 1)]
 
 
@@ -67,12 +67,12 @@ def test_a_run_with_a_flood_in_it_is_the_same_when_it_is_replayed(tmp_path: Path
     refusals, sent = Refusals(keeper.journal.refused), 0
     for number in range(477):
         clock.move_to(0.003 * number)
-        foreseen = machine.foresee(START, clock.now()).refusal
+        foreseen = machine.dry_run(START, clock.now()).refusal
         assert foreseen is not None
         if not refusals.is_one_more(START, foreseen.code, clock.now()):
             assert engine.request(START).refusal == foreseen
             sent += 1
-    refusals.tell_all()
+    refusals.report_all()
     keeper.settle()
     keeper.journal.close()
     (file,) = journal_files(tmp_path)

@@ -13,6 +13,7 @@ from lupin_arm.calibration.offsets import HOMES
 from lupin_arm.node import torque as torque_module
 from lupin_arm.node.calibration import servos as servos_module
 from lupin_arm.node.calibration.servos import CUT_OFF, LIMP
+from lupin_arm.node.gates import SERVOS
 from lupin_msgs.srv import CalibrateArm, SetArmPreset
 from lupin_ros.adapter.node import RosNode
 from tests.lupin_ros.helpers import PATIENCE, spin_for, work_off
@@ -247,6 +248,28 @@ def test_the_emergency_stop_ends_a_commit(make_node: MakeNode, tmp_path: Path) -
     assert answers[0].message.startswith("the arm is still without torque")
     assert bench.drivers.offsets == dict.fromkeys(JOINTS, 240)
     assert [call for call in bench.drivers.calls if call[0] == "turn"] == [("turn", j, 0.0) for j in JOINTS]
+
+
+def test_a_measurement_that_was_cut_short_listens_to_no_servo_afterwards(
+    make_node: MakeNode, tmp_path: Path
+) -> None:
+    window = {**QUICK, "calibration_window_s": "3.0"}
+    bench = Bench(make_node, tmp_path / "arm.json", servos=True, hardware="real", **window)
+    listeners = [f"{SERVOS}/{joint}/position" for joint in HOMES]
+
+    def listening() -> int:
+        return sum(map(bench.nodes[0].node.count_subscribers, listeners))
+
+    posing(bench)
+    answers = bench.ask(CalibrateArm, CALIBRATE, action="commit")
+    bench.until(lambda: calibrate(bench, "status").message == "under way: measuring", "measuring")
+    assert listening() == len(HOMES)
+    bench.stop()
+    bench.until(lambda: answers, "an answer")
+    bench.stop(False)
+    bench.until(lambda: listening() == 0, "the end")
+    spin_for(bench.nodes, 3.5)
+    assert listening() == 0
 
 
 def test_a_calibration_does_not_begin_while_servos_are_switched(bench: Bench) -> None:
