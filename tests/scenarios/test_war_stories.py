@@ -228,7 +228,7 @@ def failures_name_no_target(patch: pytest.MonkeyPatch) -> None:
 
 def old_finds_count_again(patch: pytest.MonkeyPatch) -> None:
     """Whatever is reported in a mission is of that mission."""
-    patch.setattr(Inputs, "_news", lambda self, spec, value: value)
+    patch.setattr(Inputs, "_new_items", lambda self, spec, value: value)
 
 
 def aborted_is_called_canceled(patch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lupin_verify.situations import levels
-from lupin_verify.situations.seen import Block, Frontier
+from lupin_verify.situations.seen import Block, BlockQueue
 from tests.workbench.lupin_verify.toys import explored, wheels
 
 #: How many slots a situation has here.
@@ -27,14 +27,14 @@ def same(one: Block, other: Block) -> bool:
     return numbers and all(np.array_equal(ours, theirs) for ours, theirs in arrays)
 
 
-def on_disk(line: Frontier) -> int:
+def on_disk(line: BlockQueue) -> int:
     """Return how many blocks wait on disk."""
     return sum(not isinstance(one, Block) for one in line._line)
 
 
 def test_what_waits_on_disk_comes_back_in_its_order() -> None:
     """Memory that is free again is used again, behind what is on disk."""
-    line, blocks = Frontier(5), [block(n, 10 * n, 3) for n in range(6)]
+    line, blocks = BlockQueue(5), [block(n, 10 * n, 3) for n in range(6)]
     for one in blocks[:4]:
         line.put(one)
     assert (line.count, line.depth, on_disk(line)) == (12, 0, 3)
@@ -53,7 +53,7 @@ def test_an_exploration_that_waits_on_disk_finds_the_same(monkeypatch: pytest.Mo
     of = wheels(3, 4)
     usual, written = explored(of, restarts=False), list[int]()
 
-    class Short(Frontier):
+    class Short(BlockQueue):
         """A line with little memory, that counts what it keeps on disk."""
 
         def __init__(self) -> None:
@@ -64,7 +64,7 @@ def test_an_exploration_that_waits_on_disk_finds_the_same(monkeypatch: pytest.Mo
             super().put(one)
             written.append(on_disk(self))
 
-    monkeypatch.setattr(levels, "Frontier", Short)
+    monkeypatch.setattr(levels, "BlockQueue", Short)
     found = explored(of, restarts=False)
     assert set(written) == {0, 1}
     assert found.progress == usual.progress

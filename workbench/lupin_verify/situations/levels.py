@@ -19,7 +19,7 @@ from lupin_verify.situations.explorer import SituationExplorer
 from lupin_verify.situations.found import Breach, Effect, ExplorationProgress, Explored
 from lupin_verify.situations.liveness import Dead, Liveness, Location
 from lupin_verify.situations.memo import Indices, LevelPart, MemoTable, Rows, zobrist_hashes
-from lupin_verify.situations.seen import Block, Frontier, Hashes, SeenTable
+from lupin_verify.situations.seen import Block, BlockQueue, Hashes, SeenTable
 from lupin_verify.situations.situation import RANKS, Overflow
 from lupin_verify.situations.worlds import Mover, TimerName
 
@@ -374,7 +374,7 @@ class LevelExploration:
     def _begin(self) -> None:
         """Empty the visited set and the frontier; cached effects and learnt liveness stay."""
         self._seen = SeenTable()
-        self._waiting = Frontier()
+        self._waiting = BlockQueue()
         self._found = Explored(self._explorer.moves, deadlines=self._effects.deadlines)
         self._found.progress.steps = self._steps
         self._considered = 0

@@ -99,7 +99,7 @@ class Block(NamedTuple):
     high: Hashes
 
 
-class Frontier:
+class BlockQueue:
     """A first-in, first-out queue of blocks; beyond `in_memory` situations they wait in a temporary file."""
 
     def __init__(self, in_memory: int = IN_MEMORY) -> None:
