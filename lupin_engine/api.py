@@ -94,11 +94,14 @@ def test(*paths: str | Path, seeds: Sequence[int] = (0,)) -> list[ScenarioResult
 
     Args:
         paths: files and folders.
-        seeds: each scenario with something random in it runs with each of them.
+        seeds: each scenario with something random in it runs with one after the other, until one fails.
 
     Raises:
-        UsageError: a path does not exist.
+        UsageError: a path does not exist or has no scenario, or there are no seeds. A scenario that cannot be
+            read has a result with its `problem`.
     """
+    if not seeds:
+        raise UsageError("without seeds no scenario runs; write at least one, such as seeds=(0,)")
     suite = Suite(load_catalog())
     return [suite.run(file, seeds) for file in scenario_files([Path(path) for path in paths])]
 

@@ -262,13 +262,15 @@ def _parse_quantity(text: str) -> tuple[float, str] | None:
 
 
 class Notation(enum.Enum):
-    """The source of a value, which decides how a number with a unit may be written."""
+    """The source of a value, which decides how a number with a unit may be written.
 
-    #: In a file or on the command line: with the unit, such as `60 s`.
+    FILE: in a file or on the command line, with the unit, such as `60 s`. SETTING: the same, or a bare number
+    in the base unit, for so parameters arrive from ROS. DATA: between programs, a bare number in the base
+    unit; further fields of a record are ignored.
+    """
+
     FILE = enum.auto()
-    #: As a setting: the same, or a bare number in the base unit, for so parameters arrive from ROS.
     SETTING = enum.auto()
-    #: Between programs: a bare number in the base unit; further fields of a record do no harm.
     DATA = enum.auto()
 
 

@@ -133,7 +133,11 @@ class BoundClient:
         return unreached or [f"{name} to listen to {self._ros.lifeline}" for name in names]
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        """Call the operation's service or send its goal; wait up to `DISCOVERY_S` for its server."""
+        """Call the operation's service or send its goal.
+
+        In the first `DISCOVERY_S` of this client it waits for a server that is not discovered yet; later the
+        attempt fails at once as unavailable.
+        """
         if operation not in self._bound.calls:
             raise ValueError(f"{self._bound.name} has no operation {operation!r}")
         if self._may_be_found(operation):

@@ -53,7 +53,8 @@ class TopicRecorder:
     Args:
         path: of the file.
         without: topics whose name matches are left out.
-        profiles: of the missions whose end sets `mission_is_over`.
+        profiles: of the missions whose end sets `mission_is_over`, the monotonic time since which the
+            mission is over: None before that, and while the next one runs.
 
     Raises:
         UsageError: the file exists already, or cannot be written.

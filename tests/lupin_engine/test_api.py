@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from lupin_engine import ChartError, UsageError, load, simulate
+from lupin_engine import test as run_scenarios
 
 BOTH = ("inspection", "exploration")
 
@@ -50,3 +51,9 @@ def test_an_error_of_a_chart_comes_back_from_another_process(tmp_path: Path) -> 
         load(tmp_path / "broken.yaml")
     again = pickle.loads(pickle.dumps(caught.value))
     assert (str(again), again.diagnostics) == (str(caught.value), caught.value.diagnostics)
+
+
+def test_scenarios_without_seeds_are_an_error(tmp_path: Path) -> None:
+    """Otherwise they would hold without having run."""
+    with pytest.raises(UsageError, match="without seeds no scenario runs"):
+        run_scenarios(tmp_path, seeds=())

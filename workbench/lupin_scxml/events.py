@@ -4,6 +4,9 @@ see.
 A descriptor (`a`, `a.*`) is written under each event of the document that it matches, so that document order
 decides. First words that the language reserves are renamed: `error.execution` becomes `failed.execution`, and
 a state's done event that another state reacts to `STATE_done`.
+
+`Seen` is the set of events that may have led to where an expression stands, None where that is unknown;
+whatever depends on it is then unknown, too.
 """
 
 from __future__ import annotations
