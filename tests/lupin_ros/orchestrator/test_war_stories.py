@@ -13,15 +13,22 @@ from std_srvs.srv import Trigger
 from lupin_cli.main import main
 from lupin_msgs.srv import PlayArmSequence
 from lupin_ros.adapter.node import Qos, RosNode
+from tests.lupin_ros.launch.processes import until
 from tests.lupin_ros.plugins.arm.bench import LIBRARY, Bench
 from tests.lupin_ros.world import Operator, World
 
 
-def ends_of(topic: str, capsys: pytest.CaptureFixture[str]) -> tuple[list[str], list[str]]:
-    """Return who publishes and who hears a topic, as `lupin graph` tells it."""
-    assert main(["graph", "--json", topic]) == 0
-    (interface,) = json.loads(capsys.readouterr().out)
-    return interface["producers"], interface["consumers"]
+def see_ends(topic: str, ends: tuple[list[str], list[str]], capsys: pytest.CaptureFixture[str]) -> None:
+    """See who publishes and who hears a topic, as `lupin graph` shows it once it has discovered them."""
+
+    def seen() -> bool:
+        code, text = main(["graph", "--json", topic]), capsys.readouterr().out
+        if code != 0:
+            return False
+        (interface,) = json.loads(text)
+        return (interface["producers"], interface["consumers"]) == ends
+
+    until(seen, f"{topic} with {ends}")
 
 
 def test_a_stop_button_that_nobody_tells_of_is_seen(
@@ -30,9 +37,9 @@ def test_a_stop_button_that_nobody_tells_of_is_seen(
     """Story 29: the button was pressed, and nothing led from it to the topic that the mission hears."""
     world.start("mission_orchestrator", estop_topic="/robot/stop")
     operator.in_state("BOOT")
-    assert ends_of("/robot/stop", capsys) == ([], ["/mission_orchestrator"])
+    see_ends("/robot/stop", ([], ["/mission_orchestrator"]), capsys)
     make_node("button").publisher(Bool, "/robot/stop", Qos.EVENT)
-    assert ends_of("/robot/stop", capsys) == (["/button"], ["/mission_orchestrator"])
+    see_ends("/robot/stop", (["/button"], ["/mission_orchestrator"]), capsys)
 
 
 def motions(bench: Bench) -> int:
