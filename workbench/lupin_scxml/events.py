@@ -14,12 +14,14 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import accumulate, pairwise
 
 from lupin_engine.chart import WORDS
 from lupin_engine.plugin import RESERVED_EVENTS
 from lupin_scxml.elements import Element
-from lupin_scxml.expressions import UNDEFINED, Operand, constant
+from lupin_scxml.expressions import UNDEFINED, Operand, assignments, constant
+from lupin_scxml.notes import CannotSay
 
 PROCESSOR = "http://www.w3.org/TR/scxml/#SCXMLEventProcessor"
 PROCESSORS = ("", "scxml", PROCESSOR)
@@ -96,10 +98,9 @@ class Events:
         self._original: dict[str, str] = {}
         #: By variable, the texts that it can have; None stands for what is no literal.
         self._texts: defaultdict[str, list[str | None]] = defaultdict(list)
-        for element in root.every("data", "assign"):
-            given = (element.get("expr") or element.text).strip()
-            text = given[1:-1] if QUOTED.fullmatch(given) else None
-            self._texts[element.get("id") or element.get("location")].append(text)
+        for name, expression in _written(root):
+            text = expression.strip()
+            self._texts[name].append(text[1:-1] if QUOTED.fullmatch(text) else None)
         for element in root.every("raise", "send"):
             for event in self.raised_by(element).values():
                 self._sources[event].append(element)
@@ -292,3 +293,15 @@ def _properties(sender: Element) -> Mapping[str, str]:
         external = {"type": "external", "origintype": PROCESSOR, "origin": "the session"}
         return {**external, "sendid": sender.get("id") or sender.get("idlocation")}
     return {"type": "internal" if sender.kind in ("raise", "send") else "platform"}
+
+
+def _written(root: Element) -> Iterator[tuple[str, str]]:
+    """Yield every variable that something writes, with the expression; "" where it writes no expression."""
+    for element in root.every("data", "assign"):
+        yield element.get("id") or element.get("location"), element.get("expr") or element.text
+    for script in root.every("script"):
+        # What is no list of assignments cannot be said, and is left out.
+        with suppress(CannotSay):
+            yield from assignments(script.text)
+    for element in root.every("foreach", "send", "invoke"):
+        yield from ((element.get(key), "") for key in ("item", "index", "idlocation"))

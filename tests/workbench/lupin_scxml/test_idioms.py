@@ -95,6 +95,10 @@ CHARTS = {
         <datamodel><data id="next" expr="'no'"/></datamodel>
         <state id="s"><onentry><assign location="next" expr="'yes'"/><send eventexpr="next"/></onentry>
         <transition event="no" target="fail"/><transition event="yes" target="pass"/></state>""",
+    "a script names the event": """
+        <datamodel><data id="next" expr="'no'"/></datamodel>
+        <state id="s"><onentry><script>next = 'yes'</script><send eventexpr="next"/></onentry>
+        <transition event="no" target="fail"/><transition event="yes" target="pass"/></state>""",
     # -- what an event says --
     "the name of an event": """
         <datamodel><data id="was"/></datamodel>
