@@ -65,14 +65,13 @@ class RecordingFile:
         self._writer.add_message(channel, heard, data, published, sequence % 2**32)
         self.messages += 1
 
-    def attach(self, file: Path, type_name: str) -> None:
-        """Attach a whole file; readers of messages do not see it.
+    def attach(self, name: str, data: bytes, changed_ns: int, type_name: str) -> None:
+        """Attach a whole file that was changed in POSIX time; readers of messages do not see it.
 
         Raises:
-            OSError: it cannot be read, or the disk is full.
+            OSError: the disk is full.
         """
-        data, changed = file.read_bytes(), file.stat().st_mtime_ns
-        self._writer.add_attachment(changed, time.time_ns(), file.name, type_name, data)
+        self._writer.add_attachment(changed_ns, time.time_ns(), name, type_name, data)
 
     def flush(self) -> None:
         """Write buffered messages to the operating system: they survive this process, not a power cut.

@@ -131,12 +131,20 @@ class TopicRecorder:
             self._fail(f"rclpy fails all the time: {defect!r}")
 
     def _attach_journal(self) -> None:
-        """Attach the files that an orchestrator on this computer has written to its journal meanwhile."""
-        if not self.messages:
-            return
-        for file in journal_files(journal_folder()):
-            if file.stat().st_mtime >= self._begun:
-                self._file.attach(file, JOURNAL_TYPE)
+        """Attach the files that an orchestrator on this computer has written to its journal meanwhile.
+
+        One that cannot be read, or was deleted to make room, is left out with a warning.
+        """
+        for file in journal_files(journal_folder()) if self.messages else ():
+            try:
+                changed = file.stat()
+                if changed.st_mtime < self._begun:
+                    continue
+                data = file.read_bytes()
+            except OSError as problem:
+                self._news.append((f"{file} is not attached: {problem.strerror}", Severity.WARN))
+                continue
+            self._file.attach(file.name, data, changed.st_mtime_ns, JOURNAL_TYPE)
 
     def _safely(self, write: Callable[[], None]) -> None:
         """Write; a failure ends the recording."""
@@ -189,12 +197,15 @@ class TopicRecorder:
         if len(types) > 1:
             raise UsageError(f"it is of several types: {', '.join(sorted(types))}")
         (type_name,) = types
-        hash_ = local_hash(type_name)
+        try:
+            hash_, kind = local_hash(type_name), interface_class(type_name)
+            definition = message_text(type_name)
+        except OSError as problem:  # of a package: the recording itself can be written
+            raise UsageError(f"{type_name} cannot be read: {problem.strerror}") from problem
         others = [node_name(end) for end in ends if str(end.topic_type_hash) not in (hash_, "INVALID")]
         if others:
             raise UsageError(f"{', '.join(sorted(set(others)))} has another definition of {type_name}")
         about = {"offered_qos_profiles": offers_text(end.qos_profile for end in ends)}
-        kind, definition = interface_class(type_name), message_text(type_name)
         channel = self._file.add_topic(name, type_name, definition, {**about, "topic_type_hash": hash_})
         topic = _Topic(name, kind, channel, wanted)
         self._listen(topic)

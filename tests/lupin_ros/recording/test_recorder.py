@@ -178,6 +178,34 @@ def test_what_cannot_be_recorded_is_told(
     assert list(whole(recorder.path)) == ["/fine"]
 
 
+def test_files_of_others_that_cannot_be_read_do_not_end_a_recording(
+    make_node: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A definition that may not be read, and a journal that was deleted to make room."""
+    node = make_node("robot")
+    node.publisher(TFMessage, "/secret", Qos.LATCHED).publish(TFMessage())
+    node.publisher(String, "/fine", Qos.LATCHED).publish(String(data="x"))
+    gone, load = tmp_path / "gone.jsonl", module.interface_class
+
+    def loaded(name: str) -> Any:
+        if name.endswith("TFMessage"):
+            raise PermissionError(13, "Permission denied")
+        return load(name)
+
+    monkeypatch.setattr(module, "interface_class", loaded)
+    monkeypatch.setattr(module, "journal_files", lambda _: [gone])
+    news: list[tuple[str, Severity]] = []
+    with TopicRecorder(tmp_path / "some.mcap", without=OWN) as recorder:
+        spin_until([node], lambda: news.extend(recorder.news()) or (news and recorder.messages))
+    news.extend(recorder.news())
+    assert news == [
+        ("/secret is not recorded: tf2_msgs/msg/TFMessage cannot be read: Permission denied", Severity.WARN),
+        (f"{gone} is not attached: No such file or directory", Severity.WARN),
+    ]
+    assert not recorder.failed
+    assert list(whole(recorder.path)) == ["/fine"]
+
+
 def test_no_file_is_written_over_and_none_is_left_empty(tmp_path: Path) -> None:
     """What is there stays; a recording of nothing is none."""
     there = tmp_path / "there.mcap"
