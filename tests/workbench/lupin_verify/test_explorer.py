@@ -569,3 +569,21 @@ states:
     )
     rounds = load_missions([str(tmp_path / "rounds.yaml")], shipped.catalog()).chart
     assert any(name.endswith(".BAD") for name in explored(rounds, targets=1, restarts=False).entered)
+
+
+def test_an_interruption_between_two_runs_keeps_what_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run begins again when a reduction was wrong; Ctrl-C may come just then."""
+    begin, begun = levels.LevelExploration._begin, 0
+
+    def interrupted(self: levels.LevelExploration) -> None:
+        nonlocal begun
+        begun += 1
+        if begun > 1:
+            raise KeyboardInterrupt
+        begin(self)
+
+    monkeypatch.setattr(levels.LevelExploration, "_begin", interrupted)
+    found = explored(search(), targets=1, restarts=False)
+    assert begun == 2
+    assert (found.stopped, found.complete) == ("interrupted", False)
+    assert found.progress.situations >= 1

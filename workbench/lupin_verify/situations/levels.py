@@ -385,12 +385,15 @@ class LevelExploration:
         """Explore until complete or stopped; a stopped one returns the largest part without a wrong step."""
         self._stop_reason = stop_reason
         largest = self._run()
-        while not (largest.complete or largest.stopped):
-            self._begin()
-            found = self._run()
-            if found.complete or largest.progress.situations < found.progress.situations:
-                largest = found
-            largest.stopped = found.stopped
+        try:
+            while not (largest.complete or largest.stopped):
+                self._begin()
+                found = self._run()
+                if found.complete or largest.progress.situations < found.progress.situations:
+                    largest = found
+                largest.stopped = found.stopped
+        except KeyboardInterrupt:  # between two runs
+            largest.stopped = "interrupted"
         return largest
 
     def _run(self) -> Explored:
