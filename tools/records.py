@@ -1,4 +1,4 @@
-"""The records that an orchestrator and the gateway tell, as TypeScript: what the console reads as JSON.
+"""Prints the records that an orchestrator and the gateway publish as JSON, as types for the console.
 
     .venv/bin/python tools/records.py > console/src/records.ts
 
@@ -32,9 +32,9 @@ from lupin_ros.service.simulated import SimulationRecord
 HEAD = """\
 // Made by tools/records.py from the classes of the engine. Do not edit it: make it anew.
 //
-// Records as they are told in JSON. A field with `?` may be left out: it is empty then, or the record is of
-// an earlier version, because recordings are kept for long."""
-#: What is told on a topic, or answered to a page.
+// Records as they are published in JSON. A field with `?` may be left out: it is empty then, or the record is
+// of an earlier version, because recordings are kept for long."""
+#: The records of topics, and of answers to a page.
 ROOTS: Sequence[type] = (
     *(StepRecord, PublishedPossible, MissionsRecord, ChartRecord, ExplanationRecord, SimulationRecord),
     *(StopsRecord, BaseRecord, PeopleRecord, NotificationsRecord),
@@ -115,7 +115,7 @@ def _records_in(hint: Any) -> list[type]:
 
 
 def in_typescript(hint: Any) -> str:
-    """Return a type of Python as it is in JSON, in TypeScript; of what is annotated, the annotation.
+    """Return a type of Python as it is in JSON, in TypeScript; of an annotated one, the annotation.
 
     Raises:
         TypeError: it has no form here.

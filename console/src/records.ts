@@ -1,13 +1,12 @@
 // Made by tools/records.py from the classes of the engine. Do not edit it: make it anew.
 //
-// Records as they are told in JSON. A field with `?` may be left out: it is empty then, or the record is of
-// an earlier version, because recordings are kept for long.
+// Records as they are published in JSON. A field with `?` may be left out: it is empty then, or the record is
+// of an earlier version, because recordings are kept for long.
 
 /**
  * A step, when it was taken, in which start of the orchestrator, on which chart, and what was to be seen.
  *
- * `time` is of the clock by which deadlines in `view` are told, `stamp` of the network's, `wall_ns` of the
- * wall's.
+ * `time` is of the clock of the deadlines in `view`, `stamp` of the network's, `wall_ns` of the wall's.
  */
 export interface StepRecord {
   readonly time: number;
@@ -45,7 +44,7 @@ export interface MissionsRecord {
   readonly ends: string;
 }
 
-/** A chart as an orchestrator tells it; `boot` names its start. */
+/** A chart as an orchestrator publishes it; `boot` names its start. */
 export interface ChartRecord {
   readonly svg: string;
   readonly problem?: string;

@@ -50,7 +50,7 @@ class Role(enum.Enum):
     INSIDE = enum.auto()
 
 
-#: What depends on what is read, and what is computed at all.
+#: Roles of values that decide a step; and of all values that are computed.
 DECIDING = frozenset({Role.VALUE, Role.CONDITION})
 COMPUTED = DECIDING | {Role.CARRIED}
 

@@ -20,13 +20,13 @@ from lupin_engine.plugin.contract import OWN_HOLDS
 class Life(enum.Enum):
     """How long a field is kept."""
 
-    #: As long as the machine lives; whoever puts something there takes it out.
+    #: As long as the machine lives; its writers remove it themselves.
     CHART = enum.auto()
     #: Until the next mission begins.
     MISSION = enum.auto()
-    #: So too; and what is of a state in a mission that is used as a part, until that is entered.
+    #: As MISSION; entries of states in an embedded mission also end when that mission is entered.
     USE = enum.auto()
-    #: Each entry as long as what owns it, be that the chart, a mission or a part.
+    #: Each entry as long as its owner: the chart, a mission or a part.
     OWNER = enum.auto()
 
 
@@ -158,7 +158,7 @@ REQUEST_FIELDS = Owner(
 )
 MISSIONS = Owner("mission", lambda chart: chart.missions)
 HOLDS = Owner("hold", lambda chart: (*OWN_HOLDS, *chart.holds), goes_on=GoesOn.ALL)
-#: What is known of those that are about a mission is forgotten when its variables have begun: see `Inputs`.
+#: `Inputs` discards reports about a mission when the mission's variables have begun.
 INPUTS = Owner("input", lambda chart: chart.inputs, same=_is_same_input)
 LEVELS = Owner("", levels_of)
 INVARIANTS = Owner("invariant", lambda chart: chart.invariants)

@@ -268,7 +268,7 @@ class Plugin:
     separate rights: `serves` are services and actions that may be called, `publishes` topics that may be
     subscribed to and that nobody else may publish, `accepts` topics that may be published. `access` is what
     people's pages may use of all that its nodes and drivers name. `readers` are by the name of the type that
-    they read. What is `internal` is for a chart of the plugin's own, and no author of missions is offered it.
+    they read. An `internal` plugin is for a chart of its own and is not offered to authors of missions.
     The nodes of one that is `hmi` serve people's pages, and are started where `--hmi` asks for them; `pages`
     is the `module:function` that serves the same pages on a simulation or a recording, a
     `plugin.pages.ServePages`. Companions and simulations run beside missions of `profile` only; without one,

@@ -225,7 +225,7 @@ class Bringup:
                 self._operator.nodes(), self._operator.services(), self._operator.actions()
             )
 
-        return settled(self._spin, look, lambda _: self._operator.strangers())
+        return settled(self._spin, look, self._operator.strangers)
 
     def _spin(self) -> None:
         self._operator.spin(TICK_S)

@@ -31,7 +31,7 @@ QUIET_S, LOOK_S, LIMIT_S = 0.3, 2.0, 6.0
 QUIET_LOOKS = 6
 
 
-def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callable[[_T], int]) -> _T:
+def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callable[[], int]) -> _T:
     """Spin until all participants of this machine are known and nothing new has appeared for a moment.
 
     Args:
@@ -43,7 +43,7 @@ def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callabl
     seen, looks = look(), 0
     while (now := time.monotonic()) - begin < LIMIT_S:
         quiet = now - changed >= QUIET_S and looks >= QUIET_LOOKS
-        if quiet and _all_known(strangers(seen), now - begin):
+        if quiet and _all_known(strangers(), now - begin):
             break
         spin()
         found, looks = look(), looks + 1

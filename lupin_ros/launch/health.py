@@ -275,7 +275,7 @@ def look_at_plugins() -> Iterator[Finding]:
 
 
 def look_at_extras() -> Iterator[Finding]:
-    """The packages that only some commands need; a finding for each missing one."""
+    """The packages that only some commands need; a finding for each extra that lacks one."""
     required = metadata.requires("lupin-engine") or []
     for extra, purpose in _EXTRAS.items():
         named = [text for text in required if f"extra == {extra!r}" in text.replace('"', "'")]

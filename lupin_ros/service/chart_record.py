@@ -53,7 +53,7 @@ class ChartContent(PictureRecord):
 
 
 class ChartRecord(ChartContent):
-    """A chart as an orchestrator tells it; `boot` names its start."""
+    """A chart as an orchestrator publishes it; `boot` names its start."""
 
     boot: str
 

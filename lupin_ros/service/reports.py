@@ -130,8 +130,7 @@ class _TakenStep(TypedDict):
 class StepRecord(_TakenStep, total=False):
     """A step, when it was taken, in which start of the orchestrator, on which chart, and what was to be seen.
 
-    `time` is of the clock by which deadlines in `view` are told, `stamp` of the network's, `wall_ns` of the
-    wall's.
+    `time` is of the clock of the deadlines in `view`, `stamp` of the network's, `wall_ns` of the wall's.
     """
 
     command: Annotated[Mapping[str, str], CommandOrigin]

@@ -300,7 +300,7 @@ def _written(root: Element) -> Iterator[tuple[str, str]]:
     for element in root.every("data", "assign"):
         yield element.get("id") or element.get("location"), element.get("expr") or element.text
     for script in root.every("script"):
-        # What is no list of assignments cannot be said, and is left out.
+        # The importer leaves out a script that is not a list of assignments.
         with suppress(CannotSay):
             yield from assignments(script.text)
     for element in root.every("foreach", "send", "invoke"):

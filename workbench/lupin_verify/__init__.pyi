@@ -10,7 +10,6 @@ from .dealing import make_task as make_task
 from .minimise import Minimiser as Minimiser
 from .proof import Proof as Proof
 from .proof import Proven as Proven
-from .proving import INTERRUPTED as INTERRUPTED
 from .proving import ProofTask as ProofTask
 from .proving import proof_tasks as proof_tasks
 from .proving import prove_tasks as prove_tasks
@@ -18,6 +17,7 @@ from .rates import default_rates as default_rates
 from .rates import read_rates as read_rates
 from .reached import Unreached as Unreached
 from .situations.explorer import Bounds as Bounds
+from .situations.found import INTERRUPTED as INTERRUPTED
 from .situations.found import ExplorationProgress as ExplorationProgress
 from .story import FailingScenario as FailingScenario
 from .story import failing_scenario as failing_scenario

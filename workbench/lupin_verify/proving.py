@@ -28,14 +28,12 @@ from lupin_verify.dealing import WorkerProcesses
 from lupin_verify.proof import Proof, prove
 from lupin_verify.situations.classes import parameter_classes
 from lupin_verify.situations.explorer import Bounds
-from lupin_verify.situations.found import ExplorationProgress
+from lupin_verify.situations.found import INTERRUPTED, ExplorationProgress
 
 #: How far a proof is: its number, and how long it has been under way (s).
 ProofNews = tuple[int, ExplorationProgress, float]
 #: How often a process reports its progress, in seconds.
 REPORT_EVERY = 1.0
-#: The reason of a proof that was stopped by Ctrl-C.
-INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ def seen(network: Network, monkeypatch: pytest.MonkeyPatch, there: int) -> froze
     monkeypatch.setattr(dds_discovery, "time", network)
     monkeypatch.setattr(dds_discovery, "participants", lambda domain: there)
     monkeypatch.setattr(dds_discovery, "is_local_only", lambda: True)
-    return settled(network.spin, network.look, len)
+    return settled(network.spin, network.look, lambda: len(network.look()))
 
 
 def test_nothing_new_for_a_moment_is_everybody(monkeypatch: pytest.MonkeyPatch) -> None:

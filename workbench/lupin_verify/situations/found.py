@@ -8,6 +8,9 @@ from typing import NamedTuple
 
 from lupin_verify.situations.worlds import Deadlines, TimerName, WorldMoves
 
+#: The reason of an exploration that was stopped by Ctrl-C.
+INTERRUPTED = "interrupted"
+
 
 @dataclass(slots=True)
 class Effect:

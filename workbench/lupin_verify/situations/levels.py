@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lupin_verify.situations.explorer import SituationExplorer
-from lupin_verify.situations.found import Breach, Effect, ExplorationProgress, Explored
+from lupin_verify.situations.found import INTERRUPTED, Breach, Effect, ExplorationProgress, Explored
 from lupin_verify.situations.liveness import Dead, Liveness, Location
 from lupin_verify.situations.memo import Indices, LevelPart, MemoTable, Rows, zobrist_hashes
 from lupin_verify.situations.seen import Block, BlockQueue, Hashes, SeenTable
@@ -393,7 +393,7 @@ class LevelExploration:
                     largest = found
                 largest.stopped = found.stopped
         except KeyboardInterrupt:  # between two runs
-            largest.stopped = "interrupted"
+            largest.stopped = INTERRUPTED
         return largest
 
     def _run(self) -> Explored:
@@ -417,7 +417,7 @@ class LevelExploration:
         except _Stopped as why:
             found.stopped = str(why)
         except KeyboardInterrupt:
-            found.stopped = "interrupted"
+            found.stopped = INTERRUPTED
         for one in (self._first, *(self._effects.all[number] for number in self._reduced.used)):
             found.add_coverage(one)
         return found

@@ -1,4 +1,4 @@
-// What the orchestrator tells, as topics of records; docs/operating.md, "For programs", says what each field is.
+// The orchestrator's topics of records; docs/operating.md, "For programs", explains each field.
 import { computed, effect, signal } from "@preact/signals";
 import { MSG_TYPES, type CommandResponse, type MissionState, type Observation } from "../../ros";
 import { link } from "../../wire/link";

@@ -50,7 +50,7 @@ export function reasonOf(possible: PossibleRecord | undefined): string {
   return possible.possible || possible.fields ? "" : possible.reason;
 }
 
-/** What is said beside it: why not, and of a moment that is over, what the engine said of it then. */
+/** The text beside a button: why not; of a moment that is over, the engine's reason then. */
 export function toldOf(possible: PossibleRecord | undefined, reason: string): string {
   const t = texts.value.control;
   if (!reason) return effectOf(possible);
