@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -39,17 +40,24 @@ def ros_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         yield domain
 
 
+def stays_on_its_domain(patch: pytest.MonkeyPatch) -> None:
+    """Restore the domain at the end: a command's `--domain` sets it for good, and others claim that one."""
+    patch.setenv("ROS_DOMAIN_ID", os.environ["ROS_DOMAIN_ID"])
+
+
 @pytest.fixture(scope="module", autouse=True)
 def state_of_a_module(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Keep the journals of what several tests share apart from those of other files."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        stays_on_its_domain(patch)
         yield
 
 
 @pytest.fixture(autouse=True)
 def own_state(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Keep the journals of tests apart: who finds a mission under way goes on with it."""
+    stays_on_its_domain(monkeypatch)
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return tmp_path / "state" / "lupin" / "journal" / f"domain-{ros_domain}"
 
