@@ -45,6 +45,7 @@ from typing import Any, ClassVar
 
 import rclpy
 from builtin_interfaces.msg import Time
+from rclpy.action import ActionClient, ActionServer
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
@@ -644,6 +645,9 @@ class RosNode:
             host.close()
         for caller in self._callers:
             caller.release()
+        for entity in list(self.node.waitables):
+            if isinstance(entity, (ActionServer, ActionClient)):  # rclpy leaves them: a server would serve on
+                entity.destroy()
         self.log_book.close()
         self._executor.shutdown()
         self.node.destroy_node()

@@ -14,6 +14,7 @@ from types import TracebackType
 
 import pytest
 from nav2_msgs.action import NavigateToPose
+from rclpy.action import ActionServer
 
 from lupin_ros.adapter.actions import CANCEL_LIMIT_S
 from lupin_ros.adapter.node import DELIVERY_LIMIT_S, ActionCaller, RosNode
@@ -176,6 +177,22 @@ def test_a_closed_client_takes_no_goal(make_node: Callable[..., RosNode]) -> Non
     caller.close()
     with pytest.raises(RuntimeError, match="the client of action /closed is closed"):
         caller.send(NavigateToPose.Goal(), accepted=_no, feedback=_no, ended=_no, rejected=_no)
+
+
+def test_a_closed_node_serves_no_action_any_more(make_node: Callable[..., RosNode]) -> None:
+    """Nor one of rclpy's own servers, for whose sake rclpy would keep the whole node."""
+    closed, other = make_node("closed"), make_node("other")
+
+    def serving() -> list[str]:
+        found = other.node.get_publishers_info_by_topic("/left/_action/status")
+        return [endpoint.node_name for endpoint in found]
+
+    server = ActionServer(closed.node, NavigateToPose, "/left", _no)
+    other.work_until(lambda: serving() == ["closed"], PATIENCE_S)
+    assert serving() == ["closed"]
+    closed.close()
+    other.work_until(lambda: not serving(), PATIENCE_S)
+    assert serving() == [], server
 
 
 def test_nothing_is_begun_while_a_node_waits_for_its_cancels(make_node: Callable[..., RosNode]) -> None:

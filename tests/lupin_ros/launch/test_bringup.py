@@ -54,6 +54,9 @@ class Nobody:
 
     services = actions = nodes
 
+    def strangers(self) -> int:
+        return 0
+
     def count(self, name: str) -> int:
         return 0
 
