@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed here")
 
 from lupin_harness.domains import claimed_domain
+from lupin_ros.adapter.dds.profile import use_profile
 from lupin_ros.adapter.node import RosNode
 from tests.lupin_ros.world import Operator, World
 
@@ -37,6 +38,7 @@ def ros_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     with claimed_domain() as domain, pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
         patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        use_profile()  # a process reads it with its first node only, and that may be one of rclpy's own
         yield domain
 
 

@@ -204,4 +204,6 @@ def test_calls(
 
 def served(one: Page) -> list[str]:
     """The services that a page sees, with those of actions."""
-    return [name for name, *_ in CALLS if one.call("/rosapi/service_type", "", {"service": name})["type"]]
+    answers = {name: one.call("/rosapi/service_type", "", {"service": name}) for name, *_ in CALLS}
+    assert all(isinstance(answer, dict) for answer in answers.values()), answers
+    return [name for name, answer in answers.items() if answer["type"]]
