@@ -31,8 +31,8 @@ AUDIT = ["tools.audit"]
 QUICK = [*PYTEST, f"-n{CORES}", "--ignore=tests/lupin_ros"]
 # Real processes on a busy machine meet its worst moments: one second try, and who needed it is listed.
 AGAIN = ["--reruns=1", "-raR"]
-# Each worker has some seven nodes, and a browser works beside them: more workers would only wait longer.
-ROS = [*PYTEST, *AGAIN, f"-n{CORES}"]
+# These tests wait for robots and clocks more than they compute.
+ROS = [*PYTEST, *AGAIN, f"-n{2 * CORES}"]
 # One browser at a time: several starve everything else.
 BROWSER = ["pytest", "--durations=10", *AGAIN]
 #: Where its tests are, unless others are named: to look for them among all takes half a minute.
