@@ -495,7 +495,7 @@ class HoldNode(Node):
     release: Annotated[Names, Meaning.REQUEST] = Field(description="requests that release it")
     code: Annotated[str, Meaning.CODE] = Field(description="code that engaging reports")
     engage_guard: Annotated[Condition, Meaning.CONDITION] = Field(
-        None, description="when the request is allowed"
+        None, description="when the request is allowed; a level engages its hold without"
     )
     engage_code: Annotated[str | None, Meaning.CODE] = Field(
         None, description="code that refuses the request"

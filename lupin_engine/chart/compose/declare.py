@@ -429,11 +429,13 @@ class Declarer:
             key: read_guard(getattr(node, key), node.at(key), scope, findings, f"{path}.{key}")
             for key in ("engage_guard", "release_guard")
         }
-        if (
-            node.engage_guard is not None
-            and node.engage_code is None
-            and not node.engage.startswith("input.")
-        ):
+        if node.engage.startswith("input."):
+            for key in ("engage_guard", "engage_code"):
+                if getattr(node, key) is not None:
+                    problem = f"{key!r} has no effect: {node.engage} engages the hold whenever it is true"
+                    hint = "remove it; to engage the hold on a condition, let a request engage it"
+                    findings.warn(node.key_at(key), "level-with-guard", path, problem, hint)
+        elif node.engage_guard is not None and node.engage_code is None:
             problem = "a request that the guard refuses needs a reason"
             findings.add(node.place, "missing-key", path, problem, "write 'engage_code: ...'")
         return Hold(
