@@ -1,9 +1,11 @@
 """The machine: runs one chart on its memory, an event at a time, to completion (SCXML's macrostep).
 
-A macrostep takes the event's transitions, then eventless ones, then internal events, until the configuration
-is stable; then the operations of the active states begin. More than `MICROSTEP_LIMIT` microsteps lead to
-FAULT. Beyond SCXML there are holds (see `holds`), requests, which are resolved as a whole before anything
-changes (see `requests`), and invariants: one that is false in a stable configuration is an error, once.
+A macrostep begins with what is true without its event: time alone may have made a hold's level or a guard of
+an eventless transition true, and that is acted on first. Then come the event's transitions, eventless ones,
+and internal events, each after the levels that have become true, until the configuration is stable; then the
+operations of the active states begin. A request is different: it is resolved as a whole, before anything
+changes (see `requests`). More than `MICROSTEP_LIMIT` microsteps lead to FAULT. Beyond SCXML there are also
+holds (see `holds`) and invariants: one that is false in a stable configuration is an error, once.
 
 `structure` compiles and caches everything that depends on the configuration alone. Time is an argument of
 every call and must not go backwards.
