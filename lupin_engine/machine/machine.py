@@ -451,7 +451,7 @@ class Machine:
 
     def _listeners(self, internal: InternalEvent) -> list[Transition]:
         """Return the transitions that an internal event causes, for each leaf one."""
-        rules = self._enabled(self._offered(internal), internal.trigger)
+        rules = self.scope.enabled(self._offered(internal), self._step, internal.trigger)
         if internal.name == EXECUTION_ERROR and FAULT in self.memory.configuration:
             # An error within FAULT does not lead there again, or a failing entry action would never end.
             return [rule for rule in rules if rule.id != FAULT_RULE]
@@ -473,30 +473,21 @@ class Machine:
 
     # -- which transitions ------------------------------------------------------------------------------
 
-    def _enabled(self, candidates: Iterable[Sequence[Transition]], trigger: Trigger) -> list[Transition]:
-        chosen = []
-        check, step = self.scope.check, self._step
-        for offered in candidates:
-            for rule in offered:
-                guard = rule.guard
-                if guard is None or check(guard, rule.source, step, trigger):
-                    chosen.append(rule)
-                    break
-        return chosen
-
     def _enabled_levels(self, levels: LevelRules) -> list[Transition]:
         """Return the eventless transitions and the ones on a level of an input that can be taken now."""
         step, held, scope = self._step, self.memory.held, self.scope
-        inputs, chosen = scope.inputs, []
+        inputs = scope.inputs
         inputs.now = step.now
         scope.doubtful = False
-        for offered in levels.offered:
-            for rule in offered:
-                if (rule.event and not inputs.holds(rule.event)) or (held and not passes(rule, self.memory)):
-                    continue
-                if rule.guard is None or scope.check(rule.guard, rule.source, step, step.bound):
-                    chosen.append(rule)
-                    break
+        ready = (
+            [
+                rule
+                for rule in offered
+                if (not rule.event or inputs.holds(rule.event)) and (not held or passes(rule, self.memory))
+            ]
+            for offered in levels.offered
+        )
+        chosen = scope.enabled(ready, step, step.bound)
         if chosen:
             self._level_watch.invalidate()
         else:
@@ -606,10 +597,7 @@ class Machine:
 
     def _resume_child(self, state: State) -> str | None:
         """Choose the child in which a state resumes that is restored from history."""
-        for rule in state.resume_at:
-            if rule.guard is None or self.scope.check(rule.guard, rule.source, self._step):
-                return rule.target
-        return None
+        return next((rule.target for rule in self.scope.enabled((state.resume_at,), self._step)), None)
 
     def _take(self, chosen: Sequence[Transition], trigger: Trigger) -> None:
         mission = self.memory.mission

@@ -323,7 +323,7 @@ class _ScxmlWriter:
                     yield from _element("send", attributes, _params(action.data))
                 else:
                     yield f"<raise{_attributes(event=name)}/>"
-            elif action.guard is not None:
+            elif action.guard:
                 other = ["<else/>", *self._actions(action.otherwise)] if action.otherwise else []
                 condition = {"cond": self._condition(action.guard.source)}
                 yield from _element("if", condition, [*self._actions(action.then), *other])

@@ -24,7 +24,13 @@ from lupin_engine.chart.documents import (
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.expressions.units import describe, in_lists, is_number, one, with_article
-from lupin_engine.chart.expressions.values import check_bound, read_constant, read_guard, read_key, read_value
+from lupin_engine.chart.expressions.values import (
+    check_bound,
+    read_condition,
+    read_constant,
+    read_key,
+    read_value,
+)
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Field, Hold, Input, Level, Variable
 from lupin_engine.chart.nodes import Node
@@ -425,10 +431,6 @@ class Declarer:
             code = getattr(node, key)
             if code is not None:
                 check_code(code, node.at(key), path, codes, findings)
-        guards = {
-            key: read_guard(getattr(node, key), node.at(key), scope, findings, f"{path}.{key}")
-            for key in ("engage_guard", "release_guard")
-        }
         if node.engage.startswith("input."):
             for key in ("engage_guard", "engage_code"):
                 if getattr(node, key) is not None:
@@ -444,9 +446,9 @@ class Declarer:
             tuple(node.release),
             node.code,
             place,
-            guards["engage_guard"],
+            read_condition(node, "engage_guard", scope, findings, path),
             node.engage_code,
-            guards["release_guard"],
+            read_condition(node, "release_guard", scope, findings, path),
         )
 
     def field(

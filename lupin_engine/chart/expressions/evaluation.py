@@ -206,6 +206,16 @@ class Expression:
     evaluate: Callable[[Environment], Any]
     parts: tuple[tuple[str, Callable[[Environment], Any]], ...] = ()
 
+    @property
+    def understood(self) -> bool:
+        """Whether it is without mistakes."""
+        return self.evaluate is not never
+
+    @property
+    def operands(self) -> tuple[tuple[str, Callable[[Environment], Any]], ...]:
+        """Its parts, or itself where it has none."""
+        return self.parts or ((self.source, self.evaluate),)
+
 
 @record(frozen=True)
 class Constant:

@@ -87,7 +87,7 @@ class Watched(Machine):
         for rule in rules:
             if rule.event.startswith("input."):
                 told[rule.event] = scope.inputs.holds(rule.event)
-            if rule.guard is not None:
+            if rule.guard:
                 try:
                     holds = bool(rule.guard.evaluate(scope.at(rule.source, step.now, trigger)))
                 except Exception:  # unknown, or not in this state: false in both
@@ -202,7 +202,7 @@ def document(chart: Chart) -> tuple[Any, Sequence[str]]:
 def _conditions(chart: Chart) -> set[str]:
     rules = [rule for state in chart.states.values() for rule in (*state.transitions, *state.resume_at)]
     levels = {rule.event for rule in rules if rule.event.startswith("input.")}
-    guards = {said(rule.guard.source) for rule in rules if rule.guard is not None}
+    guards = {said(rule.guard.source) for rule in rules if rule.guard}
     return guards | levels | {f"held({name})" for name in chart.holds}
 
 
