@@ -6,14 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Constant
-from lupin_engine.chart.expressions.guards import (
-    Formula,
-    exclusive,
-    fact,
-    implies,
-    possible,
-    total,
-)
+from lupin_engine.chart.expressions.guards import Formula, exclusive, fact, implies, possible, total
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import ActionCall, Invoke, Kind, State, Transition
 from lupin_engine.chart.rules.index import (
@@ -224,7 +217,7 @@ def _done(actions: Iterable[ActionCall]) -> tuple[Any, ...]:
         (
             call.name,
             tuple((name, _written(value)) for name, value in call.arguments.items()),
-            call.guard.source,
+            guard_of(call).source,
             _done(call.then),
             _done(call.otherwise),
         )

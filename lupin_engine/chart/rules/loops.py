@@ -12,14 +12,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from lupin_engine.chart.expressions.evaluation import Constant
-from lupin_engine.chart.expressions.guards import (
-    TRUE,
-    Formula,
-    formula_of,
-    implies,
-    negate,
-    possible,
-)
+from lupin_engine.chart.expressions.guards import TRUE, Formula, formula_of, implies, negate, possible
 from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import WRITING, ActionCall, Kind, State, Transition, every_call
