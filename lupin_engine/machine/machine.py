@@ -14,11 +14,11 @@ every call and must not go backwards.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, cast
 
 from lupin_engine.chart.model import Chart, State, Transition
-from lupin_engine.chart.semantics import ENGINE_EVENTS, EXECUTION_ERROR, FAULT
+from lupin_engine.chart.semantics import ENGINE_EVENTS, EXECUTION_ERROR
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
 from lupin_engine.machine.entry_exit import EntryExit
@@ -59,6 +59,7 @@ from lupin_engine.machine.scope import (
     Watch,
     World,
 )
+from lupin_engine.machine.selection import Selection
 from lupin_engine.machine.snapshot import snapshot
 from lupin_engine.machine.state_timers import StateTimers
 from lupin_engine.machine.step import (
@@ -71,10 +72,8 @@ from lupin_engine.machine.step import (
     view_of,
 )
 from lupin_engine.machine.structure import (
-    FAULT_RULE,
     MAX_MICROSTEPS,
     DispatchTable,
-    LevelRules,
     Microstep,
     dispatch_table,
 )
@@ -94,10 +93,10 @@ class Machine:
         "_has_invariants",
         "_holds",
         "_inputs",
-        "_level_watch",
         "_missions",
         "_operations",
         "_requests",
+        "_selection",
         "_state_timers",
         "_states",
         "_step",
@@ -139,8 +138,7 @@ class Machine:
         )
         self._has_invariants = bool(world.chart.invariants)
         self._without_mission = world.chart.profile.stages.without_mission
-        self._level_watch = Watch()
-        scope.watches.append(self._level_watch)
+        self._selection = Selection(scope)
         self._active = self._table.configuration(self.memory.configuration)
         self._step = _NO_STEP
 
@@ -241,7 +239,7 @@ class Machine:
         active = self._active
         return (
             (self._holds.watch, self._table.hold_reads),
-            (self._level_watch, active.levels.reads),
+            (self._selection.watch, active.levels.reads),
             (self._operations.watch, active.work),
         )
 
@@ -378,7 +376,8 @@ class Machine:
         step.note(detail)
         step.queue.clear()
         self.scope.record_code(EXECUTION_CODE, detail, step)
-        rules = self._listeners(InternalEvent(EXECUTION_ERROR, None, trigger))
+        raised = InternalEvent(EXECUTION_ERROR, None, trigger)
+        rules = self._selection.caused_by(raised, self._active, step)
         if not rules:
             return
         self._take(rules, trigger)
@@ -406,16 +405,14 @@ class Machine:
 
     def _levels_move(self) -> bool:
         """Engage the holds and take the transitions that need no event; say whether there were any."""
-        step, levels, watch = self._step, self._active.levels, self._level_watch
+        step, levels, scope = self._step, self._active.levels, self.scope
         if self._holds.engage_levels(step):
             return True
-        if watch.is_due(levels.reads, step.now):
-            rules = self._enabled_levels(levels)
-            if rules:
-                self._take(rules, step.bound)
-                return True
-        scope = self.scope
-        scope.false_until = min(self._holds.false_until, watch.false_until)
+        rules = self._selection.without_event(levels, step)
+        if rules:
+            self._take(rules, step.bound)
+            return True
+        scope.false_until = min(self._holds.false_until, self._selection.watch.false_until)
         scope.level_reads = self._table.hold_reads.parts | levels.reads.parts
         return False
 
@@ -432,7 +429,7 @@ class Machine:
         """Offer an internal event to its state, or to all active ones."""
         trigger = internal.trigger
         self._step.bound = trigger if trigger.error is NOTHING else Trigger(trigger.event)
-        rules = self._listeners(internal)
+        rules = self._selection.caused_by(internal, self._active, self._step)
         raised = trigger.error is not NOTHING and trigger.error.get("code") == EXECUTION_CODE
         if raised and internal.name == "error":
             self.scope.record_code(EXECUTION_CODE, trigger.error["detail"], self._step)
@@ -445,52 +442,9 @@ class Machine:
         elif internal.name == EXECUTION_ERROR:
             self._step.note(f"nobody handles the error {trigger.error.get('detail', '')}")
         else:
-            self._say_why(internal)
-
-    def _listeners(self, internal: InternalEvent) -> list[Transition]:
-        """Return the transitions that an internal event causes, for each leaf one."""
-        rules = self.scope.enabled(self._offered(internal), self._step, internal.trigger)
-        if internal.name == EXECUTION_ERROR and FAULT in self.memory.configuration:
-            # An error within FAULT does not lead there again, or a failing entry action would never end.
-            return [rule for rule in rules if rule.id != FAULT_RULE]
-        return rules
-
-    def _offered(self, internal: InternalEvent) -> Sequence[Sequence[Transition]]:
-        if internal.state is None:
-            return self._active.candidates(internal.name)
-        if internal.state in self.memory.configuration:
-            return self._active.rules_of(internal.state, internal.name)
-        return ()
-
-    def _say_why(self, internal: InternalEvent) -> None:
-        """Record why an event had no effect."""
-        rules = _distinct(self._offered(internal))
-        self._step.why = tuple(consider(self.scope, rule, self._step, internal.trigger) for rule in rules)
-        if not rules and internal.state is None:
-            self._step.note(f"nobody listens to {internal.name}")
-
-    # -- which transitions ------------------------------------------------------------------------------
-
-    def _enabled_levels(self, levels: LevelRules) -> list[Transition]:
-        """Return the eventless transitions and the ones on a level of an input that can be taken now."""
-        step, held, scope = self._step, self.memory.held, self.scope
-        inputs = scope.inputs
-        inputs.now = step.now
-        scope.doubtful = False
-        ready = (
-            [
-                rule
-                for rule in offered
-                if (not rule.event or inputs.holds(rule.event)) and (not held or passes(rule, self.memory))
-            ]
-            for offered in levels.offered
-        )
-        chosen = scope.enabled(ready, step, step.bound)
-        if chosen:
-            self._level_watch.invalidate()
-        else:
-            self._level_watch.cache_false(levels.reads, scope, step.now)
-        return chosen
+            self._step.why = self._selection.why_none(internal, self._active, self._step)
+            if not self._step.why and internal.state is None:
+                self._step.note(f"nobody listens to {internal.name}")
 
     # -- requests, holds --------------------------------------------------------------------------------
 
@@ -607,11 +561,6 @@ def _as_internal(event: Event) -> InternalEvent:
     if data is not NOTHING and type(data) is not dict and not isinstance(data, Mapping):
         data = NOTHING
     return InternalEvent(event.name, None, Trigger(data))
-
-
-def _distinct(candidates: Iterable[Sequence[Transition]]) -> list[Transition]:
-    """Return the transitions offered to any leaf, each once."""
-    return list({rule.id: rule for offered in candidates for rule in offered}.values())
 
 
 #: First words of events that come from the machine itself, never from outside.

@@ -105,7 +105,10 @@ class Watched(Machine):
         event = self._event(internal)
         if event:
             self._deal(event)
-        self._tell([rule for some in self._offered(internal) for rule in some], internal.trigger)
+        self._tell(
+            [rule for some in self._selection.offered(internal, self._active) for rule in some],
+            internal.trigger,
+        )
         super()._offer(internal)
 
     def _event(self, internal: InternalEvent) -> str:
