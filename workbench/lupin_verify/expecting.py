@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,10 +10,12 @@ from typing import Any
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import READY, START
 from lupin_engine.runtime import make_world
-from lupin_engine.sim import LIMIT, AnyOf, Happening, Rule, Run, Script, SetValue, Simulation
+from lupin_engine.sim import LIMIT, AnyOf, Happening, Run, Script, SetValue, Simulation
 from lupin_verify.learning import ENOUGH
 from lupin_verify.rates import Rates
 
+#: How many targets a remark names.
+MOST = 5
 #: An operation, a target, whether it drives, and the number of the rule that answered.
 Answer = tuple[str, str, bool, int | None]
 
@@ -116,32 +118,25 @@ def _add(found: Expected, run: Run) -> None:
 def _remarks(rates: Rates, answers: Mapping[Answer, int], word: str) -> Iterator[str]:
     """Yield what was answered by other attempts than those of its place; the most frequent first."""
     known = rates.learned.seen if rates.learned else {}
-    mocked = set[str]()
+    coarse = defaultdict[tuple[str, bool, int | None], dict[str, int]](dict)
     for (operation, target, drives, number), _ in sorted(answers.items(), key=lambda item: -item[1]):
+        is_coarse = bool(target and known and number is not None and rates.own.rules[number].target is None)
+        if operation != READY and (number is None or is_coarse):
+            coarse[operation, drives, number][target] = known.get(operation, {}).get(target, 0)
+    for (operation, drives, number), by_target in coarse.items():
         seen = known.get(operation, {})
-        if operation == READY:
-            continue
         if number is None:
             few = f"{sum(seen.values())} seen, too few" if seen else "never seen"
-            text = f"{operation}: {few}; it answers as the mock of its plugin does"
-            if operation not in mocked:
-                yield text
-            mocked.add(operation)
-        elif target and rates.learned and rates.own.rules[number].target is None:
-            rule = rates.own.rules[number]
-            here = f" of {_metres(rule)}" if rule.metres else ""
-            count = seen.get(target, 0)
-            few = f"{count} seen, too few" if count < ENOUGH else f"{count} seen, fewer than {ENOUGH}{here}"
-            used = f"those{here} to any {word}" if here else f"all {'drives' if drives else 'attempts'}"
-            yield f"{operation} at {target}: {few}; {used} are used ({_attempts(rule)})"
-
-
-def _metres(rule: Rule) -> str:
-    assert rule.metres is not None, "it has metres"
-    return f"{rule.metres.low:g} m to {rule.metres.high:g} m"
-
-
-def _attempts(rule: Rule) -> int:
-    """Return how many attempts a learned rule has: the weights are counts."""
-    outcome = rule.outcomes[0]
-    return round(sum(outcome.weights)) if isinstance(outcome, AnyOf) else ENOUGH
+            yield f"{operation}: {few}; it answers as the mock of its plugin does"
+            continue
+        rule = rates.own.rules[number]
+        here = f" of {rule.metres.low:g} m to {rule.metres.high:g} m" if rule.metres else ""
+        used = f"those to any {word}" if here else f"all {'drives' if drives else 'attempts'}"
+        outcome = rule.outcomes[0]
+        counted = isinstance(outcome, AnyOf) or not rule.metres
+        count = round(sum(outcome.weights)) if isinstance(outcome, AnyOf) else sum(seen.values())
+        targets = [f"{target} ({count} seen)" for target, count in by_target.items()]
+        more = f" and {len(targets) - MOST} more" if len(targets) > MOST else ""
+        places = ", ".join(targets[:MOST]) + more
+        how_many = f" ({count})" if counted else ""
+        yield f"{operation} at {places}: fewer than {ENOUGH}{here}; {used} are used{how_many}"

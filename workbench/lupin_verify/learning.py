@@ -471,8 +471,9 @@ def percent(share: float) -> str:
 
 def _drained(name: str, found: Drained) -> dict[str, Any]:
     per_metre, per_minute = found.rates
-    rates = {"value": name, "per_metre": percent(per_metre), "per_minute": percent(per_minute)}
+    driving = {"per_metre": percent(per_metre)} if per_metre else {}
     minutes = found.driving + found.standing
+    rates = {"value": name, **driving, "per_minute": percent(per_minute)}
     return {**rates, "metres": round(found.metres, 1), "minutes": round(minutes, 1)}
 
 

@@ -118,7 +118,8 @@ def _print_table(found: Evidence, learned: dict[str, Any]) -> None:
         shown.add_row(*row)
     make_console().print(shown)
     for one in learned["drain"]:
-        rates = f"loses {one['per_metre']} per metre and {one['per_minute']} per minute"
+        driving = f"{one['per_metre']} per metre and " if "per_metre" in one else ""
+        rates = f"loses {driving}{one['per_minute']} per minute"
         click.echo(f"{one['value']}: {rates} ({one['metres']:g} m, {one['minutes']:g} min)")
 
 
