@@ -226,7 +226,8 @@ def told(seed: int, missions: int, share: float, most: int) -> tuple[int, list[D
         robot.slow = {tag: share}
         for visit in range(1, most + 1):
             later = folder / str(visit)
-            robot.play(missions + visit, [tag, *(t for t in next(asked) if t != tag)], later)
+            tags = next(asked)
+            robot.play(missions + visit, tags if tag in tags else [*tags[:5], tag, *tags[5:]], later)
             seen += gather(later, load_catalog()).seen
             found = drifts(seen)
             if any(one.target == tag and one.operation == "nav.go_to" for one in found):

@@ -11,6 +11,8 @@ from bisect import bisect_left, bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from itertools import accumulate
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -20,8 +22,7 @@ from lupin_engine.errors import LupinError
 from lupin_engine.machine import Start, restore
 from lupin_engine.plugin import READY, TIME_ZONE, Catalog
 from lupin_engine.replay import JournaledRun, LivedStep, chart_of, replay_run, runs_of
-from lupin_engine.runtime import UTC, History, calendar_of
-from lupin_engine.runtime.history import CANCELLED, DONE, FAILED, OPEN, TIMED_OUT
+from lupin_engine.runtime import UTC, History, calendar_of, history
 from lupin_engine.sim import distance_of, is_pose
 
 #: A row has so many attempts at least.
@@ -39,7 +40,7 @@ CHARGED, STANDING = 0.02, 0.1
 
 
 class Seen(NamedTuple):
-    """One attempt: `code` is '' for done, `TIMED_OUT`, or that of its failure; `wall` when it began."""
+    """One attempt: `code` is '' for done, TIMED_OUT, or that of its failure; `wall` when it began."""
 
     operation: str
     target: str
@@ -144,7 +145,7 @@ class _Reading:
 
     def take(self, lived: Sequence[LivedStep]) -> None:
         """Read the steps of the mission."""
-        history, target = History(), ""
+        steps, target = History(), ""
         for each in lived:
             step, data = each.step, each.step.event.data
             if step.event.name == "value":
@@ -157,8 +158,8 @@ class _Reading:
                     operation = self._catalog.operations[command.operation]
                     metres = distance_of(operation, command.arguments, self._pose)
                     self._begun[command.attempt] = target, metres, self._now()
-            history.take(step, each.held)
-        self._add(history, lived[-1].step.time / 60.0 if lived else 0.0)
+            steps.take(step, each.held)
+        self._add(steps, lived[-1].step.time / 60.0 if lived else 0.0)
 
     def _report(self, name: str, value: Any, time: float) -> None:
         if is_pose(self._catalog, name) and value is not None:
@@ -173,19 +174,22 @@ class _Reading:
     def _now(self) -> dict[str, float]:
         return {name: levels[-1][1] for name, levels in self._levels.items()}
 
-    def _add(self, history: History, minutes: float) -> None:
+    def _add(self, steps: History, minutes: float) -> None:
         found, head = self._found, self._run.files[0].head
         drives = list[tuple[str, float, float | None]]()
-        for name, attempt in history.attempts.items():
+        for name, attempt in steps.attempts.items():
             if name not in self._begun or attempt.over is None:
                 continue
             target, metres, _ = self._begun[name]
-            is_done = attempt.outcome == DONE and not attempt.late
+            is_done = attempt.outcome == history.DONE and not attempt.late
             if metres is not None:
                 drives.append((name, (attempt.over - attempt.started) / 60.0, metres if is_done else None))
-            if attempt.outcome in (CANCELLED, OPEN) or (attempt.late and attempt.outcome != TIMED_OUT):
+            outcome = attempt.outcome
+            cut_short = attempt.late and outcome != history.TIMED_OUT
+            if cut_short or outcome in (history.CANCELLED, history.OPEN):
                 continue
-            code = {DONE: "", FAILED: str(attempt.data.get("code", ""))}.get(attempt.outcome, TIMED_OUT)
+            codes = {history.DONE: "", history.FAILED: str(attempt.data.get("code", ""))}
+            code = codes.get(outcome, history.TIMED_OUT)
             wall = self._run.began + attempt.started
             hour, seconds = self._calendar.hour(wall), attempt.over - attempt.started
             found.seen.append(Seen(attempt.operation, target, metres, hour, wall, seconds, code))
@@ -308,11 +312,15 @@ def _fails(mine: Sequence[float], others: Sequence[float]) -> float:
     return round(failed / len(mine) * (len(mine) + len(others)) / (failed + elsewhere), 3)
 
 
-def fail_more(failed: int, count: int, elsewhere: int, others: int) -> bool:
-    """Say whether so many of `count` fail that the share of failures among `others` does not explain it."""
+def fail_more(failed: int, count: int, elsewhere: int, others: int, rare: float = RARE_FAILURES) -> bool:
+    """Say whether so many of `count` fail that the share of failures among `others` does not explain it.
+
+    Args:
+        rare: chance may bring so many once in that many cases.
+    """
     usual = max(elsewhere, 1) / max(others, 2)
     fewer = (math.comb(count, k) * usual**k * (1.0 - usual) ** (count - k) for k in range(failed))
-    return failed > 0 and (1.0 - sum(fewer)) * RARE_FAILURES < 1.0
+    return failed > 0 and (1.0 - sum(fewer)) * rare < 1.0
 
 
 class Failures(NamedTuple):
@@ -416,7 +424,7 @@ def _outcomes(done: Sequence[float], failures: Failures) -> Iterator[dict[str, A
         yield {"weight": count, "after": _after(quantiles)}
     for code, took in sorted(failures.by_code.items()):
         weight = float(f"{len(took) * share:.3g}")
-        if code == TIMED_OUT:
+        if code == history.TIMED_OUT:
             yield {"weight": weight, "never": True}
             continue
         for count, quantiles in bands(took):
@@ -479,8 +487,8 @@ def _drained(name: str, found: Drained) -> dict[str, Any]:
 
 # -- drift -------------------------------------------------------------------------------------------------
 
-#: The newest attempts at a target that are compared with those before, of which there are so many at least.
-NEWEST, BEFORE = range(3, 11), 20
+#: The newest attempts at a target are compared with those before: so many at least, and so many at most.
+NEWEST, BEFORE, MOST_BEFORE = range(3, 11), 20, 100
 #: What chance does once in so many comparisons is told, where the median is slower by such a share.
 RARE, SLOWER = 50_000.0, 0.2
 
@@ -502,27 +510,58 @@ class Drift:
 
 def drifts(seen: Sequence[Seen]) -> list[Drift]:
     """Return the targets at which the newest attempts take longer than chance explains, or fail."""
-    by_target = defaultdict[tuple[str, str], list[tuple[float, float]]](list)
-    for one, share in zip(seen, shares_of(seen, at_target=False), strict=True):
-        by_target[one.operation, one.target].append((one.wall, share))
+    rows, by_target = rows_of(seen), defaultdict[tuple[str, str], list[tuple[float, float]]](list)
+    coarse = defaultdict[tuple[str, str], list[float]](list)
+    both = list(zip(seen, shares_of(seen), shares_of(seen, at_target=False), strict=True))
+    for one, _, share in both:
+        coarse[one.operation, one.target] += [share] if share < math.inf else []
+    usual = {target: median(shares) for target, shares in coarse.items() if shares}
+    for one, share, beside in both:  # where its row is too small, beside what is usual at this target
+        target = one.operation, one.target
+        share = share if next(places(one)) in rows else beside / usual.get(target, 1.0)
+        by_target[target].append((one.wall, share))
     found = (_drift(place, sorted(row)) for place, row in sorted(by_target.items()))
     return [one for one in found if one is not None]
 
 
 def _drift(place: tuple[str, str], row: Sequence[tuple[float, float]]) -> Drift | None:
-    """Compare the fastest of the newest with all before: an exact test by ranks, of the rarest number."""
-    shares, best = [share for _, share in row], (1.0, 0)
+    """Compare the newest attempts with those before: how many fail, else how long the others take."""
+    for newest in reversed(NEWEST):
+        before, now = row[-newest - MOST_BEFORE : -newest], row[-newest:]
+        failed, elsewhere = (sum(math.isinf(share) for _, share in some) for some in (now, before))
+        enough = len(before) >= BEFORE and math.isinf(now[0][1])
+        if enough and fail_more(failed, newest, elsewhere, len(before), RARE):
+            return Drift(*place, newest, len(before), math.inf, now[0][0])
+    done = [one for one in row if one[1] < math.inf]
+    best = (1.0, 0)
     for newest in NEWEST:
-        before = shares[:-newest]
-        if len(before) < BEFORE:
-            break
-        as_slow = sum(share >= min(shares[-newest:]) for share in before)
-        chance = math.comb(as_slow + newest, newest) / math.comb(len(shares), newest)
-        best = min(best, (chance, -newest))
-    newest = -best[1]
+        shares = [share for _, share in done[-newest - MOST_BEFORE :]]
+        before_it = shares[:-newest]
+        if len(before_it) >= BEFORE:
+            as_slow = sum(one >= new for new in shares[-newest:] for one in before_it)
+            best = min(best, (chance_of(as_slow, len(before_it), newest), newest))
+    newest = best[1]
     if best[0] * RARE > 1.0:
         return None
+    shares = [share for _, share in done[-newest - MOST_BEFORE :]]
     slower = median(shares[-newest:]) / median(shares[:-newest]) - 1.0
-    if math.isnan(slower) or slower < SLOWER:
+    if slower < SLOWER:
         return None
-    return Drift(*place, newest, len(shares) - newest, slower, row[-newest][0])
+    return Drift(*place, newest, len(shares) - newest, slower, done[-newest][0])
+
+
+@cache
+def _orders(before: int, newest: int) -> list[int]:
+    """Return how many orders of attempts have so many pairs in which an earlier one is slower, summed up."""
+    ways = [1] + [0] * (before * newest)
+    for number in range(1, newest + 1):
+        for pairs in range(number, len(ways)):
+            ways[pairs] += ways[pairs - number]
+        for pairs in range(len(ways) - 1, before + number - 1, -1):
+            ways[pairs] -= ways[pairs - before - number]
+    return list(accumulate(ways))
+
+
+def chance_of(pairs: int, before: int, newest: int) -> float:
+    """Return how likely chance leaves so few pairs with the earlier attempt slower: an exact rank sum."""
+    return _orders(before, newest)[pairs] / math.comb(before + newest, newest)

@@ -1,4 +1,4 @@
-"""`lupin expect`: tells how long a mission will take, what its battery has left, and what it will miss."""
+"""`lupin expect`: tells how long a mission will take, what will be left, and what it will miss."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _MOST = 8
     "values",
     metavar="NAME=VALUE",
     multiple=True,
-    help="A live value at the beginning, such as battery='60 %'.",
+    help="A live value at the beginning, by the mission's name or the plugin's.",
 )
 @click.option("--clock", metavar="DATE TIME", help="When it begins, such as '2026-11-22 22:00'.")
 @click.option("--seeds", type=click.IntRange(min=10), default=200, show_default=True, help="How many runs.")

@@ -44,7 +44,7 @@ _OURS = 'campaign: "learned from '
 def learn(domain: int | None, journal: Path | None, output: Path, drift_only: bool, as_json: bool) -> int:
     """Learn from the journal what every operation takes and how often it fails.
 
-    It counts by target, by the metres driven and by the hour of day, and what a battery loses. The file is
+    It counts by target, by the metres driven and by the hour of day, and what live values lose. The file is
     for `lupin expect`, `lupin simulate --rates` and `lupin campaign --rates`.
 
     Exit code: 0 learned, or with --drift nothing has changed; 1 --drift has found something; 2 there is no
