@@ -79,7 +79,7 @@ CALLS: Mapping[str, Sequence[Call]] = {
     "twin": [Call(["twin", "missions"], (1,))],
     "schema": [Call(["schema"])],
     # Nothing was learned yet, and there is no journal yet.
-    "expect": [Call(["expect", MISSION], (2,), broken=2)],
+    "expect": [Call(["expect", "inspection"], (2,))],
     **{verb: [Call(words, (2,))] for verb, words in _OF_A_JOURNAL.items()},
     "doctor": [Call(["doctor"], (0, 1))],
     "node": [Call(["node"])],
