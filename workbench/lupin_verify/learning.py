@@ -497,7 +497,7 @@ RARE, SLOWER = 50_000.0, 0.2
 class Drift:
     """An operation that has become slower at a target: the `newest` attempts beside those `before`.
 
-    `slower` is by which share (infinity: most of them fail), `since` when the first of them began (POSIX).
+    `slower` is by which share (infinity: so many `failed`), `since` when the first of them began (POSIX).
     """
 
     operation: str
@@ -506,6 +506,7 @@ class Drift:
     before: int
     slower: float
     since: float
+    failed: int = 0
 
 
 def drifts(seen: Sequence[Seen]) -> list[Drift]:
@@ -531,7 +532,7 @@ def _drift(place: tuple[str, str], row: Sequence[tuple[float, float]]) -> Drift 
         failed, elsewhere = (sum(math.isinf(share) for _, share in some) for some in (now, before))
         enough = len(before) >= BEFORE and math.isinf(now[0][1])
         if enough and fail_more(failed, newest, elsewhere, len(before), RARE):
-            return Drift(*place, newest, len(before), math.inf, now[0][0])
+            return Drift(*place, newest, len(before), math.inf, now[0][0], failed)
     done = [one for one in row if one[1] < math.inf]
     best = (1.0, 0)
     for newest in NEWEST:

@@ -99,11 +99,13 @@ def _finite(share: float) -> float | None:
 
 
 def _drift_text(one: Drift) -> str:
-    slower = "failed" if math.isinf(one.slower) else f"took {one.slower:.0%} longer"
     since = f"{datetime.fromtimestamp(one.since).astimezone():%Y-%m-%d %H:%M}"
-    where = f" at {one.target}" if one.target else ""
-    beside = f" than the {one.before} before" if slower != "failed" else f"; {one.before} before"
-    return f"{one.operation}{where}: the last {one.newest} {slower}{beside}, since {since}"
+    where = f"{one.operation} at {one.target}" if one.target else one.operation
+    if one.failed:
+        return f"{where}: {one.failed} of the last {one.newest} failed, more than before, since {since}"
+    return (
+        f"{where}: the last {one.newest} took {one.slower:.0%} longer than {one.before} before, since {since}"
+    )
 
 
 def _print_table(found: Evidence, learned: dict[str, Any]) -> None:
