@@ -370,7 +370,8 @@ class RefusedNode(ShortNode):
 
 class ExpectNode(Node):
     """What must come of it. What is not named is not looked at, with three exceptions: no request is refused,
-    no invariant broken and no property violated unless it is said.
+    no invariant broken and no property violated unless it is said. With `only`, of these just its properties
+    are looked at.
     """
 
     lifecycle: Annotated[list[str] | None, NameOf("published state", "expect.lifecycle")] = Field(
@@ -402,6 +403,14 @@ class ExpectNode(Node):
     )
     violated: Annotated[list[str], NameOf("property", "expect.violated")] = Field(
         default_factory=list, description="properties that were violated, all of them, in order"
+    )
+    only: Annotated[
+        list[str] | None,
+        BeforeValidator(_to_questions, json_schema_input_type=str | list[str] | None),
+        NameOf("property", "expect.only"),
+    ] = Field(
+        None,
+        description="properties that must hold; others may be violated, and requests refused",
     )
     final: Annotated[str | None, NameOf("published state", "expect.final")] = Field(
         None, description="published state at the end"

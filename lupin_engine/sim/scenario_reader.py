@@ -20,6 +20,7 @@ from lupin_engine.plugin.contract import OPERATION_CODES, Operation
 from lupin_engine.plugin.parameters import accepted
 from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
 from lupin_engine.properties.authored import properties_of
+from lupin_engine.properties.built_in import STANDSTILL
 from lupin_engine.runtime.clock import UTC, calendar_of
 from lupin_engine.sim.measured import Metres
 from lupin_engine.sim.scenario_file import (
@@ -99,7 +100,7 @@ class ScenarioNames:
         self.findings = findings
         operations, actions = self.catalog.operations, self.catalog.actions
         #: Those that a scenario may name: the built-in ones, the mission's and its own.
-        self.properties = {one.name for one in properties_of(chart)}
+        self.properties = {STANDSTILL, *(one.name for one in properties_of(chart))}
         #: What is looked up -> what it may be called.
         self._allowed: Mapping[str, Callable[[], Collection[str]]] = {
             "hold": lambda: all_holds(chart),

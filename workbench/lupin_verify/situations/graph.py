@@ -304,10 +304,11 @@ def _livelock(graph: Graph) -> _Mask:
 
 #: The names of the properties of silent servers, and of cycles that take no time.
 SILENCE, NO_ZENO = "silence_is_told", "no_zeno"
+HOME_AGAIN, ABORT_STOPS, NO_LIVELOCK = "home_again", "abort_stops", "no_livelock"
 #: All of them, in the order of reports.
 OF_THE_GRAPH = (
     GraphProperty(
-        "home_again",
+        HOME_AGAIN,
         "From every situation, {home} can be reached if servers answer.",
         _not_home,
         "no answer, request or deadline certainly leads to {home}",
@@ -322,7 +323,7 @@ OF_THE_GRAPH = (
         of_missions=True,
     ),
     GraphProperty(
-        "abort_stops",
+        ABORT_STOPS,
         "From every situation, aborting (repeatedly if accepted) and waiting end all movement for good.",
         _moves_on,
         "something moves or will move by itself, and no abort or deadline certainly ends that",
@@ -334,7 +335,7 @@ OF_THE_GRAPH = (
         "deadlines of 0 s lead to each other without end",
     ),
     GraphProperty(
-        "no_livelock",
+        NO_LIVELOCK,
         "If servers answer, a mission goes on: targets get results, or it ends, pauses, asks or fails.",
         _livelock,
         "however servers answer, no target gets a result and the mission does not end",
