@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from lupin_engine.chart import Chart
@@ -28,7 +29,8 @@ def findings(proof: Proof, mission: str) -> list[Diagnostic]:
         mission: the argument of `lupin prove`.
     """
     hint = f"lupin prove {shlex.quote(mission)} tells how it comes to that"
-    return [*(_finding(proof.chart, one, hint) for one in proof.broken), *_warnings(proof)]
+    shown = [_finding(proof.chart, one, hint) for one in proof.broken]
+    return [*shown, *(_not_shown(proof.chart, one, hint) for one in proof.not_shown), *_warnings(proof)]
 
 
 def _warnings(proof: Proof) -> Iterator[Diagnostic]:
@@ -48,6 +50,12 @@ def _warnings(proof: Proof) -> Iterator[Diagnostic]:
         hint = "see what should lead there, or leave it out"
         text = f"{part.text} is {part.says}, with these parameters and bounds"
         yield Diagnostic(part.place, UNREACHED, part.path, text, hint, warn)
+
+
+def _not_shown(chart: Chart, one: Proven, hint: str) -> Diagnostic:
+    why = f"not shown: {one.name}: moves that break it were found, but no times at which they can happen"
+    found = _finding(chart, one, hint)
+    return replace(found, rule=UNPROVEN, path="", problem=why, severity=Severity.WARN)
 
 
 def _finding(chart: Chart, one: Proven, hint: str) -> Diagnostic:

@@ -1,7 +1,8 @@
 """Proves the properties of a chart by state-space exploration, within bounds that the proof names.
 
-A broken property comes with a counterexample: a shortest path, and its timed run where times are found.
-Without a complete exploration nothing is proven, but breaches of single steps are found all the same.
+A broken property comes with a counterexample: a shortest path, and its timed run. Where no times are found
+for the path, the property is not shown. Without a complete exploration nothing is proven, but breaches of
+single steps are found all the same.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from lupin_verify.situations.ways import ShortestWays
 from lupin_verify.situations.worlds import OF_PROPERTY
 
 #: The most breaches of a property that are tried for one with times.
-_TRIED = 8
+_TRIED = 64
 
 
 class ProofVerdict(enum.Enum):
@@ -45,6 +46,7 @@ class ProofVerdict(enum.Enum):
     BROKEN = "broken"
     NOT_RELEVANT = "not relevant"  #: no explored step concerns it
     NOT_PROVEN = "not proven"  #: no breach was found, but not everything was explored
+    NOT_SHOWN = "not shown"  #: moves that break it were found, but no times at which they can happen
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,9 @@ class Proven:
     """A property and its verdict.
 
     If it is broken, `text` says how, and `steps` are those of a shortest run that breaks it at the time
-    `ends`; None where no times were found for the path, which then may not be feasible. One `of_the_graph` is
-    broken by a goal that cannot be reached after the steps, one that `waits` by a deadline that passes.
+    `ends`. If it is not shown, `text` and `moves` are of a path that may not be feasible. One
+    `of_the_graph` is broken by a goal that cannot be reached after the steps, one that `waits` by a deadline
+    that passes.
     `taken` are the transitions of the last step, `configuration` the active states after it.
     """
 
@@ -102,6 +105,11 @@ class Proof:
         return [one for one in self.properties if one.verdict is ProofVerdict.BROKEN]
 
     @property
+    def not_shown(self) -> list[Proven]:
+        """The properties that are neither shown to hold nor to be broken."""
+        return [one for one in self.properties if one.verdict is ProofVerdict.NOT_SHOWN]
+
+    @property
     def never_applied(self) -> list[Proven]:
         """The author's own properties that no explored step concerns."""
         own = [one for one in self.properties if one.name in self.chart.properties]
@@ -139,22 +147,15 @@ def prove(
     def look(progress: ExplorationProgress) -> str:
         return str(explorer.growth or "") or stop_reason(progress)
 
-    explored = explore(explorer, look)
+    found, explored, exact = _judged(explorer, look)
     growth = explorer.growth
-    if growth is not None:
-        explored.complete, explored.stopped = False, str(growth)
-    elif not explored.complete:
+    if growth is None and not explored.complete:
         growth = explorer.may_grow()
-    judge = _Judge(explorer, explored)
-    found = [judge.of_steps(one.name, one.says) for one in watched]
-    if NO_EXCEPTION in explored.breaches:
-        found.append(judge.of_steps(NO_EXCEPTION, "The engine completes every step."))
-    exact = explored
-    if any(judge.broken.values()):
-        # With unconstrained inputs the attractor is an under-approximation: the breach may be spurious.
-        exact = explore(explorer, look, open_values=False)
-        judge = _Judge(explorer, exact)
-    found += judge.of_graph()
+    if exact.complete and any(one.verdict is ProofVerdict.NOT_SHOWN for one in found):
+        explorer.differences = True
+        again, *finer = _judged(explorer, look)
+        if finer[1].complete:
+            found, (explored, exact) = again, finer
     dead = unreached(world.chart, explored.taken, explored.entered) if explored.complete else ()
     return Proof(
         world.chart,
@@ -170,6 +171,25 @@ def prove(
         tuple(explorer.classes.left_out),
         dict(world.parameters),
     )
+
+
+def _judged(
+    explorer: BoundedExplorer, look: Callable[[ExplorationProgress], str]
+) -> tuple[list[Proven], Explored, Explored]:
+    """Explore, and judge each property; returns the explorations for those of steps, and of the graph."""
+    explored = explore(explorer, look)
+    if explorer.growth is not None:
+        explored.complete, explored.stopped = False, str(explorer.growth)
+    judge = _Judge(explorer, explored)
+    found = [judge.of_steps(one.name, one.says) for one in explorer.properties]
+    if NO_EXCEPTION in explored.breaches:
+        found.append(judge.of_steps(NO_EXCEPTION, "The engine completes every step."))
+    exact = explored
+    if any(judge.broken.values()):
+        # With unconstrained inputs the attractor is an under-approximation: the breach may be spurious.
+        exact = explore(explorer, look, open_values=False)
+        judge = _Judge(explorer, exact)
+    return [*found, *judge.of_graph()], explored, exact
 
 
 def _check_seen(page: OutcomePage, explorer: SituationExplorer) -> None:
@@ -263,9 +283,10 @@ class _Judge:
         steps, ends = (None, 0.0) if run is None else (tuple(run.steps), run.ends)
         situation, effect = explorer.walk(way)[-1]
         there = tuple(explorer.table.get(situation, ("configuration", "")) or ())
-        return Proven(
-            name, says, ProofVerdict.BROKEN, text, moves, steps, ends, False, waits, effect.taken, there
-        )
+        # An engine that raises has no run to its end.
+        shown = steps is not None or name == NO_EXCEPTION
+        verdict = ProofVerdict.BROKEN if shown else ProofVerdict.NOT_SHOWN
+        return Proven(name, says, verdict, text, moves, steps, ends, False, waits, effect.taken, there)
 
 
 def _elements(most: int) -> str:

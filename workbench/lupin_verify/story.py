@@ -137,7 +137,7 @@ def _started(steps: Sequence[Step]) -> float:
 def why_none(broken: Proven) -> str:
     """Return why no scenario was written for a property that is broken."""
     if broken.steps is None:
-        return "no times were found for these moves in this order: perhaps it cannot happen"
+        return "no times were found at which these moves can happen in this order, so it may hold:"
     if broken.name == OUTCOMES:
         return "no scenario was written, because scenarios do not read the page; these moves lead to it:"
     return "no scenario was written: a simulation of these moves does not break the property"

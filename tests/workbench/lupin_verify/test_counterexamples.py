@@ -313,7 +313,7 @@ CORRECTED = {
     ),
     "a drive gets a timeout": (
         "silence_is_told",
-        f"GO: {{invoke: {DRIVE}, on_done: done, on_error: done}}",
+        f"GO: {{invoke: {DRIVE}, on_done: done, on_error: done, on: {{operator.skip_current: done}}}}",
         "timeout: never",
         "timeout: {after: 60 s, code: late}",
     ),

@@ -22,7 +22,7 @@ table { border-collapse: collapse; } td, th { padding: .25rem 1.2rem .25rem 0; t
 td, th { vertical-align: top; border-bottom: 1px solid #e4e8ec; } td:first-child { white-space: nowrap; }
 code { font-size: .85em; overflow-wrap: anywhere; } td:last-child { overflow-wrap: anywhere; }
 pre { background: #f5f7f9; overflow-x: auto; padding: .6rem; } svg { height: auto; max-width: 100%; }
-.holds { color: #2d7a4b; } .broken { color: #cf4458; } .not-proven, .warning { color: #a15c00; }
+.holds { color: #2d7a4b; } .broken { color: #cf4458; } .not-proven, .not-shown, .warning { color: #a15c00; }
 .not-relevant { color: #66727f; } .result { border-left: .4rem solid; padding: .4rem .8rem; }
 .result { background: #f5f7f9; font-weight: 600; } .verdict { white-space: nowrap; font-weight: 600; }
 details { margin: 1rem 0; } summary { cursor: pointer; font-weight: 600; }
@@ -111,7 +111,8 @@ def _parameters(proof: Proof) -> Iterator[tuple[str, ...]]:
 
 
 def _kind(proof: Proof) -> str:
-    return "broken" if proof.broken else "holds" if proof.complete else "not-proven"
+    is_proven = proof.complete and not proof.not_shown
+    return "broken" if proof.broken else "holds" if is_proven else "not-proven"
 
 
 def _result(proof: Proof) -> str:

@@ -1,7 +1,7 @@
 """`lupin prove`: proves properties of missions by state-space exploration.
 
 Exit codes: 0 all that was asked holds; 1 something is broken; 2 wrong usage, or a mission has errors; 3 not
-proven, because the budget ran out or somebody interrupted.
+shown, because no times were found for a breach, the budget ran out or somebody interrupted.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def prove(
     is written beside the mission, named after the property.
 
     Exit code: 0 everything holds; 1 something is broken; 2 wrong usage, or a mission has errors; 3 not
-    proven: the budget ran out, or it was interrupted.
+    shown: no times were found at which a breach can happen, the budget ran out, or it was interrupted.
     """
     from lupin_cli.proofs.evidence import origin
     from lupin_cli.settings import settings_in
@@ -153,7 +153,7 @@ def prove(
 def _exit_code(proofs: Sequence[Proof]) -> int:
     if any(proof.broken for proof in proofs):
         return BROKEN
-    return 0 if all(proof.complete for proof in proofs) else NOT_PROVEN
+    return 0 if all(proof.complete and not proof.not_shown for proof in proofs) else NOT_PROVEN
 
 
 def read_budget(option: str, budget: str | None) -> float | None:
@@ -279,10 +279,11 @@ def _show(
     if not quiet:
         click.echo(name)
     for one in proof.properties:
-        if not quiet or one.verdict is one.verdict.BROKEN:
+        found = one.verdict in (one.verdict.BROKEN, one.verdict.NOT_SHOWN)
+        if found or not quiet:
             mark, about = _MARKS[one.verdict.value]
             click.echo(f"  {mark} {one.name}: {one.says}{about}")
-        if one.verdict is one.verdict.BROKEN:
+        if found:
             _show_breach(one, written.get(one.name), console, wanted)
     if not quiet:
         for part in proof.dead:
@@ -299,6 +300,7 @@ _MARKS = {
     "broken": ("✗", ""),
     "not relevant": ("-", " (never applied: no explored step concerns it)"),
     "not proven": ("?", " (not proven)"),
+    "not shown": ("?", " (not shown)"),
 }
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Container, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, cast
 
@@ -67,6 +67,7 @@ from lupin_verify.situations.situation import (
     canonical_names,
 )
 from lupin_verify.situations.worlds import (
+    AWAY,
     LOADED,
     OF_PROPERTY,
     Deadlines,
@@ -75,6 +76,7 @@ from lupin_verify.situations.worlds import (
     WorldMoves,
     canonical_claims,
     deadlines_of,
+    differences_after,
     drop_abandoned,
     in_order,
     rankable,
@@ -121,6 +123,8 @@ class SituationExplorer:
         every = (invoke for _, invoke in invokes(world.chart))
         self._moving = {one.name for one in every if one.operation.on_hold is OnHold.CANCEL}
         self._room = ROOM
+        #: Whether difference bounds of all deadlines are stored: fewer orders of them, more situations.
+        self.differences = False
         self._begin()
 
     def _begin(self) -> None:
@@ -180,7 +184,11 @@ class SituationExplorer:
                 step = self.moves.carry_out(machine, memory, move)
             if step is None:
                 return Effect(cut=True)
-            return self._effect_of(memory, machine, step, situation, before)
+            effect = self._effect_of(memory, machine, step, situation, before)
+            if self.differences and effect.deadlines is not None:
+                fired = AWAY if step.event.name in _RESTARTS else move.timer
+                effect = replace(effect, deadlines=effect.deadlines._replace(fired=fired))
+            return effect
         except (Overflow, TooMany):
             raise
         except Exception as problem:  # a defect of the engine or of a plugin is a breach
@@ -213,8 +221,8 @@ class SituationExplorer:
         if fresh or was_gone or any(slot in delta for slot in slots):
             # Deadlines that were due while the process was gone fire now, perhaps too late for a property.
             running = (*memory.timers, *(() if was_gone else deadlines_of(watched)))
-            ordered = (tuple(rankable(self.chart, timers)) for timers in (running, memory.frozen))
-            deadlines = Deadlines(*ordered)
+            armed, frozen = (tuple(rankable(self.chart, timers)) for timers in (running, memory.frozen))
+            deadlines = Deadlines(armed, frozen)
         self._set(delta, memory, KNOWN_FALSE, machine.known_false)
         if claims is not None:
             self._set(delta, memory, CLAIMS, claims or None)
@@ -244,7 +252,8 @@ class SituationExplorer:
         if effect.deadlines is None:
             return before
         known = self.table.value(slot, before) if before else frozenset()
-        ranks = ranks_after(known, effect.deadlines, effect.fresh, dict(effect.renamed))
+        after = differences_after if self.differences else ranks_after
+        ranks = after(known, effect.deadlines, effect.fresh, dict(effect.renamed))
         try:
             return self.table.number(slot, ranks) if ranks else 0
         except TooMany:
