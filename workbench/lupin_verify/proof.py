@@ -8,13 +8,13 @@ single steps are found all the same.
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.chart import Chart
+from lupin_engine.chart import DECIDING, Chart, walk
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.machine import Step, World
 from lupin_engine.properties import properties_of
@@ -78,9 +78,10 @@ class Proof:
     """The verdicts on a chart's properties; `bounds` has sentences about the scope of the exploration.
 
     `dead` are states and transitions that were never reached; empty unless it is `complete`. If it is not, it
-    was `stopped` for a reason; `growth` is a slot that grows without end, or may. `untried` names reads
-    of which not all classes were tried. `parameters` has all values; `varied` says which one is not as given.
-    It took so many `seconds`, and so much time of the `processor` (s).
+    was `stopped` for a reason; `growth` is a slot that grows without end, or may. `untried` names reads of
+    which not all classes were tried, `cut` all that the proof is limited to. `parameters` has all values;
+    `varied` says which one is not as given. It took so many `seconds`, and so much time of the `processor`
+    (s).
     """
 
     chart: Chart
@@ -94,6 +95,7 @@ class Proof:
     entered: frozenset[str] = field(default_factory=frozenset)
     growth: Growth | None = None
     untried: tuple[str, ...] = ()
+    cut: tuple[str, ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
     varied: str = ""
     seconds: float = 0.0
@@ -169,6 +171,7 @@ def prove(
         frozenset(explored.entered),
         growth,
         tuple(explorer.classes.left_out),
+        tuple(_cut(explorer)),
         dict(world.parameters),
     )
 
@@ -287,6 +290,24 @@ class _Judge:
         shown = steps is not None or name == NO_EXCEPTION
         verdict = ProofVerdict.BROKEN if shown else ProofVerdict.NOT_SHOWN
         return Proven(name, says, verdict, text, moves, steps, ends, False, waits, effect.taken, there)
+
+
+def _cut(explorer: SituationExplorer) -> Iterator[str]:
+    """Yield what a proof is limited to, of what this chart has."""
+    chart, most = explorer.chart, explorer.bounds.targets
+    states = chart.states.values()
+    fields = (field.type for mission in chart.missions.values() for field in mission.request.values())
+    if any(one.itinerary or one.for_each for one in states) or any(kind.kind == "list" for kind in fields):
+        yield f"lists of up to {most} element{'' if most == 1 else 's'}" if most else "empty lists"
+    if explorer.moves.cuts_waiting:
+        yield "one event of each kind that waits in a hold"
+    things = (*states, *chart.holds.values(), *chart.properties.values(), *chart.invariants.values())
+    if any(
+        root == "clock" for one in things for said in walk(one, DECIDING) for root, _ in reads(said.value)
+    ):
+        yield "06:00 as the robot's time of day"
+    if explorer.classes.left_out:
+        yield "the values that were tried"
 
 
 def _elements(most: int) -> str:

@@ -82,3 +82,54 @@ def test_moves_without_times_are_not_shown(tmp_path: Path, capsys: pytest.Captur
         "warning: not shown: never_late: moves that break it were found, but no times at which they can"
         " happen; " in told
     )
+
+
+@pytest.mark.parametrize(
+    ("outer", "more", "verdict", "code"),
+    [
+        ("12 s", (), "broken", 1),
+        ("10 s", (), "holds", 0),
+        ("11 s", (), "not shown", 3),
+        ("12 s", ("--budget", "0 s"), "not proven", 3),
+    ],
+)
+def test_the_page_says_which_verdict_is_when(
+    outer: str,
+    more: tuple[str, ...],
+    verdict: str,
+    code: int,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """With the mission that stands there."""
+    page = (Path(__file__).parents[3] / "docs" / "proof.md").read_text(encoding="utf-8")
+    mission = page.partition('```yaml title="late.yaml"\n')[2].partition("```")[0]
+    assert "`never_late` is broken if the outer deadline is after 12 s" in page
+    text = mission.replace("12 s: done", f"{outer}: done")
+    found, told = proven(tmp_path, capsys, text, "--no-restarts", "--json", *more)
+    verdicts = {one["name"]: one["verdict"] for one in json.loads(told)[0]["properties"]}
+    assert (verdicts["never_late"], found) == (verdict, code)
+    marks = {"holds": "✓", "broken": "✗"}
+    assert f"| {marks.get(verdict, '?')} {verdict} | {code} |" in page
+
+
+#: What is limited in a proof -> what the last line begins with.
+CUT = {
+    "nothing": ("A: {after: {1 s: done}}", "proven;"),
+    "the time of day": (
+        "A: {after: {1 s: [{target: done, guard: \"clock.time < '12:00'\"}, {target: done}]}}",
+        "proven for 06:00 as the robot's time of day;",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CUT)
+def test_what_is_cut_stands_in_the_last_line(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And nothing else does."""
+    state, wanted = CUT[name]
+    text = f"mission: Sums\ninitial: A\nstates:\n  {state}\n  done: {{type: final}}\n"
+    code, told = proven(tmp_path, capsys, text, "--no-restarts")
+    assert code == 0
+    assert told.startswith(f"Sums: {wanted} "), told

@@ -25,8 +25,9 @@ def result(proof: Proof) -> str:
         number, _, word = first.partition(" ")
         of = f"{number} of {counted(len(proof.properties), 'property')} {word}"
         return f"{', '.join((of, *rest))}{unfinished}"
-    proven = "proven for the values that were tried" if proof.untried else "proven"
-    return proven if proof.complete else f"not proven: {proof.stopped}{grows}"
+    if not proof.complete:
+        return f"not proven: {proof.stopped}{grows}"
+    return f"proven for {', '.join(proof.cut)}" if proof.cut else "proven"
 
 
 def summary(proof: Proof) -> str:

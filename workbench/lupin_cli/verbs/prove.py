@@ -344,6 +344,7 @@ def _record(
         "complete": proof.complete,
         "stopped": proof.stopped,
         **asdict(proof.progress),
+        "cut": list(proof.cut),
         "bounds": list(proof.bounds),
         "assumptions": list(ASSUMPTIONS),
         "not_shown": list(NOT_SHOWN),

@@ -121,6 +121,8 @@ class WorldMoves:
         self._table = table
         self._classes = classes
         self.owed = owed
+        #: Whether a second event of a kind, or a time of day, was left out during a hold.
+        self.cuts_waiting = False
         self.all: list[WorldMove] = []
         self._numbers: dict[tuple[Any, ...], int] = {}
         #: The slots that decide which deadlines may be the next, and the slot of the names of the attempts.
@@ -288,6 +290,7 @@ class WorldMoves:
             return self._fire(machine, memory, move.timer)
         name = move.event.name
         if name in machine.chart.catalog.events and any(e.name == name for e in memory.deferred):
+            self.cuts_waiting = True
             return None  # at most one event of a name is deferred during a hold
         if name == "attempt.done" and not self._is_reported(memory, move.event.data["attempt"]):
             return None
@@ -310,6 +313,7 @@ class WorldMoves:
     def _fire(self, machine: Machine, memory: TrackedMemory, wanted: TimerName) -> Step | None:
         kind, owner, event = wanted
         if kind == "at" and any(waiting.name == WAITS for waiting in memory.deferred):
+            self.cuts_waiting = True
             return None  # at most one time of day is deferred during a hold
         timers = memory.timers
         found = next(t for t in timers if (t[2], *t[3]) == wanted)
