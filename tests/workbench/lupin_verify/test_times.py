@@ -69,7 +69,9 @@ def test_moves_without_times_are_not_shown(tmp_path: Path, capsys: pytest.Captur
         "      time is up in W.B\n"
         "Sums: 1 of 18 properties not shown; 60 situations, 906 transitions\n"
     )
-    assert "<p class='result not-proven'>1 of 18 properties not shown</p>" in page.read_text(encoding="utf-8")
+    report = page.read_text(encoding="utf-8")
+    assert "<p class='result not-proven'>1 of 18 properties not shown</p>" in report
+    assert "<h3 class='not-shown'>Not shown: never_late</h3>" in report
     mission = str(tmp_path / "sums.yaml")
     assert main(["prove", mission, "--targets", "0", "--no-restarts", "--json"]) == 3
     (found,) = json.loads(capsys.readouterr().out)

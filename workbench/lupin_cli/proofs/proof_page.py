@@ -76,7 +76,7 @@ def _mission(loaded: LoadedMissions, proof: Proof, written: Mapping[str, Failing
     yield _table(_facts(loaded, proof))
     rows = [(f"<code>{one.name}</code>", escape(one.says), _verdict(proof, one)) for one in proof.properties]
     yield "<h3>Properties</h3>" + _table(rows)
-    for one in proof.broken:
+    for one in (*proof.broken, *proof.not_shown):
         yield from _counterexample(loaded, one, written.get(one.name))
     yield f"<h3>What was explored, and its bounds</h3>{_list(proof.bounds)}"
     if proof.dead:
@@ -130,8 +130,12 @@ def _short(loaded: LoadedMissions, text: str) -> str:
 def _verdict(proof: Proof, one: Proven) -> str:
     """Return the verdict in its colour; that an author's own property never applied is a warning."""
     verdict = _VERDICTS.get(one.verdict.value, one.verdict.value)
-    kind = "warning" if one in proof.never_applied else one.verdict.value.replace(" ", "-")
+    kind = "warning" if one in proof.never_applied else _class(one)
     return f"<span class='verdict {kind}'>{verdict}</span>"
+
+
+def _class(one: Proven) -> str:
+    return one.verdict.value.replace(" ", "-")
 
 
 def _list(texts: Iterable[str]) -> str:
@@ -139,7 +143,8 @@ def _list(texts: Iterable[str]) -> str:
 
 
 def _counterexample(loaded: LoadedMissions, one: Proven, scenario: FailingScenario | None) -> Iterator[str]:
-    yield f"<h3 class='broken'>Counterexample: {escape(one.name)}</h3>"
+    title = "Counterexample" if one.verdict is one.verdict.BROKEN else "Not shown"
+    yield f"<h3 class='{_class(one)}'>{title}: {escape(one.name)}</h3>"
     yield f"<p>{escape(one.says)}<br>{escape(_short(loaded, one.text))}</p>"
     if scenario is None:
         yield f"<p>{escape(why_none(one))}</p>"
