@@ -71,7 +71,7 @@ def test_a_proof_finds_the_mistake_that_no_test_finds() -> None:
     assert all(said.endswith("all hold\n") for said in blocks(PROOF_PAGE, "lupin test --quiet"))
     mistaken, mended = blocks(PROOF_PAGE, "lupin prove twice --no-restarts --quiet")
     assert "✗ reads_there" in mistaken
-    assert mended.startswith("Twice: proven")
+    assert mended.startswith("Twice: proven; ")
     (fails,) = blocks(PROOF_PAGE, "lupin test missions/twice.reads_there.scenario.yaml | head -n 2")
     (holds,) = blocks(PROOF_PAGE, "lupin test missions/twice.reads_there.scenario.yaml")
     assert fails.startswith("FAIL")
