@@ -64,6 +64,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "unknown-part": "what a state uses is a file in the folder of parts, or a mission beside",
             "part-loop": "a part or mission does not contain itself",
             "unknown-hold": "a hold is declared in the lifecycle",
+            "unknown-property": "a property that is built in, or not meant, is one that there is",
             "undeclared-code": "every code that can reach last_error has a label and a severity",
             "missing-itinerary": "what walks an itinerary stands in a state that has one",
         },

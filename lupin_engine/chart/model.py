@@ -389,6 +389,8 @@ class TemporalProperty:
 
     With `after` it is checked from each moment on at which that holds, with `until` up to the next such
     moment. One that reads the request of a `mission` is about the runs of that one; '' is about every moment.
+    One that is `built_in` is known by its name. `not_meant` are the missions of which it is not meant, with
+    the reason.
     """
 
     name: str
@@ -401,6 +403,12 @@ class TemporalProperty:
     until: Expression | None = field(default=None, metadata=said(Role.CONDITION, "until"))
     summary: str = field(default="", metadata=said(Role.PLAIN, "summary"))
     mission: str = ""
+    built_in: bool = False
+    not_meant: Mapping[str, str] = field(default_factory=dict)
+
+    def is_meant(self, mission: str) -> bool:
+        """Return whether it is about the runs of a mission ('': when none has begun)."""
+        return self.mission in ("", mission) and mission not in self.not_meant
 
 
 @dataclass(frozen=True, eq=False)

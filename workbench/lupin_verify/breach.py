@@ -12,7 +12,7 @@ from lupin_engine.errors import Diagnostic, Place, Severity
 from lupin_engine.properties import BUILT_IN
 from lupin_engine.sim import SUFFIX, Scenario
 from lupin_verify.proof import Proof, Proven
-from lupin_verify.situations.graph import OF_THE_GRAPH
+from lupin_verify.situations.graph import NAMED_OF_THE_GRAPH, OF_THE_GRAPH
 
 #: The rules of the checker that such findings belong to.
 RULE = "broken-property"
@@ -79,7 +79,7 @@ def shown_by(scenario: Scenario, name: str) -> Diagnostic | None:
         return None
     run = scenario.run()
     hint = f"lupin test {shlex.quote(scenario.file.name)} shows it"
-    for one in OF_THE_GRAPH:
+    for one in (*OF_THE_GRAPH, *NAMED_OF_THE_GRAPH):
         if one.name == name:
             if not scenario.failures(run):
                 return None
@@ -104,5 +104,6 @@ def _at(
         place = chart.states[where].place
     for rule in (rules[one] for one in taken if one in rules):
         place, where = rule.place, rule.id
-    message = text if name in chart.properties else f"{name}: {text}"  # an author's own names itself
+    rule = chart.properties.get(name)
+    message = f"{name}: {text}" if rule is None or rule.built_in else text  # an author's own names itself
     return Diagnostic(place, RULE, where, message, hint)

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.chart import DECIDING, Chart, walk
-from lupin_engine.errors import Problems, UsageError
+from lupin_engine.chart.compose.timeless import BUILT_IN_NAMES
+from lupin_engine.errors import Place, Problems, UsageError
 from lupin_engine.machine import Step, World
 from lupin_engine.properties import properties_of
 from lupin_verify.growth import BoundedExplorer, Growth
@@ -27,7 +28,7 @@ from lupin_verify.situations.explorer import (
     SituationExplorer,
 )
 from lupin_verify.situations.found import Breach, ExplorationProgress, Explored
-from lupin_verify.situations.graph import OF_THE_GRAPH, Graph, GraphProperty, broken
+from lupin_verify.situations.graph import NAMED_OF_THE_GRAPH, OF_THE_GRAPH, Graph, GraphProperty, broken
 from lupin_verify.situations.levels import explore
 from lupin_verify.situations.moves import move_text
 from lupin_verify.situations.relevance import reads
@@ -37,6 +38,7 @@ from lupin_verify.situations.worlds import OF_PROPERTY
 
 #: The most breaches of a property that are tried for one with times.
 _TRIED = 64
+_NO_EXCEPTION = "The engine completes every step."
 
 
 class ProofVerdict(enum.Enum):
@@ -114,13 +116,31 @@ class Proof:
     @property
     def never_applied(self) -> list[Proven]:
         """The author's own properties that no explored step concerns."""
-        own = [one for one in self.properties if one.name in self.chart.properties]
+        own = [one for one in self.properties if is_own(self.chart, one.name)]
         return [one for one in own if one.verdict is ProofVerdict.NOT_RELEVANT]
 
     @property
     def reached(self) -> Reached:
         """How much of the chart was reached."""
         return reached(self.chart, self.taken, self.entered)
+
+
+def listed(chart: Chart) -> Iterator[tuple[str, str, Place | None]]:
+    """Yield the properties of a chart: name, sentence and place; None where the engine brings it."""
+    stages, own = chart.profile.stages, chart.properties
+    of_graph = {one.name: one.named(stages).says for one in (*OF_THE_GRAPH, *NAMED_OF_THE_GRAPH)}
+    for one in properties_of(chart):
+        yield one.name, one.says, own[one.name].place if one.name in own else None
+    yield NO_EXCEPTION, _NO_EXCEPTION, None
+    for name, says in of_graph.items():
+        if name in own or name not in BUILT_IN_NAMES:
+            yield name, says, own[name].place if name in own else None
+
+
+def is_own(chart: Chart, name: str) -> bool:
+    """Return whether a property stands in a mission or a part, not in the lifecycle or the engine."""
+    rule = chart.properties.get(name)
+    return rule is not None and rule.place.file != chart.states[""].place.file
 
 
 def prove(
@@ -186,7 +206,7 @@ def _judged(
     judge = _Judge(explorer, explored)
     found = [judge.of_steps(one.name, one.says) for one in explorer.properties]
     if NO_EXCEPTION in explored.breaches:
-        found.append(judge.of_steps(NO_EXCEPTION, "The engine completes every step."))
+        found.append(judge.of_steps(NO_EXCEPTION, _NO_EXCEPTION))
     exact = explored
     if any(judge.broken.values()):
         # With unconstrained inputs the attractor is an under-approximation: the breach may be spurious.
@@ -250,7 +270,9 @@ class _Judge:
     @property
     def _of_graph(self) -> list[GraphProperty]:
         stages = self._explorer.chart.profile.stages
-        return [one.named(stages) for one in OF_THE_GRAPH]
+        chart = self._explorer.chart
+        own = [one for one in NAMED_OF_THE_GRAPH if _is_meant(chart, one.name)]
+        return [one.named(stages) for one in (*OF_THE_GRAPH, *own)]
 
     def of_graph(self) -> list[Proven]:
         """Judge the liveness properties, of the graph as a whole."""
@@ -308,6 +330,12 @@ def _cut(explorer: SituationExplorer) -> Iterator[str]:
         yield "06:00 as the robot's time of day"
     if explorer.classes.left_out:
         yield "the values that were tried"
+
+
+def _is_meant(chart: Chart, name: str) -> bool:
+    """Return whether a file names a built-in property, and one of the missions means it."""
+    rule = chart.properties.get(name)
+    return rule is not None and rule.built_in and any(map(rule.is_meant, chart.missions))
 
 
 def _elements(most: int) -> str:

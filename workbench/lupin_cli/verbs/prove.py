@@ -62,6 +62,9 @@ if TYPE_CHECKING:
     help="Compare each cell of this page of outcomes with what follows in every situation.",
 )
 @click.option(
+    "--list", "listed", is_flag=True, help="List the properties, and where they stand; prove nothing."
+)
+@click.option(
     "--jobs",
     "-j",
     type=click.IntRange(min=1),
@@ -88,6 +91,7 @@ def prove(
     no_restarts: bool,
     every_class: bool,
     outcomes: Path | None,
+    listed: bool,
     jobs: int | None,
     budget: str | None,
     no_scenarios: bool,
@@ -122,6 +126,10 @@ def prove(
         given[name], wrong = settings_in("--set", settings, one.chart.parameters)
         problems.add(*wrong)
     problems.raise_any()
+    if listed:
+        for one in loaded.values():
+            _show_list(one)
+        return 0
     tasks = [
         task
         for name, one in loaded.items()
@@ -148,6 +156,23 @@ def prove(
         for one, proof, written in proofs:
             _show(one, proof, written, quiet, not no_scenarios)
     return _exit_code([proof for _, proof, _ in proofs])
+
+
+def _show_list(loaded: LoadedMissions) -> None:
+    """Print the properties of a mission, each with its sentence and where it comes from."""
+    from lupin_cli.proofs.proof_words import shown_place
+    from lupin_verify import listed
+
+    click.echo(loaded.names[0])
+    for name, says, place in listed(loaded.chart):
+        click.echo(f"  {name}: {says} ({'built in' if place is None else shown_place(loaded, place)})")
+    _show_not_meant(loaded, "  ")
+
+
+def _show_not_meant(loaded: LoadedMissions, indent: str) -> None:
+    for rule in loaded.chart.properties.values():
+        for mission, why in rule.not_meant.items():
+            click.echo(f"{indent}not meant of {mission}: {rule.name}, because {why}")
 
 
 def _exit_code(proofs: Sequence[Proof]) -> int:
@@ -286,6 +311,7 @@ def _show(
         if found:
             _show_breach(one, written.get(one.name), console, wanted)
     if not quiet:
+        _show_not_meant(loaded, "  ")
         for part in proof.dead:
             click.echo(f"  warning: {part.sentence(shown_place(loaded, part.place))}")
         click.echo("  What was explored, and its bounds:")
