@@ -52,7 +52,8 @@ class Glance(NamedTuple):
     `speaking` are the attempts that a state waits for, `over` the invocations whose operation has ended for
     good, `closed` the number of visits of mission `mission_id` with an outcome, over all passes, `begun` the
     active itineraries, `unfinished` those that owe results, each with the number of targets that it had
-    before it was begun anew. `configuration`, `history` and `asked` are the names of states.
+    before it was begun anew, and with the number of results that it owes. `configuration`, `history` and
+    `asked` are the names of states.
     """
 
     held: Collection[str] = ()
@@ -61,7 +62,7 @@ class Glance(NamedTuple):
     closed: int = 0
     mission_id: str = ""
     begun: tuple[str, ...] = ()
-    unfinished: tuple[tuple[str, int], ...] = ()
+    unfinished: tuple[tuple[str, int, int], ...] = ()
     configuration: tuple[str, ...] = ()
     history: tuple[tuple[str, tuple[str, ...]], ...] = ()
     asked: Container[str] = ()
@@ -168,10 +169,11 @@ def begun(memory: Memory) -> tuple[str, ...]:
     return tuple(name for name, walk in memory.itineraries.items() if walk.begun)
 
 
-def unfinished(memory: Memory) -> tuple[tuple[str, int], ...]:
-    """Return the active itineraries with a target that is to have a result and has none (see `Glance`)."""
+def unfinished(memory: Memory) -> tuple[tuple[str, int, int], ...]:
+    """Return the active itineraries with targets that are to have a result and have none (see `Glance`)."""
     walks = ((name, walk) for name, walk in memory.itineraries.items() if walk.begun and not walk.leaves_open)
-    return tuple((name, walk.before) for name, walk in walks if any(not v.closed for v in walk.visits))
+    owed = ((name, walk.before, sum(not one.closed for one in walk.visits)) for name, walk in walks)
+    return tuple(one for one in owed if one[2])
 
 
 def closed(memory: Memory) -> int:

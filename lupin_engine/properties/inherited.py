@@ -58,14 +58,15 @@ def _at_its_target(state: Remembered, passage: Passage) -> tuple[Remembered, Ver
     drives = _drives(chart)
     if not drives:
         return state, verdict
+    arrives = False  # the next drive may begin in the same step
     for rule in taken(passage):
         if rule.event == "done" and drives.get(rule.source):
-            walk_of = traversal_of(chart, memory, rule.source)
+            walk_of, arrives = traversal_of(chart, memory, rule.source), True
             state = () if walk_of is None else (math.inf,) * (walk_of.index + 1)
     for walked, index, visit in _told_good(passage):
         if any(walked.state in chart.lineage[name] for name in drives):
             verdict = HOLDS
-            if len(state) != index + 1:
+            if not arrives and len(state) != index + 1:
                 what = f"{visit.target} is told as {visit.status}, but no drive to it has succeeded"
                 return state, Verdict(True, f"{what}, or the robot has driven elsewhere since")
     drives_on = any(isinstance(each, Start) and each.state in drives for each in passage.step.commands)
@@ -140,12 +141,10 @@ def _told_good(passage: Passage) -> Iterator[tuple[Traversal, int, Visit]]:
 
 def _nothing_after_close(passage: Passage) -> str | None:
     chart, memory, step = passage.chart, passage.after, passage.step
-    about = _about_targets(chart)
-    begun = {
-        each.state: each.operation
-        for each in step.commands
-        if isinstance(each, Start) and each.state in about
-    }
+    about, begun = _about_targets(chart), {}
+    if step.event.name != f"operator.{chart.profile.resume}":  # after the dock it stands there once more
+        starts = (each for each in step.commands if isinstance(each, Start) and each.state in about)
+        begun = {each.state: each.operation for each in starts if each.state in step.entered}
     if any(isinstance(each, Publish) for each in step.commands):
         begun.update(_under_way(memory, about))
     for name, operation in begun.items():
@@ -172,11 +171,12 @@ _named(
 
 
 def _no_second_round(passage: Passage) -> str | None:
-    memory = passage.after
-    before = dict(passage.before.unfinished) if passage.step.entered and memory.itineraries else {}
-    for name, rounds in before.items() if passage.before.mission_id == memory.mission_id else ():
+    memory, step = passage.after, passage.step
+    before = passage.before.unfinished if step.entered and memory.itineraries else ()
+    told = sum(isinstance(command, Publish) for command in step.commands)
+    for name, rounds, left in before if passage.before.mission_id == memory.mission_id else ():
         walked = memory.itineraries.get(name)
-        if name in passage.step.entered and walked is not None and walked.before > rounds:
+        if name in step.entered and walked is not None and walked.before > rounds and told < left:
             return f"the itinerary of {name} begins anew, though it has targets without a result"
     return "" if before else None
 
@@ -204,7 +204,7 @@ def _resume_goes_on(passage: Passage) -> str | None:
     left = [name for name in back if name not in step.entered]
     if left:
         return f"{left[0]} was left for the dock, and the resume does not lead back there"
-    open_before = dict(passage.before.unfinished)
+    open_before = {name for name, *_ in passage.before.unfinished}
     for above, name in zip(step.entered, step.entered[1:], strict=False):
         if (
             above in open_before

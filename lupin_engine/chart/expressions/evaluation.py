@@ -12,7 +12,8 @@ from lupin_engine.plugin.types import MAX_INTEGER, MAX_TEXT, UNITS, Type, in_bas
 
 #: What an expression sees: the records param, request, input, event, error, target, itinerary, clock and, in
 #: properties, step; `item` (what a `for_each` is at); `context` (variables by name); and the callables
-#: `known(input)`, `held(hold)`, `in_state(full_names)` and, in `functions`, those of the plugins by full name.
+#: `known(input)`, `held(hold)`, `in_state(full_names)` and, in `functions`, those of the plugins by full
+#: name.
 Environment = Mapping[str, Any]
 
 
