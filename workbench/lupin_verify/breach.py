@@ -104,6 +104,6 @@ def _at(
         place = chart.states[where].place
     for rule in (rules[one] for one in taken if one in rules):
         place, where = rule.place, rule.id
-    rule = chart.properties.get(name)
-    message = f"{name}: {text}" if rule is None or rule.built_in else text  # an author's own names itself
+    known = chart.properties.get(name)
+    message = f"{name}: {text}" if known is None or known.built_in else text  # an author's own names itself
     return Diagnostic(place, RULE, where, message, hint)

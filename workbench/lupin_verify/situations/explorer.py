@@ -7,7 +7,7 @@ those slots are equal; `levels` caches it. An exception in a step is a breach of
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -480,7 +480,7 @@ class _Those:
 
 
 #: What of a glance is computed from the memory.
-_COMPUTED = {
+_COMPUTED: Mapping[str, Callable[[Memory], Any]] = {
     "closed": closed,
     "begun": begun,
     "unfinished": unfinished,
