@@ -63,10 +63,10 @@ def _at_its_target(state: Remembered, passage: Passage) -> tuple[Remembered, Ver
         if rule.event == "done" and drives.get(rule.source):
             walk_of, arrives = traversal_of(chart, memory, rule.source), True
             state = () if walk_of is None else (math.inf,) * (walk_of.index + 1)
-    for walked, index, visit in _told_good(passage):
+    for walked, indices, visit in _told_good(passage):
         if any(walked.state in chart.lineage[name] for name in drives):
             verdict = HOLDS
-            if not arrives and len(state) != index + 1:
+            if not arrives and len(state) - 1 not in indices:
                 what = f"{visit.target} is told as {visit.status}, but no drive to it has succeeded"
                 return state, Verdict(True, f"{what}, or the robot has driven elsewhere since")
     drives_on = any(isinstance(each, Start) and each.state in drives for each in passage.step.commands)
@@ -122,18 +122,19 @@ _named(
 )
 
 
-def _told_good(passage: Passage) -> Iterator[tuple[Traversal, int, Visit]]:
-    """Yield the visits that get a good result in a step, with their index in their itinerary."""
+def _told_good(passage: Passage) -> Iterator[tuple[Traversal, list[int], Visit]]:
+    """Yield the visits that get a good result in a step, with their indices: a target may be named twice."""
     for command in passage.step.commands:
         outcome = passage.chart.profile.outcome(command.status) if isinstance(command, Publish) else None
         if outcome is None or not outcome.is_good:
             continue
         assert isinstance(command, Publish)
+        what = command.target, command.status
         for walked in passage.after.itineraries.values():
-            for index, visit in enumerate(walked.visits if walked.begun else ()):
-                if visit.target == command.target and visit.status == command.status:
-                    yield walked, index, visit
-                    break
+            visits = enumerate(walked.visits if walked.begun else ())
+            found = [index for index, visit in visits if (visit.target, visit.status) == what]
+            if found:
+                yield walked, found, walked.visits[found[0]]
 
 
 # -- what belongs to a visit -----------------------------------------------------------------------------
