@@ -143,7 +143,7 @@ def _told_good(passage: Passage) -> Iterator[tuple[Traversal, list[int], Visit]]
 def _nothing_after_close(passage: Passage) -> str | None:
     chart, memory, step = passage.chart, passage.after, passage.step
     about, begun = _about_targets(chart), {}
-    if step.event.name != f"operator.{chart.profile.resume}":  # after the dock it stands there once more
+    if step.event.name != f"operator.{chart.profile.resume}":  # it may stand there once more
         starts = (each for each in step.commands if isinstance(each, Start) and each.state in about)
         begun = {each.state: each.operation for each in starts if each.state in step.entered}
     if any(isinstance(each, Publish) for each in step.commands):
@@ -204,7 +204,7 @@ def _resume_goes_on(passage: Passage) -> str | None:
     ]
     left = [name for name in back if name not in step.entered]
     if left:
-        return f"{left[0]} was left for the dock, and the resume does not lead back there"
+        return f"{left[0]} was left, and the resume does not lead back there"
     open_before = {name for name, *_ in passage.before.unfinished}
     for above, name in zip(step.entered, step.entered[1:], strict=False):
         if (
@@ -223,7 +223,7 @@ def _is_of_slot(chart: Chart, history: str) -> bool:
 
 _named(
     "resume_goes_on",
-    "After a dock and a resume, a mission goes on where it was.",
+    "A mission that waits away from its work goes on where it was when it is resumed.",
     _resume_goes_on,
 )
 

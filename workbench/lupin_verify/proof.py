@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from lupin_engine.chart import DECIDING, Chart, walk
-from lupin_engine.chart.compose.timeless import BUILT_IN_NAMES
 from lupin_engine.errors import Place, Problems, UsageError
 from lupin_engine.machine import Step, World
 from lupin_engine.properties import properties_of
@@ -128,13 +127,12 @@ class Proof:
 def listed(chart: Chart) -> Iterator[tuple[str, str, Place | None]]:
     """Yield the properties of a chart: name, sentence and place; None where the engine brings it."""
     stages, own = chart.profile.stages, chart.properties
-    of_graph = {one.name: one.named(stages).says for one in (*OF_THE_GRAPH, *NAMED_OF_THE_GRAPH)}
+    named = [one for one in NAMED_OF_THE_GRAPH if one.name in own]
     for one in properties_of(chart):
         yield one.name, one.says, own[one.name].place if one.name in own else None
     yield NO_EXCEPTION, _NO_EXCEPTION, None
-    for name, says in of_graph.items():
-        if name in own or name not in BUILT_IN_NAMES:
-            yield name, says, own[name].place if name in own else None
+    for rule in (*OF_THE_GRAPH, *named):
+        yield rule.name, rule.named(stages).says, own[rule.name].place if rule in named else None
 
 
 def is_own(chart: Chart, name: str) -> bool:
