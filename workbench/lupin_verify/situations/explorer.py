@@ -387,12 +387,12 @@ class SituationExplorer:
         return found
 
     def _stage(self, configuration: Iterable[str]) -> int:
-        """Return whether a mission goes on by itself, or waits at the dock for a person."""
+        """Return whether a mission goes on by itself, or waits elsewhere for a person."""
         states = self.chart.states
         paused = [name for name in configuration if states[name].paused]
         if any(states[name].slot for name in configuration):
             return 0 if paused else Is.WORKS
-        return Is.DOCKED if paused else 0
+        return Is.AWAY if paused else 0
 
 
 class _TrackedContent(ExecutableContent):

@@ -146,5 +146,5 @@ class Is:
     MOVES = 4  #: an operation that moves is under way
     MISSION = 8  #: a mission is under way
     WORKS = 16  #: in a state of the mission's own, and nobody has stopped or asked anything
-    DOCKED = 32  #: a mission waits for a person in a state of the lifecycle
+    AWAY = 32  #: a mission waits for a person in a state of the lifecycle
     ENDLESS = 64  #: in an itinerary whose sweeps have no end

@@ -152,8 +152,8 @@ class Graph:
         return found
 
     def in_missions(self, allowed: _Mask) -> _Mask:
-        """Return the allowed transitions between situations in which a mission goes on, or waits docked."""
-        going = self.situations(Is.MISSION) & (~self.situations(Is.REPORTED) | self.situations(Is.DOCKED))
+        """Return the allowed transitions between situations in which a mission goes on or waits."""
+        going = self.situations(Is.MISSION) & (~self.situations(Is.REPORTED) | self.situations(Is.AWAY))
         found: _Mask = allowed & going[self.sources] & going[self.targets]
         return found
 
@@ -315,10 +315,10 @@ def _livelock(graph: Graph) -> _Mask:
 
 
 def _loops(graph: Graph) -> _Mask:
-    """Return the situations from which successes and deadlines lead round and round, or to the dock."""
+    """Return the situations from which successes and deadlines lead round for ever, or to a wait."""
     at = graph.in_missions(graph.by(Mover.ANSWER | Mover.TIMER) & ~graph.of_timeouts())
     at = at & ~(graph.does(Does.ADVANCES) & graph.situations(Is.ENDLESS)[graph.sources])
-    stuck = graph.on_fair_cycles(at) | graph.situations(Is.DOCKED)
+    stuck = graph.on_fair_cycles(at) | graph.situations(Is.AWAY)
     return graph.situations(Is.WORKS) & graph.can_reach(stuck, at)
 
 
@@ -376,7 +376,7 @@ NAMED_OF_THE_GRAPH = (
         "success_ends",
         "If servers succeed, every mission comes to its end, or sweeps for ever as a parameter says.",
         _loops,
-        "though every server succeeds, it may go round for ever, or wait at the dock when it is done",
+        "though every server succeeds, it may go round for ever, or wait for a person when it is done",
         of_missions=True,
     ),
     GraphProperty(
