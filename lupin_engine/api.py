@@ -1,4 +1,4 @@
-"""The engine from Python, for notebooks and runners of users: what `lupin_engine` itself exports."""
+"""The public interface of `lupin_engine` for notebooks and runners: load, simulate and test missions."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def simulate(
     """Run a mission in virtual time against the plugins' mocks, as `lupin simulate` does.
 
     Args:
-        mission: which of them, by its name or that of its file; may be left out where there is one only.
-        request: what the start carries: texts, numbers, lists and mappings of these.
+        mission: the name of its file, without the ending, else its own; '' for the only one.
+        request: the fields of the start: texts, numbers, lists and mappings of these.
         parameters: settings by name, in base units.
         limit: the longest time that is simulated, in seconds.
 
@@ -79,7 +79,7 @@ def simulate(
 
 
 def _name_of(mission: str, missions: LoadedMissions) -> str:
-    """Return the name of a mission that is given by its name or its file, or is the only one."""
+    """Return the name of the mission with this file stem, else of this name; '' for the only one."""
     names = missions.names
     if not mission and len(names) == 1:
         return names[0]

@@ -152,7 +152,7 @@ class Problems:
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """Return a hint: the most similar name, else all allowed names, sorted so the text is stable."""
+    """Return a hint: the most similar name, else the first `MAX_LISTED` allowed names in sorted order."""
     names = sorted(set(allowed))
     guess = meant(name, names)
     if guess:

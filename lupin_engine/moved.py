@@ -1,4 +1,4 @@
-"""Import paths from before the shelves, as others have them: they lead to the new ones, and warn."""
+"""Redirects import paths of earlier versions to today's modules, with a DeprecationWarning."""
 
 from __future__ import annotations
 

@@ -2,11 +2,10 @@
 
 A scenario is one item, so pytest's own options choose (`-k`), end (`-x`) and report them (`--junit-xml`).
 pytest-xdist shares them between processes (`-n`). `--lupin-seed` is added to the seeds
-of random scenarios, `--lupin-seeds` runs each with so many of them, and `--lupin-coverage` tells what no
-scenario reached.
+of random scenarios, `--lupin-seeds` runs each with so many of them, and `--lupin-coverage` reports the states
+and transitions that no scenario reached.
 
-Installed packages are asked by every run of pytest, also where no scenario is: the engine is imported with
-the first one.
+pytest loads this plugin in every run, also without scenarios, so the engine is imported with the first one.
 """
 
 from __future__ import annotations
@@ -40,12 +39,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Begin to count."""
+    """Prepare the counts of coverage."""
     config.stash[_REACHED] = {}
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """Take files whose name says that they are scenarios."""
+    """Collect files with the name of a scenario."""
     if not file_path.name.endswith(SUFFIX):
         return None
     found: pytest.Collector = ScenarioFile.from_parent(parent, path=file_path)
@@ -56,12 +55,12 @@ class ScenarioFile(pytest.File):
     """A file with one scenario."""
 
     def collect(self) -> Iterator[pytest.Item]:
-        """Yield the scenario; whether it can be read is found out when it is run."""
+        """Yield the scenario, which is read when it is run."""
         yield ScenarioItem.from_parent(self, name=self.path.name.removesuffix(SUFFIX))
 
 
 class Unmet(Exception):
-    """What a scenario promised did not come true, or it could not be run."""
+    """A scenario failed, or could not be run."""
 
     def __init__(self, result: ScenarioResult) -> None:
         super().__init__(result.file)
@@ -82,7 +81,7 @@ class ScenarioItem(pytest.Item):
             raise Unmet(result)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return what `lupin test` would print; anything else that is raised is a defect, told as such."""
+        """Return the failure as `lupin test` prints it; any other exception is a defect, shown by pytest."""
         if not isinstance(excinfo.value, Unmet):
             return super().repr_failure(excinfo, style)
         from lupin_engine.sim.failure import failure_lines
@@ -93,12 +92,12 @@ class ScenarioItem(pytest.Item):
         return "\n".join((*filter(None, (result.promise, seed, result.problem)), *lines))
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Return where it stands and what it is called."""
+        """Return its file and its name."""
         return self.path, 0, self.name
 
 
 def _suite(config: pytest.Config) -> Suite:
-    """Return what runs the scenarios of this process."""
+    """Return the suite of this process."""
     if _SUITE not in config.stash:
         from lupin_engine.plugin.registry import load_catalog
         from lupin_engine.sim.suite import Suite
@@ -120,7 +119,7 @@ def _reach(config: pytest.Config, mission: Path, counts: Counts) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Tell the process that began this one what was reached here."""
+    """Send the coverage of a worker (pytest-xdist) to its controller."""
     output: dict[str, Any] | None = getattr(session.config, "workeroutput", None)
     if output is not None:
         reached = session.config.stash[_REACHED]
@@ -130,14 +129,14 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any) -> None:
-    """Take in what a worker reached."""
+    """Add the coverage of a worker."""
     told: Sequence[Any] = json.loads(getattr(node, "workeroutput", {}).get(_OUTPUT, "[]"))
     for mission, counts in told:
         _reach(node.config, Path(mission), Counter({tuple(key): count for key, count in counts}))
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
-    """Print the table."""
+    """Print the coverage."""
     reached = config.stash[_REACHED]
     if not reached or not config.option.lupin_coverage:
         return

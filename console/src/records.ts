@@ -56,7 +56,7 @@ export interface ChartRecord {
   readonly boot: string;
 }
 
-/** A dry run of a state's transitions, or of one transition. */
+/** A dry run of a state's transitions, or of one transition: then `active` is always false. */
 export interface ExplanationRecord {
   readonly element: string;
   readonly sequence: number;
@@ -189,7 +189,7 @@ export interface CommandOrigin {
 /**
  * The dry run of one request: the holds that it engages and releases, or why it is refused.
  *
- * `fields`: a start is refused only for the defaults of its request.
+ * `fields`: a start is refused only because of its request's defaults, so other fields may be accepted.
  */
 export interface PossibleRecord {
   readonly request: string;
@@ -257,7 +257,11 @@ export interface TransitionRecord {
   readonly refuse: string;
 }
 
-/** A transition: it is `possible` when it would be taken if its event came now; else `reason` says why. */
+/**
+ * Whether a transition would be taken if its event came now (`possible`), else the reason against it.
+ *
+ * Of a pattern (`nav.*`) and a `resume_at` only its state, holds and guard count; no request's fields do.
+ */
 export interface RuleRecord {
   readonly id: string;
   readonly state: string;

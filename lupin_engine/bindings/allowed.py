@@ -42,7 +42,7 @@ _ENGINE = "/mission_orchestrator/*"
 
 
 class AllowNode(Node):
-    """What bindings may reach beside what plugins offer, by absolute name; `*` stands for any letters."""
+    """The names that bindings may use beside those that plugins offer; `*` stands for any letters."""
 
     ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType(
         {"topics": ("a topic is listened to or published on", "write 'subscribe: [...]' or 'publish: [...]'")}
@@ -55,7 +55,7 @@ class AllowNode(Node):
 
 
 class RobotNode(Node):
-    """`lupin.yaml`: what the owner of a robot says about all missions."""
+    """`lupin.yaml`: the settings of a robot's owner for all missions."""
 
     allow: AllowNode | None = Field(None, description="what bindings may reach")
 

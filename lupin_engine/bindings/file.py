@@ -1,8 +1,8 @@
-"""The words of a binding: a plugin without Python, for what somebody offers over ROS already.
+"""The vocabulary of a binding: a plugin in YAML, for services, actions and topics that exist already.
 
 A binding stands in `bindings/` beside the missions and is named like its file. Words that missions have mean
-the same here. What something talks to stands under one key (`service`, `action` or `topic`) as name and type;
-what is sent there always under `with`, what is made of what comes back under keys of its own.
+the same here. Name and type over ROS stand under one key (`service`, `action` or `topic`), the fields to send
+always under `with`, and the expressions about an answer or a message under keys of their own.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ KIND = "binding"
 
 
 class ArgumentNode(Node):
-    """What a mission hands to an operation."""
+    """An argument that missions give to an operation."""
 
     type: Annotated[str, Meaning.TYPE] = Field(description="such as text, count, pose")
     summary: str = Field(description="one sentence for people: what it is for")
@@ -39,7 +39,7 @@ class ArgumentNode(Node):
 
 
 class EndpointNode(Node):
-    """What a binding talks to, by name and type."""
+    """A service, action or topic, by name and type."""
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
@@ -74,7 +74,7 @@ class ServiceNode(EndpointNode):
 
 
 class ActionServerNode(EndpointNode):
-    """The action of which an operation sends a goal, one for each attempt."""
+    """The action to which an operation sends a goal, one for each attempt."""
 
     KIND = "action"
     CALLED = "an action"
@@ -101,7 +101,7 @@ class TopicNode(EndpointNode):
 
 
 class ResultNode(Node):
-    """A field of what an operation comes to, or of an event; missions read it as event.NAME."""
+    """A field of an operation's result, or of an event; missions read it as event.NAME."""
 
     type: Annotated[str, Meaning.TYPE] = Field(description="such as text, count, duration")
     from_: Written = Field(alias="from", description="value, from `response`, `result` or `message`")
@@ -111,7 +111,7 @@ class ResultNode(Node):
 
 
 class BoundMockCaseNode(Node):
-    """What is otherwise for some arguments."""
+    """The differences of the mock for certain arguments."""
 
     with_: dict[str, Written] = Field(alias="with", description="arguments for which this holds, by name")
     result: dict[str, Written] = Field(
@@ -123,7 +123,7 @@ class BoundMockCaseNode(Node):
 
 
 class BoundMockNode(Node):
-    """What the operation does in a simulation when the scenario does not say."""
+    """The operation's end in a simulation, where the scenario does not mock it."""
 
     after: Written = Field(None, description="duration from the call to the answer; otherwise none")
     result: dict[str, Written] = Field(
@@ -142,7 +142,7 @@ class BoundMockNode(Node):
 
 
 class BoundOperationNode(Node):
-    """An operation of a binding: which service or action it calls, with what, and what the answer means."""
+    """An operation of a binding: its service or action, the request, and the meaning of the answer."""
 
     ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType(
         {
@@ -257,7 +257,7 @@ class BoundActionNode(Node):
 
 
 class BoundValueNode(Node):
-    """A live value of a binding: what a topic tells again and again; missions declare an input for it."""
+    """A live value of a binding: the latest message of a topic; missions declare an input for it."""
 
     ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType(
         {
@@ -282,7 +282,7 @@ class BoundValueNode(Node):
 
 
 class BoundEventNode(Node):
-    """An event of a binding: something that a topic tells once; missions write BINDING.EVENT under `on`."""
+    """An event of a binding: each message of a topic, or those that `when` selects; `on: BINDING.EVENT`."""
 
     ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType(
         {
@@ -300,7 +300,7 @@ class BoundEventNode(Node):
 
 
 class BindingNode(Node):
-    """A plugin that is written down instead of programmed."""
+    """A plugin in YAML instead of Python."""
 
     ELSEWHERE: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType(
         {

@@ -79,7 +79,7 @@ Actions = Annotated[
 
 
 class RaiseNode(Node):
-    """An event that the chart tells itself of; it is dealt with before the next one from outside."""
+    """An internal event; it is handled before the next one from outside."""
 
     event: Annotated[str, Meaning.EVENT] = Field(description="name of the event: words with dots")
     with_: dict[str, Written] = _by_name("what it carries, read as event.FIELD, by name", alias="with")
@@ -92,7 +92,7 @@ class RaiseNode(Node):
 
 
 class IfNode(Node):
-    """Actions of which a condition chooses: looked at when its turn in the list has come."""
+    """Actions chosen by a condition, which is evaluated when its turn in the list has come."""
 
     guard: Annotated[Condition, Meaning.CONDITION] = Field(
         description="condition; as everywhere it is false where it reads an unknown value"
@@ -108,7 +108,7 @@ class IfNode(Node):
 
 
 class TransitionNode(Node):
-    """What an event does: go to a target, run actions, or refuse a request with a reason."""
+    """The effect of an event: go to a target, run actions, or refuse a request with a reason."""
 
     ELSEWHERE = MappingProxyType(
         {"after": ("a transition has no delay", "go to a state that waits: 'after: {1 s: STATE}'")}
@@ -232,7 +232,7 @@ _ENDS_HERE = "an element's end leads nowhere: the state goes on with the others"
 
 
 class ElementEndNode(Node):
-    """What is done when the operation for one element has ended."""
+    """The actions at the end of the operation for one element."""
 
     ELSEWHERE = MappingProxyType(
         {
@@ -351,7 +351,7 @@ class ItineraryNode(Node):
 
 
 class StateNode(Node):
-    """A state: what it does while active, and what makes it end."""
+    """A state: its operation or children while it is active, and its ways out."""
 
     summary: str = Field("", description="one sentence for people")
     type: Literal["parallel", "final", "history"] | None = Field(
@@ -541,7 +541,7 @@ class InvariantNode(Node):
 
 
 class PropertyNode(Node):
-    """What is true of every way that a run can go: looked at by `lupin test`, `prove` and `campaign`.
+    """A condition on every possible run, checked by `lupin test`, `prove` and `campaign`.
 
     One that reads the `request` of its mission is about the runs of that mission. Missions of one lifecycle,
     which a robot loads together, have no two properties of one name.
@@ -567,7 +567,7 @@ class PropertyNode(Node):
 
 
 class FileNode(Node):
-    """What every kind of file may declare."""
+    """The declarations that every kind of file may have."""
 
     summary: str = Field("", description="one sentence for people")
     params: Annotated[dict[str, ParameterNode], Named(Meaning.PARAMETER)] = _by_name("settings, by name")
@@ -610,7 +610,7 @@ class FileNode(Node):
 
 
 class LifecycleNode(FileNode):
-    """What all missions share."""
+    """The lifecycle: the states and declarations that all missions share."""
 
     lifecycle: Annotated[str, Meaning.FILE] = Field(description="name of the lifecycle")
     profile: str | None = Field(None, description="kind of robot; without it the one that is installed")

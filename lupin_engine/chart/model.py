@@ -59,12 +59,12 @@ def every_call(actions: Iterable[ActionCall]) -> Iterator[ActionCall]:
 class Transition:
     """A transition of a state, on an event or without one.
 
-    `event` is a name (`operator.abort`), a prefix (`nav.*`), any (`*`), or one of the engine's own: ``
-    (eventless, written `always`), `done`, `error` (the end of the state's invocation, or for `done` of the
-    state), `after.N`, `every.N`, `at.N` (the N-th of the state's timers of that word), `budget` (its time is
-    used up). Event names starting `input.` stand for a level: the transition is taken whenever that live
-    value is true. No target and no refusal: actions only. A `refuse` transition answers a request with that
-    code and changes nothing.
+    `event` is a name (`operator.abort`), a prefix (`nav.*`), `*` (any event of a plugin or raised by the
+    chart, see `semantics.matches`), or one of the engine's own: `` (eventless, written `always`), `done`,
+    `error` (the end of the state's invocation, or for `done` of the state), `after.N`, `every.N`, `at.N` (the
+    N-th of the state's timers of that word, from 0), `budget` (its time is used up). Event names starting
+    `input.` stand for a level: the transition is taken whenever that live value is true. No target and no
+    refusal: actions only. A `refuse` transition answers a request with that code and changes nothing.
     """
 
     KEY: ClassVar[str] = "id"

@@ -71,9 +71,9 @@ class Named(NamedTuple):
 class Node(BaseModel):
     """A mapping of the language that remembers where it was read.
 
-    `ELSEWHERE` holds keys that authors look for here and that stand somewhere else, with what to tell them.
-    `SHAPE` is what a value is told that is no mapping; `LINE` is what to write for a number alone, with
-    another number in its place.
+    `ELSEWHERE` holds keys that belong somewhere else, each with the problem and the hint of its message.
+    `SHAPE` is the expected form in the message about a value that is no mapping; `LINE` is the correct line
+    for a number alone, with another number in its place.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True)

@@ -3,7 +3,7 @@
 * The exit set are the active states below the transition's domain (the LCCA), children before parents,
   last first.
 * Of transitions whose exit sets meet one is taken: whose source lies deeper, else the first.
-* What SCXML lacks: where a history of limited depth would restore a state with an embedded mission in it, it
+* Beyond SCXML: where a history of limited depth would restore a state with an embedded mission in it, it
   restores the active direct child of the innermost such mission, even below the history's depth.
 
 Checker and machine choose by the same rules. The caller supplies guards and history values. The entry set is

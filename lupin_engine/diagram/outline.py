@@ -45,7 +45,7 @@ def outline(
 
 
 def readable_depth(picture: Picture) -> int | None:
-    """Return the greatest depth with at most `READABLE` boxes; None for all levels."""
+    """Return the greatest depth with at most `READABLE` boxes, 1 at least; None for all levels."""
     totals = list(accumulate(_levels(picture.boxes)))
     if not totals or totals[-1] <= READABLE:
         return None

@@ -154,7 +154,7 @@ def cancelled(attempt: str, result: Mapping[str, Any] | None = None) -> Event:
 
 
 def cancel_refused(attempt: str, detail: str) -> Event:
-    """The server refuses to end the attempt; the detail says what that means for people."""
+    """The server refuses to end the attempt; the detail is the consequence for people."""
     return Event("attempt.cancel_refused", {"attempt": attempt, "detail": detail})
 
 

@@ -67,10 +67,10 @@ class Itineraries:
         return traversal_of(self._scope.chart, self._scope.memory, state)
 
     def advance(self, traversal: Traversal | None, step: Macrostep) -> None:
-        """Go on to the next target; refused when there is none.
+        """Go on to the next target, or to the end; without a current one nothing changes but the notes.
 
         Raises:
-            OpenVisit: the current visit has no outcome. Going on as if it had would walk to it for ever.
+            OpenVisit: the current visit has no outcome.
         """
         self._scope.mark_dirty(ITINERARY)
         if traversal is None or traversal.visit is None:
@@ -84,7 +84,7 @@ class Itineraries:
             self._sweep_again(traversal, step)
 
     def close(self, traversal: Traversal | None, outcome: Mapping[str, Any], step: Macrostep) -> None:
-        """Give the current visit its outcome and publish it; refused the second time."""
+        """Give the current visit its outcome and publish it; one that is closed or missing is noted only."""
         visit = traversal.visit if traversal else None
         if traversal is None or visit is None or visit.closed:
             step.note("itinerary.close refused: the current visit is closed already")

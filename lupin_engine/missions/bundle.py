@@ -72,10 +72,13 @@ def make_bundle(
     name: str = "",
     version: str = "",
 ) -> bytes:
-    """Return a bundle of files by their names in a folder of missions; the same ones make the same bundle.
+    """Return the bytes of a bundle; the same arguments make the same bundle.
+
+    `files` are by their names in a folder of missions. The limits `MAX_FILES` and `MAX_BYTES` are checked
+    only by `read_bundle`.
 
     Raises:
-        UsageError: a file cannot be in a bundle, or the key cannot be used.
+        UsageError: a name or version is not allowed, or the key cannot be used.
     """
     wrong = [name for name in files if not _is_good(name)]
     if wrong:

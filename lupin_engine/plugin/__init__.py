@@ -1,4 +1,4 @@
-"""The contract with the outside world: what plugins offer, as typed data that loads without ROS."""
+"""The contract with the outside world: the offers of plugins as typed data, which loads without ROS."""
 
 import lazy_loader
 

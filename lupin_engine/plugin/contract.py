@@ -264,10 +264,10 @@ class Plugin:
     `companions` names nodes that only listen, and run beside every mission, whether it uses the plugin or
     not. `composable` names nodes that may share a process: each is a `RosNode`, and none keeps the robot
     safe. `simulated_defaults` are values, in base units, that parameters of missions take by default where
-    the plugin's simulations are started. What its nodes have for whoever names it, as a binding does, are
+    the plugin's simulations are started. The names of its nodes that others may use, such as bindings, are
     separate rights: `serves` are services and actions that may be called, `publishes` topics that may be
-    subscribed to and that nobody else may publish, `accepts` topics that may be published. `access` is what
-    people's pages may use of all that its nodes and drivers name. `readers` are by the name of the type that
+    subscribed to and that nobody else may publish, `accepts` topics that may be published. `access` are the
+    names of its nodes and drivers that people's pages may use. `readers` are by the name of the type that
     they read. An `internal` plugin is for a chart of its own and is not offered to authors of missions.
     The nodes of one that is `hmi` serve people's pages, and are started where `--hmi` asks for them; `pages`
     is the `module:function` that serves the same pages on a simulation or a recording, a

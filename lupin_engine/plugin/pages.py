@@ -24,7 +24,7 @@ class PageMessage:
 
 
 class PageSource(Protocol):
-    """What a server asks of a source; `now` is always in seconds of one steady clock."""
+    """The methods of a source, for a server; `now` is always in seconds of one steady clock."""
 
     @property
     def topics(self) -> Mapping[str, str]:

@@ -206,9 +206,9 @@ def within(kind: Type, minimum: float | None, maximum: float | None) -> Type:
 
 
 def in_unit(value: Any, unit: str) -> Any:
-    """Convert a number from the base of `unit` to that unit; a list, each of it.
+    """Convert a number, or each one of a list, from its base unit to `unit`, a key of `UNITS`.
 
-    The result is exact for `60 deg`: 60.0, not the nearest number after a conversion to radians and back.
+    The result is rounded to 15 digits, so that `60 deg` comes back from radians as 60.0.
     """
     if isinstance(value, (list, tuple)):
         return [in_unit(element, unit) for element in value]
@@ -216,7 +216,7 @@ def in_unit(value: Any, unit: str) -> Any:
 
 
 def in_base(value: Any, unit: str) -> Any:
-    """Return a number of `unit` as it is kept; of a list, each."""
+    """Convert a number, or each one of a list, from `unit`, a key of `UNITS`, to its base unit."""
     if isinstance(value, (list, tuple)):
         return [in_base(element, unit) for element in value]
     return value * UNITS[unit][1]
@@ -348,10 +348,10 @@ def beyond(value: float, kind: Type) -> str:
 
 
 def convert(value: Any, wanted: Type, notation: Notation = Notation.SETTING) -> Any:
-    """Return a setting as plain data of type `wanted`, numbers in their base unit.
+    """Check a value, and return it as plain data of type `wanted`: see `converted`.
 
     Raises:
-        ValueError: the value is not of that type; the text has the expected and the given one.
+        ValueError: the value is not of that type, or out of its range; the text is the first problem.
     """
     found = problems(value, wanted, notation)
     if found:
@@ -360,7 +360,7 @@ def convert(value: Any, wanted: Type, notation: Notation = Notation.SETTING) -> 
 
 
 def converted(value: Any, wanted: Type) -> Any:
-    """Return a value that has no `problems` as plain data."""
+    """Return a value without `problems` as plain data: numbers in base units, sets without repetitions."""
     if wanted.kind == "number":
         quantity = parse_quantity(value) if isinstance(value, str) else None
         return float(value if quantity is None else quantity[0])
@@ -385,10 +385,13 @@ def unique(values: Sequence[Any]) -> list[Any]:
 
 
 def fitted(value: Any, kind: Type) -> Any:
-    """Return a computed value as it is kept under a type that it has: of a set, each element once.
+    """Return a computed value of type `kind`, in base units, as it is stored: of a set, each element once.
+
+    Fields of records are not checked.
 
     Raises:
-        ValueError: it is out of range or not finite, a text is too long, or a list has too many elements.
+        ValueError: a number is out of range or not finite, a text is longer than `MAX_TEXT` or does not match
+            its pattern, or a list has too many elements.
     """
     if isinstance(value, str) and len(value) > MAX_TEXT:
         raise ValueError(f"a text of {len(value)} characters; at most {MAX_TEXT} are kept")

@@ -280,7 +280,7 @@ class Coverage:
 
     @property
     def percent(self) -> float:
-        """The share of reached items; nothing without scenarios."""
+        """The share of reached items in percent; 0 without scenarios."""
         tallies = [tally for part in self.parts for tally in part.tallies()]
         total = sum(tally.total for tally in tallies)
         return 100.0 * sum(tally.taken for tally in tallies) / total if total else 0.0

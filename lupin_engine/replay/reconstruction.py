@@ -1,6 +1,6 @@
 """Converts the record of a run to a scenario that runs the same: mocks of servers, requests, events, values.
 
-A record is what `lupin simulate --json` prints (one object with `steps`), its steps alone as a list, or the
+A record is the output of `lupin simulate --json` (one object with `steps`), its steps alone as a list, or the
 orchestrator's steps, one JSON object a line, bare or under `step` as `lupin run --json` prints them.
 
 Times count from the last entered state, so that the scenario keeps its meaning when something before takes

@@ -106,7 +106,7 @@ def laid_out(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
 
 
 def _remarks(line: StepLine, columns: Columns) -> Iterator[TonedLine]:
-    """Yield what is told below a step: its codes and notes."""
+    """Yield the lines below a step: its codes and notes."""
     room = columns.event + (columns.command + _GAP if columns.command else 0)
     codes = [(text, _TONES[severity]) for text, severity in line.codes]
     for whole, tone in (*codes, *((f"({note})", "note") for note in line.notes)):

@@ -70,7 +70,7 @@ class ClientClocks:
         self._clients: dict[str, _ClientClock] = {}
 
     def age(self, client: str, sent: float, wall: float, now: float) -> float:
-        """Return how long a request was under way, in seconds.
+        """Return the age of a request in seconds: above `STALE_AFTER_S` only if it counts as stale.
 
         Args:
             client: its name, or ''.

@@ -120,7 +120,8 @@ class Engine:
     def resume(self, machine: Machine, event: Event) -> None:
         """Run a recovered machine of another process; `event` informs it (`event.RESUMED`).
 
-        Drivers recover the attempts that it cancels, then those that it adopts.
+        Drivers recover the attempts that it cancels, then those that it adopts. Without a `RecoveringDriver`
+        the former end as cancelled, the latter fail.
         """
         self.machine = machine
         now = self.clock.now()
@@ -157,7 +158,7 @@ class Engine:
         self._queue.append(event)
 
     def request(self, event: Event, origin: Mapping[str, str] = NOTHING) -> Step:
-        """Step a request now and return its step, which holds the answer; `origin` names who requested it."""
+        """Step a request after all queued events; return its step, with the answer. `origin`: who sent it."""
         self.drain()
         step = self._handle(event, self.clock.now(), origin)
         self._carry_out(step)

@@ -22,7 +22,10 @@ _LONGEST = 120
 
 
 class RuleRecord(TypedDict):
-    """A transition: it is `possible` when it would be taken if its event came now; else `reason` says why."""
+    """Whether a transition would be taken if its event came now (`possible`), else the reason against it.
+
+    Of a pattern (`nav.*`) and a `resume_at` only its state, holds and guard count; no request's fields do.
+    """
 
     id: str
     state: str
@@ -32,7 +35,7 @@ class RuleRecord(TypedDict):
 
 
 class ExplanationRecord(TypedDict):
-    """A dry run of a state's transitions, or of one transition."""
+    """A dry run of a state's transitions, or of one transition: then `active` is always false."""
 
     element: str
     sequence: int

@@ -32,7 +32,7 @@ class PossibleRequest:
 class PossibleRecord(TypedDict):
     """The dry run of one request: the holds that it engages and releases, or why it is refused.
 
-    `fields`: a start is refused only for the defaults of its request.
+    `fields`: a start is refused only because of its request's defaults, so other fields may be accepted.
     """
 
     request: str

@@ -1,4 +1,4 @@
-"""The open questions in a recorded view."""
+"""Reads the open questions of a recorded view, with the time left for an answer."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any
 
 @dataclass(frozen=True)
 class OpenQuestion:
-    """A question in a view: its choices, as (name, label), and the seconds until the default counts.
+    """A question in a view: its choices, as (name, label), and the seconds `left` until the default counts.
 
-    During a hold these stand still.
+    During a hold its clock is `stopped`.
     """
 
     state: str

@@ -144,7 +144,7 @@ class MetresNode(Node):
 
 
 class MockNode(Node):
-    """What attempts of an operation come to: one outcome for all, or a list, one for each in turn."""
+    """The outcomes of an operation's attempts: one for all, or a list, one for each in turn."""
 
     do: str = Field(description="operation, as plugin.name")
     with_: dict[str, Any] = Field(
@@ -164,7 +164,7 @@ class MockNode(Node):
 
 
 class RequestNode(ShortNode):
-    """A request, with what it carries. Short: its name, or its name with the fields: `{NAME: {...}}`."""
+    """A request with its fields. Short: its name, or its name with the fields: `{NAME: {...}}`."""
 
     name: str = Field(description="mission.start, operator.NAME or answer.CHOICE")
     data: dict[str, Any] = Field(default_factory=dict, description="what it carries")
@@ -175,7 +175,7 @@ class RequestNode(ShortNode):
 
 
 class EventNode(ShortNode):
-    """Something that a plugin tells. Short: its name, or its name with the fields: `{NAME: {...}}`."""
+    """An event of a plugin. Short: its name, or its name with the fields: `{NAME: {...}}`."""
 
     name: str = Field(description="event, as plugin.name")
     data: dict[str, Any] = Field(default_factory=dict, description="its fields")
@@ -199,7 +199,7 @@ class EndNode(ShortNode):
 
 
 class MomentNode(Node):
-    """What must be so at one moment. What is not named is not looked at."""
+    """Expectations at one moment; only the named ones are checked."""
 
     state: Annotated[Names, STATE] = Field(default_factory=list, description="states that are active")
     not_state: Annotated[Names, STATE] = Field(default_factory=list, description="states that are not active")
@@ -274,7 +274,7 @@ class WhenNode(Node):
 
 
 class CountNode(Node):
-    """How often. Short: a number."""
+    """An expected count, exact or within bounds. Short: a number."""
 
     at_least: int = Field(0, description="smallest number")
     at_most: int | None = Field(None, description="largest number")
@@ -336,7 +336,7 @@ OPEN = "open"
 
 
 class VisitNode(ShortNode):
-    """What became of a target. Short: `TARGET STATUS` or `TARGET STATUS CODE`."""
+    """The outcome of a target. Short: `TARGET STATUS` or `TARGET STATUS CODE`."""
 
     target: str = Field(description="target")
     status: Annotated[str, NameOf("status of a visit", "status")] = Field(description="status")
@@ -369,9 +369,9 @@ class RefusedNode(ShortNode):
 
 
 class ExpectNode(Node):
-    """What must come of it. What is not named is not looked at, with three exceptions: no request is refused,
+    """The expected result; only the named parts are checked, with three exceptions: no request is refused,
     no invariant broken and no property violated unless it is said. With `only`, of these just its properties
-    are looked at.
+    are checked.
     """
 
     lifecycle: Annotated[list[str] | None, NameOf("published state", "expect.lifecycle")] = Field(
@@ -434,7 +434,7 @@ class ExpectNode(Node):
 
 
 class ScriptNode(Node):
-    """A script: what is asked for, how servers answer, and what happens meanwhile."""
+    """A script: the request, the servers' answers, and the events meanwhile."""
 
     request: dict[str, Any] = Field(default_factory=dict, description="what the request carries")
     parameters: dict[str, Written] = Field(default_factory=dict, description="settings")
@@ -452,7 +452,7 @@ class ScriptNode(Node):
 
 
 class ScenarioNode(ScriptNode):
-    """A scenario: one mission, a script, and what is expected."""
+    """A scenario: one mission, a script, and the expected result."""
 
     ELSEWHERE = MappingProxyType(
         {"timeout": ("a scenario has no timeout", "write 'limit: 10 min', or 'within' under 'expect'")}

@@ -269,7 +269,7 @@ class Stage:
             self._later(wait, lambda: self._accept(attempt))
 
     def cancel(self, attempt: str) -> None:
-        """Cancel an attempt as its outcome says."""
+        """Cancel an accepted attempt as its outcome says; any other one goes on."""
         running = self._running.get(attempt)
         if running is None or not running.accepted or running.outcome.on_cancel is OnCancel.IGNORE:
             return

@@ -2,7 +2,8 @@
 
 Virtual time jumps to the next deadline of the machine or the next action of the world. At the same time the
 machine's deadlines go first, then the actions in the order in which they were written: the same inputs give
-the same steps. A run ends with the mission, when nothing is pending, or at a limit of time or steps.
+the same steps. A run ends when the mission is over and no happening is scheduled, when nothing is pending, at
+the state of `stop_at`, or at a limit of time or steps.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ _SHOWN_STEPS = 12
 
 
 def most_steps(limit: float) -> float:
-    """Return how many steps a simulation has at most that may last so long."""
+    """Return the limit of steps for a limit of time (s): `MAX_STEPS` for each day, and not less."""
     return MAX_STEPS * max(1.0, limit / LIMIT)
 
 
@@ -62,7 +63,7 @@ class Ask:
 
 @dataclass(frozen=True)
 class SetValue:
-    """The live value `value` (the plugin's name for it) becomes `is_now`."""
+    """The live value `value` (the plugin's name for it) is reported as `is_now`."""
 
     value: str
     is_now: Any

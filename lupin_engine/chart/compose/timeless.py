@@ -39,9 +39,10 @@ _MORE = ("within", "after", "until")
 
 
 def timeless(scope: Scope, what: str, catalog: Catalog) -> Scope:
-    """Return a scope without temporary names, with the engine's own holds; `what` is written in it.
+    """Return a scope for conditions about every moment: no temporary names, but the engine's own holds.
 
-    A property sees the step. It may read the request where there is one: it is about that mission's runs.
+    `what` is `invariant` or `property`. A property sees the step. It may read the request of a mission: it is
+    about that mission's runs then.
     """
     verb = "holds at" if what == "invariant" else "is about"
     for name in _MOMENTARY:

@@ -1,9 +1,9 @@
 """The proper layered graph of one cluster: its nodes and the edges between them, rank by rank.
 
-Every edge leads from a higher rank to a lower one; a back edge is reversed. A long edge gets a dummy vertex
-in each rank that it passes, and its label is such a vertex, as wide as the text: no edge crosses a node, and
-no label lies on another. An edge that leaves the cluster ends at a port in the first or last rank, where the
-enclosing cluster continues it.
+Ranks are numbered from the top. Every edge leads downwards, to a greater rank; a back edge is reversed. A
+long edge gets a dummy vertex in each rank that it passes, and its label is such a vertex, as wide as the
+text: no edge crosses a node, and no label lies on another. An edge that leaves the cluster ends at a port in
+the first or last rank, where the enclosing cluster continues it.
 
 Ranks of nodes alternate with ranks for labels; a label rank that stays empty is removed.
 """

@@ -68,7 +68,7 @@ _MOMENT, _STAMP = "%Y%m%dT%H%M%S", re.compile(r"(\d{8}T\d{6})\.(\d{3})Z")
 
 @dataclass(frozen=True)
 class Keep:
-    """How much is kept: files of so many missions, for so many days, of so many bytes together."""
+    """The limits of the files of missions: their number, their age in days, their bytes together."""
 
     missions: int = 200
     days: float = 60.0
@@ -91,7 +91,7 @@ class Journal:
 
         Args:
             folder: of the domain; made where it is missing.
-            keep: limits of what is stored when another file begins.
+            keep: limits; files beyond them are deleted when another one begins.
             post: runs a call on the loop's thread.
             changed: called with the reason when the disk fails, then waiting calls proceed; and with '' when
                 it works again.

@@ -1,6 +1,7 @@
 """Recovery: replays the journal of a process that has ended into its machine and unreported outcomes.
 
-Recovery ends before damage or the first record that replays differently, with the problem as text.
+It begins at the last snapshot but one, and ends before damage or the first record that replays differently,
+with the problem as text.
 """
 
 from __future__ import annotations
@@ -51,9 +52,10 @@ class KeptCommand:
 
 @dataclass(frozen=True)
 class Leftover:
-    """The newest file of a journal, and the newest outcomes, published or not, by number.
+    """The newest readable file of a journal, and outcomes and commands of the newest `MAX_FILES_READ` files.
 
-    `outcomes` is their total. `commands` are those of the newest files, by id, in their order.
+    `newest` has the fields of up to `BACKLOG` outcomes, published or not, by number; `outcomes` is the number
+    of the last one. `commands` are by id, in their order.
     """
 
     file: JournalFile
@@ -89,9 +91,9 @@ class Recovered:
 
 
 def leftover(folder: Path) -> tuple[Leftover | None, list[str], str]:
-    """Return the newest files of a folder, their problems, and the mission that is lost.
+    """Return the newest files of a folder (None: none is readable), their problems, and the lost mission.
 
-    The mission of an unreadable newest file is lost, with the reason; '' where it was read.
+    The mission of an unreadable newest file is lost: its id with the reason; '' where it was read.
     """
     found: list[JournalFile] = []
     problems: list[str] = []

@@ -1,7 +1,7 @@
 """The writer's thread: flushes all queued records together (group commit).
 
-The loop's thread only queues, so no disk can delay a stop. Records without a waiting call are written after
-up to `LAZY_S` seconds; a process that is killed loses these.
+The loop's thread only queues, so no disk can delay a stop. Records that are not urgent, and for which no call
+waits, are written after up to `LAZY_S` seconds; a process that is killed loses these.
 """
 
 from __future__ import annotations
