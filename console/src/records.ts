@@ -4,7 +4,7 @@
 // of an earlier version, because recordings are kept for long.
 
 /**
- * A step, when it was taken, in which start of the orchestrator, on which chart, and what was to be seen.
+ * A step with its times, the orchestrator's session id (`boot`), the chart's hash, and the view after it.
  *
  * `time` is of the clock of the deadlines in `view`, `stamp` of the network's, `wall_ns` of the wall's.
  */
@@ -19,7 +19,7 @@ export interface StepRecord {
   readonly command?: CommandOrigin;
 }
 
-/** What each request would do after a step of a start of the orchestrator. */
+/** The dry run of each request after step `sequence` of an orchestrator's session (`boot`). */
 export interface PublishedPossible {
   readonly boot: string;
   readonly chart: string;
@@ -65,11 +65,10 @@ export interface ExplanationRecord {
 }
 
 /**
- * How a simulation stands, and what can be done to it.
+ * The state of a simulation, and the available controls and faults.
  *
- * `at` is in milliseconds since 1970, `time` in seconds since its beginning, `clock` what the robot's clock
- * shows. `speed` is so many times real time, None as fast as it goes; `next` when something happens by
- * itself.
+ * `at` is in milliseconds since 1970, `time` in seconds since its beginning, `clock` the robot's wall clock
+ * as text. `speed` is a factor of real time, None: as fast as possible; `next` the time of the next event.
  */
 export interface SimulationRecord {
   readonly boot: string;
@@ -235,7 +234,7 @@ export interface Stages {
   readonly faulted: readonly string[];
 }
 
-/** A state; `id` is what the picture calls it (`data-state`). */
+/** A state; `id` is its name in the picture (`data-state`). */
 export interface StateRecord {
   readonly file: string;
   readonly line: number;

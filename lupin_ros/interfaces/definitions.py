@@ -1,7 +1,7 @@
-"""Definitions of interfaces as types of the language, messages as plain data: for what is known by name only.
+"""Reads installed interfaces as types of the language, and converts messages to plain data and back.
 
-A definition is read from what its package installed beside the code, so nothing is imported to look at it.
-Fields on the wire carry no unit: they are seconds, metres, radians, or whatever the interface says.
+A definition is read from the JSON file that its package installs, so no message package is imported for it.
+Fields on the wire have no unit: the interface's documentation gives it. The driver of bindings uses this.
 """
 
 from __future__ import annotations
@@ -67,13 +67,13 @@ _CONSTANT = re.compile(
 
 @functools.cache
 def interface_types(name: str) -> Mapping[str, Type]:
-    """Return what an interface such as `std_srvs/srv/Trigger` consists of: each part a record of its fields.
+    """Return the parts of an interface such as `std_srvs/srv/Trigger`, each as a record of its fields.
 
     A service has `request` and `response`, an action `goal`, `result` and `feedback`, a message `message`;
     all have `constant`.
 
     Raises:
-        LookupError: it is not installed; the text says what is, with the nearest spelling.
+        LookupError: it is not installed; the text has the nearest spelling.
     """
     package, kind, local = name.split("/")
     packages = _packages(kind)
@@ -137,13 +137,13 @@ def _type_of_constants(constants: Mapping[str, Any]) -> Type:
 
 
 def installed_types(name: str) -> Mapping[str, Type] | None:
-    """Return the same, or None where the package is not installed; LookupError of a package without it."""
+    """Return `interface_types`; None if the package is not installed; LookupError if it has no such name."""
     package, kind, _ = name.split("/")
     return interface_types(name) if package in _packages(kind) else None
 
 
 def knows_interfaces() -> bool:
-    """Tell whether any interfaces are installed here: on a computer without ROS there are none."""
+    """Return whether any interfaces are installed here: on a computer without ROS there are none."""
     return next(installed("srv"), None) is not None
 
 
@@ -192,13 +192,13 @@ def interface_class(name: str) -> Any:
 
 
 def fill(message: Any, data: Any, kind: Type) -> Any:
-    """Write plain data into a message of a type; what is not named stays as it is.
+    """Write plain data into a message of a type; fields that are not named keep their values.
 
     Seconds fill a time, a `pose` of the language fills the pose of a message.
 
     Raises:
-        ValueError: a value does not fit its field, for example a number that is too large. The messages
-            themselves do not look, and what they then send is garbage.
+        ValueError: a value does not fit its field, such as a number that is too large; rclpy's messages do
+            not check that, and would send garbage.
     """
     for name, value in _fields_of(data, kind).items():
         wanted = kind.fields[name]

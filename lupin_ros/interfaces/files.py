@@ -1,7 +1,7 @@
-"""What the authors of interfaces wrote: fields, constants and comments of .msg, .srv and .action files.
+"""Parses .msg, .srv and .action files: fields, constants, defaults and comments, for `lupin types`.
 
-The files are read where their packages are installed, else where this checkout has them. rosidl's own parser
-reads them, which comes with ROS 2 and needs nothing else of it.
+The files are read where their packages are installed, else where this checkout has them. It needs rosidl's
+own parser (`rosidl_adapter`), which comes with ROS 2, and nothing else of ROS.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ _WHOLE = {f"{sign}int{bits}": (sign, bits) for sign in ("", "u") for bits in (8,
 class FieldType:
     """The type of a field: `base` is a primitive of ROS or the full name of a message.
 
-    `size` is how many elements an array has, at most where it is `bounded`; None: any number. `longest` is
-    how many letters a text may have.
+    `size` is the number of an array's elements, the largest one if it is `bounded`; None: any number.
+    `longest` is the greatest length of a text; None: any.
     """
 
     base: str
@@ -117,7 +117,7 @@ def read_interfaces(names: Iterable[str]) -> InterfaceSet:
     """Read interfaces with all messages that they are made of.
 
     Raises:
-        UsageError: files or their parser are missing; the text has everything that is, and what to do.
+        UsageError: files or their parser are missing; the text has each of them, with a remedy.
     """
     found: dict[str, WrittenMessage] = {}
     wanted, problems = sorted(set(names)), Problems(UsageError)
@@ -134,12 +134,12 @@ def read_interfaces(names: Iterable[str]) -> InterfaceSet:
 
 
 def names_in(package: str) -> list[str]:
-    """Return all interfaces of a package, by their full names; none where it is not here."""
+    """Return the full names of a package's interfaces, installed or in this checkout; none without any."""
     return [name for name in _all_names() if name.startswith(f"{package}/")]
 
 
 def packages() -> list[str]:
-    """Return the packages whose interfaces are here."""
+    """Return the packages with interfaces, installed or in this checkout."""
     return sorted({name.partition("/")[0] for name in _all_names()})
 
 

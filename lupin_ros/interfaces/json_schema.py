@@ -1,4 +1,4 @@
-"""Interfaces as JSON Schema: what arrives, and is sent, through rosbridge as JSON."""
+"""Writes interfaces as JSON Schema, in the form of rosbridge's JSON; for `lupin types json-schema`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def json_schema(interfaces: InterfaceSet) -> str:
 
 
 def reference(name: str) -> str:
-    """Return what refers to a message in the document."""
+    """Return the reference to a message in the document."""
     return f"#/$defs/{name.replace('/', '~1')}"
 
 

@@ -1,7 +1,8 @@
-"""The hash of an interface as this machine has it installed.
+"""Reads the hash, the fields and the source of an interface as it is installed on this machine.
 
 Two processes whose definitions of a type differ still match over DDS and then exchange nothing, or nonsense,
-without a warning. The hash that a peer announces (`topic_type_hash`) compared with ours is the only sign.
+without a warning. The hash that a peer announces (`topic_type_hash`) compared with ours is the only sign. A
+type that is not installed raises UsageError, except where '' or None is returned.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from lupin_engine.errors import UsageError
 
 
 def local_hash(type_name: str) -> str:
-    """The hash, `RIHS01_...`, of a type such as `nav2_msgs/action/NavigateToPose_Goal`."""
+    """Return the hash, `RIHS01_...`, of a type such as `nav2_msgs/action/NavigateToPose_Goal`."""
     for entry in _description(type_name)["type_hashes"]:
         if entry["type_name"] == type_name:
             return cast("str", entry["hash_string"])
@@ -26,7 +27,7 @@ def local_hash(type_name: str) -> str:
 
 
 def local_fields(type_name: str) -> tuple[tuple[str, dict[str, Any]], ...]:
-    """Name and type description of each field on the wire, in order; constants are not on the wire."""
+    """Return name and type description of each field on the wire, in order; constants are not there."""
     message = _description(type_name)["type_description_msg"]
     for described in [message["type_description"], *message["referenced_type_descriptions"]]:
         if described["type_name"] == type_name:
@@ -42,13 +43,13 @@ def installed(kind: str) -> Iterator[tuple[str, str]]:
 
 
 def local_source(type_name: str) -> str:
-    """Return what the author of a type wrote, its .msg, .srv or .action; '' where that is not installed."""
+    """Return the text of a type's .msg, .srv or .action file; '' where it is not installed."""
     file = find_source(type_name)
     return file.read_text(encoding="utf-8") if file else ""
 
 
 def find_source(type_name: str) -> Path | None:
-    """Return the file that the author of a type wrote; None where it is not installed."""
+    """Return a type's .msg, .srv or .action file; None where it is not installed."""
     package, kind, name = _split(type_name)
     files = (prefix / "share" / package / kind / f"{name}.{kind}" for prefix in _prefixes())
     return next((file for file in files if file.is_file()), None)
@@ -56,7 +57,7 @@ def find_source(type_name: str) -> Path | None:
 
 @functools.cache
 def _description(type_name: str) -> dict[str, Any]:
-    """What the generator wrote about a type; a part such as X_Request stands beside its service X."""
+    """Return the generator's description of a type; that of a part, such as X_Request, is in service X."""
     package, kind, name = _split(type_name)
     relative = Path("share", package, kind, f"{name.split('_')[0]}.json")
     for prefix in _prefixes():
@@ -74,7 +75,7 @@ def _split(type_name: str) -> tuple[str, str, str]:
 
 
 def _prefixes() -> Iterator[Path]:
-    """Where interfaces are installed, in the order in which ROS looks; the environment's own root is last."""
+    """Yield the roots of installed interfaces in ROS's search order; the environment's own root is last."""
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
         if prefix:
             yield Path(prefix)

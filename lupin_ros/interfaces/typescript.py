@@ -1,4 +1,4 @@
-"""Interfaces as TypeScript: what arrives, and is sent, through rosbridge as JSON."""
+"""Writes interfaces as TypeScript, in the form of rosbridge's JSON; for `lupin types ts`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def typescript(interfaces: InterfaceSet) -> str:
 
 
 def type_names(full_names: Iterable[str]) -> dict[str, str]:
-    """Return what each message is called: its own name, with the package in front where two have it."""
+    """Return each message's TypeScript name: its own; with the package in front if two have it or TS does."""
     full = list(full_names)
     own = {name: name.rpartition("/")[2].replace("_", "") for name in full}
     count = Counter(own.values())

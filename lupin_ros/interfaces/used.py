@@ -1,6 +1,6 @@
-"""Which interfaces a run uses: those that the sources of the orchestrator, plugins and profiles name.
+"""Finds the interfaces that a run uses, by their names in the sources of orchestrator, plugins and profiles.
 
-They are read, not imported, so this needs no ROS: `from std_msgs.msg import String`, and texts such as
+Sources are parsed, not imported, so this needs no ROS: `from std_msgs.msg import String`, and texts such as
 "lupin_engine_msgs/srv/Command".
 """
 

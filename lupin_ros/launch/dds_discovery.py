@@ -32,7 +32,9 @@ QUIET_LOOKS = 6
 
 
 def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callable[[], int]) -> _T:
-    """Spin until all participants of this machine are known and nothing new has appeared for a moment.
+    """Spin until all participants of this machine are known and nothing new appears, at most `LIMIT_S`.
+
+    Return the last snapshot.
 
     Args:
         spin: spins the observing node for a moment.

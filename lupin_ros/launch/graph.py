@@ -34,6 +34,6 @@ class _Onlooker:
 
 
 def network() -> tuple[Interface, ...]:
-    """Return the graph after discovery of all participants on this machine; takes a second or two."""
+    """Return the graph after discovery of all participants on this machine: a second or two, 6 s at most."""
     with closing(_Onlooker()) as onlooker:
         return settled(onlooker.spin, onlooker.look, onlooker.strangers)

@@ -16,7 +16,7 @@ class Interrupted(Exception):
 class Interrupts:
     """Counts SIGINT, SIGTERM and SIGHUP while active (the terminal was closed, the service is stopped).
 
-    Where SIGHUP is ignored it stays so: whoever starts a program with `nohup` wants it to go on.
+    Where SIGHUP is ignored it stays so: a program started with `nohup` is to go on.
     """
 
     def __init__(self) -> None:

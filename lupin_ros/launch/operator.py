@@ -96,8 +96,9 @@ class Commander:
     ) -> Answer:
         """Send a command; without an answer in `timeout` seconds it is sent once more.
 
-        One that is refused as stale is sent again, too: from the second one the orchestrator learns the
-        offset of this computer's clock. Both have the same id, so it is carried out once.
+        A server is waited for up to `FOUND_S`. A command that is refused as stale is sent again, too: from
+        the second one the orchestrator learns the offset of this computer's clock. Both have the same id, so
+        it is carried out once.
 
         Raises:
             UsageError: the interface of commands is not installed.

@@ -33,7 +33,10 @@ _USUAL_INTERVAL = sys.getswitchinterval()
 
 
 class Displays:
-    """The services for displays; `current` returns the missions and the machine that run now."""
+    """The services for displays; `current` returns the missions and the machine that run now.
+
+    Requests beyond `MOST_WAITING` drawings are refused, and those for a drawing older than `STALE_AFTER_S`.
+    """
 
     def __init__(
         self, ros: RosNode, clock: Clock, current: Callable[[], tuple[LoadedMissions, Machine]]

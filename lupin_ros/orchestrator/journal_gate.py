@@ -121,14 +121,14 @@ class JournalGate:
         return Refusal(UNRECORDED_CODE, f"{name} refused: {why}; {WHAT_TO_DO}")
 
     def close(self) -> None:
-        """Write what waits, flush it and close the file."""
+        """Write and flush all queued records, and close the file."""
         self._refusals.report_all()
         self._writes.finish()
         self._slices.finish()
         self.journal.close()
 
     def when_flushed(self, then: Callable[[], None]) -> None:
-        """Call `then` when what was recorded is flushed; at once while no file is open or the disk fails."""
+        """Call `then` when all records are flushed; at once while no file is open or the disk fails."""
         self.journal.when_flushed(self._ros.guarded(then))
 
     # -- which file -------------------------------------------------------------------------------------

@@ -17,7 +17,10 @@ POLLS_UNTIL_GONE = 10
 
 
 class Readiness:
-    """Polls the other drivers every `POLL_PERIOD_S`, also after the start: a server can go at any time."""
+    """Polls the other drivers every `POLL_PERIOD_S`, also after the start: a server can go at any time.
+
+    A missing server is in `plugins.missing` after `POLLS_UNTIL_GONE` polls in a row, a found one at once.
+    """
 
     def __init__(
         self,

@@ -18,7 +18,7 @@ JOURNAL_TYPE = "application/x-lupin-journal"
 
 
 class RecordingFile:
-    """A new file that stays readable up to the last `flush` whatever happens.
+    """A new file that stays readable up to the last `flush`, also if the process is killed.
 
     Raises:
         UsageError: it exists already, or cannot be written.

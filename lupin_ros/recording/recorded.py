@@ -86,7 +86,7 @@ class RecordedPages:
         }
 
     def problems(self) -> Iterator[str]:
-        """Yield what pages will lack: the end of a truncated file, missing and unreadable topics."""
+        """Yield the gaps of the recording for people: a truncated end, missing and unreadable topics."""
         recording = self._recording
         if recording.is_cut_off:
             yield "the file is cut off: what came after its last message is not known"

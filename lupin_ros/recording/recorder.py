@@ -1,4 +1,4 @@
-"""Records every published topic as bytes, without decoding.
+"""Records every published topic as bytes, without decoding; hidden ones, as of actions, are left out.
 
 A node with a thread of its own discovers topics and subscribes to them, so that neither the display of a run
 nor a slow disk delays the other. A full disk ends the recording; a killed recorder loses up to `FLUSH_S`.
@@ -48,7 +48,7 @@ class _Topic:
 
 
 class TopicRecorder:
-    """Records into a new file, within a `with` block.
+    """Records into a new file, within a `with` block; a file without messages is removed at its end.
 
     Args:
         path: of the file.
@@ -101,7 +101,7 @@ class TopicRecorder:
 
     @property
     def size(self) -> int:
-        """How many bytes the file has."""
+        """How many bytes the file had at the last flush."""
         return self._file.size
 
     def news(self) -> list[tuple[str, Severity]]:

@@ -17,7 +17,7 @@ class PlaceRecord(TypedDict):
 
 
 class StateRecord(PlaceRecord):
-    """A state; `id` is what the picture calls it (`data-state`)."""
+    """A state; `id` is its name in the picture (`data-state`)."""
 
     id: str
     summary: str

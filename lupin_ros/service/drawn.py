@@ -16,7 +16,7 @@ def drawn(loaded: LoadedMissions, arguments: Mapping[str, Any]) -> Mapping[str, 
     """Draw a chart by the fields of `lupin_engine_msgs/srv/Draw`.
 
     Raises:
-        LupinError: a field is not what it should be.
+        LupinError: `folded` is no list. Other problems are in the response's `message`.
     """
     folded = arguments.get("folded", [])
     if not isinstance(folded, list):
@@ -31,7 +31,7 @@ def drawn(loaded: LoadedMissions, arguments: Mapping[str, Any]) -> Mapping[str, 
 def shown(
     loaded: LoadedMissions, arguments: Mapping[str, Any], field: str, show: Callable[[], Mapping[str, str]]
 ) -> Mapping[str, Any]:
-    """Return the response with what `show` returns in `field`; on a LupinError '' and its message."""
+    """Return the response with the result of `show` in `field`; on a LupinError '' and its message."""
     response = {"success": False, "message": "", "chart": loaded.hash, field: ""}
     try:
         check_chart(str(arguments.get("chart", "")), loaded)

@@ -50,7 +50,7 @@ _Marks = Mapping[Path, tuple[int, int]]
 
 
 class MissionsFolder:
-    """The missions of the parameters: some or all of a folder, and those that are added later."""
+    """The missions of the parameters: some or all of a folder, with those added later; or a bundle."""
 
     def __init__(self, given: Mapping[str, Any], catalog: Catalog) -> None:
         """`given` are the node's parameters about missions: which, from where, and signed by whom."""
@@ -147,7 +147,10 @@ class MissionsFolder:
         return [*named, *(file for file in beside if file not in self._others)]
 
     def changed(self, current: LoadedMissions) -> LoadedMissions | None:
-        """Return the new chart after a change; None without one, or where it has errors or was refused."""
+        """Return the new missions after a change; None without one, or where they have errors or are refused.
+
+        Errors are in `problem`.
+        """
         try:
             loaded = self._load_changed()
         except LupinError as problem:
@@ -159,7 +162,7 @@ class MissionsFolder:
         return None if loaded.chart is current.chart else loaded
 
     def _load_changed(self) -> LoadedMissions:
-        """Return what `load` returns, without reading unchanged files."""
+        """Return or raise the result of `load`, without reading unchanged files."""
         marks = self._look_marks()
         newest = max((changed for changed, _ in marks.values()), default=0)
         is_settled = bool(marks) and abs(time.time_ns() - newest) >= SETTLED_S * 1e9

@@ -1,4 +1,4 @@
-"""Names on the network that the orchestrator and whoever operates it must agree on; loads without ROS."""
+"""The names on the network that the orchestrator and its clients share; loads without ROS."""
 
 from __future__ import annotations
 

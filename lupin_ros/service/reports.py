@@ -128,7 +128,7 @@ class _TakenStep(TypedDict):
 
 
 class StepRecord(_TakenStep, total=False):
-    """A step, when it was taken, in which start of the orchestrator, on which chart, and what was to be seen.
+    """A step with its times, the orchestrator's session id (`boot`), the chart's hash, and the view after it.
 
     `time` is of the clock of the deadlines in `view`, `stamp` of the network's, `wall_ns` of the wall's.
     """
@@ -155,7 +155,7 @@ def published_step(
 
 
 class PublishedPossible(TypedDict):
-    """What each request would do after a step of a start of the orchestrator."""
+    """The dry run of each request after step `sequence` of an orchestrator's session (`boot`)."""
 
     boot: str
     chart: str

@@ -95,11 +95,10 @@ class _Standing(TypedDict):
 
 
 class SimulationRecord(_Standing):
-    """How a simulation stands, and what can be done to it.
+    """The state of a simulation, and the available controls and faults.
 
-    `at` is in milliseconds since 1970, `time` in seconds since its beginning, `clock` what the robot's clock
-    shows. `speed` is so many times real time, None as fast as it goes; `next` when something happens by
-    itself.
+    `at` is in milliseconds since 1970, `time` in seconds since its beginning, `clock` the robot's wall clock
+    as text. `speed` is a factor of real time, None: as fast as possible; `next` the time of the next event.
     """
 
     at: float

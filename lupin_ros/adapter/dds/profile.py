@@ -27,7 +27,7 @@ THIS_MACHINE, OPEN = _FOLDER / "this_machine.xml", _FOLDER / "open.xml"
 
 
 def close_the_range() -> None:
-    """Let a process that was told nothing, and its children, look for nobody outside this machine."""
+    """Set the discovery range of this process and its children to this machine, unless it is set."""
     if not os.environ.get(RANGE):  # also to ROS an empty one is none
         os.environ[RANGE] = CLOSED
 
