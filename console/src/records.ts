@@ -86,7 +86,7 @@ export interface SimulationRecord {
   readonly clock: string;
 }
 
-/** Which stops of pages are engaged, and the link: `lost` where what to do about that was decided. */
+/** The engaged stops of pages, and the operators' link: `lost` once the reaction to it was decided. */
 export interface StopsRecord {
   readonly stopped: boolean;
   readonly stops: readonly StopRecord[];

@@ -13,7 +13,7 @@ _LATEST = 1e14
 
 
 def number(written: str | float) -> float:
-    """Parse a number.
+    """Parse a number; NaN and infinity are accepted, too.
 
     Raises:
         ValueError: it is none; underscores, which Python allows, are refused.
@@ -27,7 +27,7 @@ def seconds_since_1970(written: str | float) -> float:
     """Parse seconds or milliseconds since 1970, or ISO 8601, which without a zone is local time.
 
     Raises:
-        ValueError: it is neither.
+        ValueError: it is neither, negative, or larger than 1e14.
     """
     try:
         seconds = number(written)

@@ -98,10 +98,10 @@ def samples(
     """Parse a payload: of one `sensor`, or, where that is '', of the `allowed` sensors that it names.
 
     `units` are those of sensors whose messages have none; the others then use the bridge's own unit. Returns
-    the samples, and why other values were rejected.
+    the samples, and why other values were rejected; with `sensor` '' all may be.
 
     Raises:
-        Rejected: no value can be used.
+        Rejected: the payload is unreadable or names no sensor, or the value of `sensor` is unusable.
     """
     data = _decoded(payload)
     if sensor:

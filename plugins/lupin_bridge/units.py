@@ -56,6 +56,7 @@ def unit_of(sensor: str) -> str:
 def checked(sensor: str, value: float, unit: str = "") -> float:
     """Return a value converted to its sensor's unit; `unit` '' means it is in that one.
 
+    The value of a sensor without a known quantity is returned as it is, up to `UNKNOWN_LIMIT`.
     Raises:
         ValueError: it is not finite, the unit does not fit the sensor, or the value is impossible.
     """

@@ -39,7 +39,7 @@ _HERE = frozenset({"localhost", "127.0.0.1", "::1"})
 
 
 class UserRole(enum.IntEnum):
-    """What somebody may do; each may do what those below may."""
+    """The roles, ascending: each has the permissions of the lower ones."""
 
     VIEWER = 1
     OPERATOR = 2
@@ -350,7 +350,7 @@ class AccessControl:
         return [one.has_expired(wall) or ("" if (one, one.mark) in stay else taken) for one in visitors]
 
     def check_origin(self, headers: Mapping[str, str]) -> None:
-        """Refuse a request from a page of another host, on whatever port (cross-site requests, DNS
+        """Refuse a request from a page of another host, on any port (cross-site requests, DNS
         rebinding).
 
         Raises:

@@ -195,7 +195,10 @@ def last_lines(file: Path, most: int) -> list[dict[str, Any]]:
 
 
 class Repetitions:
-    """Deduplicates the publications of a page: the same message again within `STEADY_S` is no new command."""
+    """Deduplicates the publications of a page: the same message again within `STEADY_S` is no new command.
+
+    At `MOST_TOPICS` topics all are forgotten.
+    """
 
     def __init__(self) -> None:
         self._last: dict[str, tuple[float, int]] = {}

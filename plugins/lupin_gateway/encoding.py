@@ -104,7 +104,7 @@ class Sample:
 
 
 def reply(operation: str, **fields: Any) -> str:
-    """Return a frame that answers a client; what is None is left out."""
+    """Return a frame that answers a client; fields that are None are left out."""
     given = {name: value for name, value in fields.items() if value is not None}
     return as_json({"op": operation, **given}).decode()
 

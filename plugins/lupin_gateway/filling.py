@@ -29,7 +29,7 @@ class DoesNotFit(ValueError):
 def filled(shape: MessageShape, data: Any) -> Any:
     """Return a new message with `data`: an object by field, or a list of the fields in their order.
 
-    What is not given keeps its default. Numbers without fraction fit integers; null is NaN in a float, and
+    Other fields keep their defaults. Numbers without fraction fit integers; null is NaN in a float, and
     the default elsewhere; a list of bytes may be base64 or numbers.
 
     Raises:

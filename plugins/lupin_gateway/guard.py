@@ -193,7 +193,7 @@ class GatewayRules:
             self.settle_motion()
 
     def publish_changes(self) -> None:
-        """Publish and save whatever has changed; the stop goes first."""
+        """Publish and save all changes; the stop goes first."""
         now, stopped = self.clocks.steady(), self.stops.stopped
         state = self.stops.state(now)
         stops = [{**stop, "age": 0.0} for stop in state["stops"]]

@@ -155,7 +155,7 @@ class _WrongField(Exception):
 
 
 def parse(frame: str | bytes) -> Operation | BadFrame:
-    """Return the operation of a frame; never raises, whatever a client sends."""
+    """Return the operation of a frame, or its error as a `BadFrame`; never raises."""
     if isinstance(frame, bytes):
         return BadFrame("binary frames are not understood: send JSON as text")
     if frame.count("[") + frame.count("{") > MOST_LISTS:

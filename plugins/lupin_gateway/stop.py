@@ -68,7 +68,7 @@ class StopRecord(TypedDict):
 
 
 class StopsRecord(TypedDict):
-    """Which stops of pages are engaged, and the link: `lost` where what to do about that was decided."""
+    """The engaged stops of pages, and the operators' link: `lost` once the reaction to it was decided."""
 
     stopped: bool
     stops: list[StopRecord]

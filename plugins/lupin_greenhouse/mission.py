@@ -1,5 +1,5 @@
-"""Tells from the orchestrator's published state whether a mission is active, and when silence means it is
-gone."""
+"""Decides from the orchestrator's published state whether a mission is active, and after how much silence
+the orchestrator counts as gone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The battery's charge as a fraction, whatever the driver's scale; of several sources the lowest counts."""
+"""Converts a battery's charge on any driver's scale to a fraction; of several sources the lowest counts."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ class Explorer:
         self.look()
 
     def look(self) -> None:
-        """End each attempt that finds a frontier; report a change of what the others lack."""
+        """End each attempt that finds a frontier; report when the others' missing input changes."""
         if self.idle:
             return
         since = self._clock() - SILENCE_S

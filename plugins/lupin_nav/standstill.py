@@ -38,7 +38,9 @@ class MovementWatch:
         self.attempt = ""
 
     def moves(self, place: Point, now: float, runs: bool) -> bool:
-        """Take a pose; return True once where the robot moves. `runs`: the server still has the drive."""
+        """Take a pose; return True once if the robot is farther than `MOVED_M` from where it stood
+        `BRAKING_S` after the cancel. `runs`: the server still has the drive.
+        """
         if not self.attempt:
             return False
         if not (runs or self._ended):

@@ -79,7 +79,7 @@ class Registry:
         return distance <= self._reach or math.isinf(distance)
 
     def add(self, tag_id: str, pose: Pose, distance: float, now: float) -> Known | None:
-        """Count a sighting from near enough; return the tag, or None where the registry is full.
+        """Count a sighting that `is_near`, unchecked; return the tag, or None where the registry is full.
 
         Its pose is that of the nearest view, and of equally near ones (also: of unknown distance) the last.
         """

@@ -41,7 +41,7 @@ class Faults:
         return self._of_goal is fault or (fault is InjectedFault.LOSE_LOCALIZATION and self._kind is fault)
 
     def set(self, kind: InjectedFault, count: int, goal_running: bool) -> None:
-        """Replace the fault; a running goal is hit at once."""
+        """Replace the fault; a running goal is hit at once, except by `REJECT`."""
         self._kind, self._left = kind, count
         self._of_goal = InjectedFault.NONE
         if goal_running and kind is not InjectedFault.REJECT:

@@ -56,7 +56,7 @@ LARGEST = float(np.finfo(np.float32).max)
 def observed_at(record: Observed, received: float) -> float:
     """Return when an observation that arrived at time `received` was made, in seconds of the twin's clock.
 
-    It is never later than its arrival, so a stamp of a clock that is ahead does not keep a tag fresh.
+    It is never later than its arrival (0: unknown), so a stamp of a clock that is ahead keeps no tag fresh.
     """
     return min(record.stamp, received or math.inf)
 

@@ -17,7 +17,7 @@ FORMATS = ("csv", "geojson")
 
 @click.group()
 def twin() -> None:
-    """What the digital twin has kept: show, missions, export, plot.
+    """Show, list, export or plot the digital twin's records: show, missions, export, plot.
 
     All of them read the twin's store, also while a twin writes to it, and need no ROS.
     """

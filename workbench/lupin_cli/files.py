@@ -1,4 +1,4 @@
-"""Writing files, and the names that verbs give them."""
+"""Writes the files of verbs, and makes valid names for them."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "up": "Start the nodes of missions; an operator starts the missions.",
         "new": "Begin a mission: its file, the lifecycle around it, a scenario.",
         "import": "Make a mission of a chart by others (SCXML).",
-        "check": "Check missions and tell everything that is wrong with them.",
+        "check": "Check missions and report all mistakes in them.",
         "simulate": "Run a mission in virtual time, without ROS.",
         "test": "Run scenarios against missions, without ROS.",
         "prove": "Explore every way that missions can go, without ROS.",
@@ -44,7 +44,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "learn": "Learn times and failures from the journal, for simulations.",
         "expect": "Tell how long a mission will take and what it misses.",
         "diagram": "Draw a mission.",
-        "graph": "Show the live map: who publishes, subscribes, serves and calls what.",
+        "graph": "Show the ROS graph: topics, services and actions with their nodes.",
         "record": "Record every topic into a file for Foxglove, Lichtblick, rosbag2.",
         "replay": "Run a mission of the journal again; show a recording in the console.",
         "bundle": "Put a mission with all its files into one, signed.",
@@ -54,15 +54,15 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "node": "Run one node, with ROS arguments; without a name, list the nodes.",
         "schema": "Print the JSON Schema of the files, for editors.",
         "lsp": "Serve editors: completion, hover, definition, rename, findings as you type.",
-        "doctor": "Look at this machine and say what is missing.",
+        "doctor": "Check this machine, with advice for each problem.",
     }
 )
 #: The same for an operator, in `lupin_cli.operator.VERB`; requests of the installed profiles are more.
 OPERATOR_VERBS: Mapping[str, str] = MappingProxyType(
     {
         "start": "Start a mission of the orchestrator that runs.",
-        "state": "Show where the orchestrator stands, and what can be asked of it.",
-        "answer": "Show what a mission asks the operator, and answer it.",
+        "state": "Show the state of the orchestrator, and its available requests.",
+        "answer": "Show the open question of a mission, or answer it.",
         "missions": "List the missions that were run, and how they ended.",
         "why": "Say why a target, a state or a moment came about, from the journal.",
     }

@@ -1,4 +1,4 @@
-"""The options that several verbs share, and their constants."""
+"""Defines the options that several verbs share, with those of the installed profiles' requests."""
 
 from __future__ import annotations
 

@@ -7,8 +7,8 @@
         plugin = "lamp"
         arguments = {"switch": {"name": "red"}}
 
-`CatalogContract` needs no ROS. `DriverContract` starts the plugin's own nodes, and whatever `offer` puts in
-their place, on a ROS domain of its own; without ROS it is skipped.
+`CatalogContract` needs no ROS. `DriverContract` starts the plugin's own nodes, and the stand-ins of `offer`,
+on a ROS domain of its own; without ROS it is skipped.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""ROS domains for tests: each is used by one process of this machine only."""
+"""Claims ROS domains for tests, each for one process of this machine, by binding a local port."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FIRST_LOCK_PORT = 47_000
 
 @contextlib.contextmanager
 def claimed_domain() -> Iterator[int]:
-    """Claim a domain."""
+    """Claim a free ROS domain from 20 to 99 for the block; AssertionError if all are taken."""
     with contextlib.ExitStack() as stack:
         for step in range(DOMAINS):
             domain = FIRST_DOMAIN + (os.getpid() + step) % DOMAINS

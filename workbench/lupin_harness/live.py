@@ -1,4 +1,4 @@
-"""What a driver must keep, tried over ROS 2: each rule raises `ContractBroken` with what is wrong."""
+"""Rules for a driver, tested over ROS 2 on a `bench`; each raises `ContractBroken` where it is violated."""
 
 from __future__ import annotations
 

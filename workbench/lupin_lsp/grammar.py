@@ -39,7 +39,7 @@ SHORT: Mapping[type[Node], str] = {TransitionNode: "target", ActionNode: "name",
 
 @dataclass(frozen=True)
 class Shape:
-    """What may be written: the keys of a model, named entries, elements, or fixed words."""
+    """The permitted content: the keys of a model, named entries, elements, or fixed words."""
 
     model: type[Node] | None = None
     names: Shape | None = None

@@ -290,7 +290,7 @@ class Content:
         return found
 
     def _elsewhere(self, send: Element) -> Exception:
-        """Return why a send cannot be converted; one without a target is always an error."""
+        """Return the exception for a send to others: `AlwaysFails` for a wrong type, target or session."""
         to, kind = send.get("target"), send.get("type")
         if kind not in PROCESSORS and not _PLACE.match(kind):
             return AlwaysFails(f"{kind!r} is no type of a send")

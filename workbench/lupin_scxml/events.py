@@ -5,8 +5,8 @@ A descriptor (`a`, `a.*`) is written under each event of the document that it ma
 decides. First words that the language reserves are renamed: `error.execution` becomes `failed.execution`, and
 a state's done event that another state reacts to `STATE_done`.
 
-`Seen` is the set of events that may have led to where an expression stands, None where that is unknown;
-whatever depends on it is then unknown, too.
+`Seen` is the set of events that may have led to the place of an expression; None, unknown, makes everything
+that depends on it unknown.
 """
 
 from __future__ import annotations
@@ -158,8 +158,8 @@ class Events:
         return any(event == name or event.startswith(f"{name}.") for name in names)
 
     def is_sent_once(self, event: str) -> bool:
-        """Return whether only one element raises an event."""
-        return len(self._sources[event]) == 1
+        """Return whether exactly one element raises an event."""
+        return len(self.sent(event)) == 1
 
     def fails(self, element: Element, event: str) -> str:
         """Record an element that always raises an error; return the event for it."""

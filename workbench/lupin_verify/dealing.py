@@ -1,7 +1,7 @@
 """Distributes a campaign's seeds in batches: to this process, or to an executor of `concurrent.futures`.
 
 A worker gets the files of the mission with its batch, and loads them once, by their hash. A batch that is
-lost with its worker is dealt again, up to `TRIES` times; then the campaign fails.
+lost with its worker is dealt again; when it was dealt `TRIES` times in all, the campaign fails.
 """
 
 from __future__ import annotations

@@ -11,9 +11,10 @@
       - every: 3 h
         do: [{value: {stop: true}}, {after: {between: [1 s, 5 min]}, value: {stop: false}}]
 
-Whatever the file does not mock answers as `default_rules` say; what ends is begun again (`around_the_clock`).
-A file that was learned from a robot (`learning`) says also what it was learned from (`learned`), how attempts
-differ by the hour of day (`hours`), and what live values lose (`drain`).
+Operations without a mock answer as `default_rules` say; a mission that has ended, or waits for a person, gets
+the request that goes on (`around_the_clock`). Without `limit` a seed runs for an hour. A file that `learning`
+wrote says also what it was learned from (`learned`), how attempts differ by the hour of day (`hours`), and
+what live values lose (`drain`).
 """
 
 from __future__ import annotations
@@ -67,13 +68,13 @@ EVENT_EVERY = 600.0
 
 
 class ChanceStepNode(WhenNode):
-    """One thing that happens by chance; `after` counts from the moment at which it all began."""
+    """One of these effects; `after` counts from the first of them."""
 
     after: Latency = Field(None, description="duration from the beginning")
 
 
 class ChanceNode(Node):
-    """What happens every so often."""
+    """Effects that come at a mean rate, at random times."""
 
     every: Duration = Field(description="mean time between two of them")
     do: list[ChanceStepNode] = Field(description="what happens then, in order")
@@ -114,7 +115,7 @@ class DrainNode(Node):
 
 
 class CampaignNode(ScriptNode):
-    """Random worlds: how servers answer, and what happens, each by its rate."""
+    """Random worlds: the answers of servers, and events, each at its rate."""
 
     campaign: str = Field(description="one sentence: what kind of world it is")
     targets: Any = Field(None, description="how many of its targets a mission gets: a number, or `between`")

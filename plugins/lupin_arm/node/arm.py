@@ -318,7 +318,7 @@ class Arm:
 
 
 def _stay(pose: Pose, seconds: float) -> Trajectory:
-    """Return a motion that stays at a pose, clamped to what the servos reach."""
+    """Return a motion that stays at a pose, clamped to the servos' range."""
     return Trajectory((Point(reach_pose(pose), seconds),))
 
 

@@ -31,7 +31,7 @@ def invite(name: str, at: str, domain: int | None) -> int:
 
     NAME stands in the gateway's file of tokens; to take the line out ends the access. The link works once,
     within 10 minutes, and only for a gateway that this user has started on this machine. Without --at it
-    leads to what the certificate names: an address that this machine has, else a name.
+    leads to a host of the certificate: an address that this machine has, else a name.
 
     Exit code: 0 printed, 2 nobody of this name, or no gateway that asks for tokens.
     """

@@ -17,7 +17,7 @@ TURN_S = 0.005
 
 
 class LoopThread:
-    """Runs the web side; `ended` is called when that ends, for whatever reason."""
+    """Runs the web side; `ended` is called when that ends, for any reason."""
 
     def __init__(self, ended: Callable[[], None]) -> None:
         self._loop = asyncio.new_event_loop()

@@ -92,7 +92,7 @@ class People:
         return {"success": not refused, "message": refused or f"acknowledged by {who}"}
 
     def publish_changes(self) -> None:
-        """Publish and save whatever has changed."""
+        """Publish and save all changes."""
         here = (self.presence.changes, self._count)
         if here != self._published_here:
             self._published_here = here

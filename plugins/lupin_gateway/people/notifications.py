@@ -77,7 +77,7 @@ class Notifications:
                 self._all[one.id] = replace(one, over=at)
 
     def acknowledge(self, ids: Collection[int], who: str, at: float) -> str:
-        """Mark all as acknowledged by a person; return '', or why none is: an unknown id."""
+        """Mark all as acknowledged by a person; return '', or why none is: an unknown id, or no id."""
         unknown = sorted(set(ids) - self._all.keys())
         if unknown or not ids:
             listed = ", ".join(map(str, unknown)) or "nothing was named"

@@ -1,1 +1,1 @@
-"""The verbs of an operator, one a file: against whatever orchestrator is on the network."""
+"""The verbs of an operator, one a file: they command the orchestrator on the network, of any profile."""

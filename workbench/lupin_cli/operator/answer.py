@@ -11,11 +11,11 @@ from lupin_engine.errors import UsageError, nearest
 from lupin_engine.plugin import ANSWER_VERB
 
 
-@click.command(short_help="Show what a mission asks the operator, and answer it.")
+@click.command(short_help="Show the open question of a mission, or answer it.")
 @click.argument("choice", required=False)
 @options.domain
 def answer(choice: str | None, domain: int | None) -> int:
-    """Answer what a running mission asks; without a CHOICE, show the question.
+    """Answer the open question of a mission; without a CHOICE, show it.
 
     Exit code: 0 answered or shown; 1 nothing is asked, or the answer was refused; 2 nobody is there.
     """

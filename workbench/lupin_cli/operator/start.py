@@ -30,9 +30,9 @@ from lupin_engine.plugin import (
 def start(mission: str, request: dict[str, Any], fields: tuple[str, ...], domain: int | None) -> int:
     """Start a mission of the orchestrator that runs, and leave it to itself.
 
-    MISSION is its name or that of its file; `lupin state` names those that there are. What is not given of
-    its request is left to the mission.
-    `lupin run` also brings up what a mission needs, and follows it.
+    MISSION is its name or that of its file; `lupin state` names the available ones. Fields of its request
+    that are not given have their defaults.
+    `lupin run` also starts the nodes that a mission needs, and follows it.
 
     Exit code: 0 started; 1 refused, with the reason; 2 nobody is there.
     """

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 WATCH_PERIOD_S = 0.25
 
 
-@click.command(short_help="Show where the orchestrator stands, and what can be asked of it.")
+@click.command(short_help="Show the state of the orchestrator, and its available requests.")
 @click.option("--watch", is_flag=True, help="Show it again whenever it changes, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Write it as a JSON object; with --watch, one a line.")
 @options.domain
 def state(watch: bool, as_json: bool, domain: int | None) -> int:
-    """Show where the orchestrator stands, and what can be asked of it.
+    """Show the state of the orchestrator, and its available requests.
 
     Exit code: 0 shown; 2 nobody is there.
     """

@@ -53,10 +53,10 @@ def why(
 ) -> int:
     """Say why: `lupin why 12` (a target), `lupin why STATE`, `lupin why --at 03:12`.
 
-    ABOUT is a target of the mission, or a state, by any name that displays have for it. What is told are the
-    events, the transitions with what their conditions read, and what servers said.
+    ABOUT is a target of the mission, or a state, by any name that displays have for it. The answer has the
+    events, the transitions with the values that their conditions read, and the servers' answers.
 
-    Exit code: 0 told, 2 the journal does not know.
+    Exit code: 0 explained, 2 the journal has no answer.
     """
     from lupin_engine.replay import Inquiry, chart_of, covering, replay_run, run_called, runs_of
     from lupin_engine.runtime import journal_folder

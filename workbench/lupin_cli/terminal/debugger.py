@@ -64,7 +64,7 @@ def _command(
 
 
 class Debugger:
-    """One simulation that is worked by hand.
+    """One simulation, controlled by typed commands.
 
     Args:
         read: reads values as they are typed.
@@ -97,7 +97,7 @@ class Debugger:
 
     @property
     def prompt(self) -> str:
-        """Where we are: the time and the state."""
+        """The prompt: time (s) and state of the simulation."""
         view = self.simulation.machine.view
         where = " ".join(filter(None, (view.lifecycle, view.phase)))
         held = f" [{', '.join(view.held)}]" if view.held else ""
@@ -162,7 +162,7 @@ class Debugger:
         return {found.event: found for found in self.simulation.machine.explain(self.simulation.now)}
 
     def _listened_to(self) -> set[str]:
-        """Return the events of which something can be told, requests also without their first word."""
+        """Return the events of `Machine.explain`, requests also without their first word."""
         found = self._possible()
         return {*found, *(event.removeprefix("operator.") for event in found)}
 
@@ -209,7 +209,7 @@ class Debugger:
         return self._news() or [[("nothing came of that", "dim")]]
 
     def _step(self) -> list[TonedLine]:
-        """Let the next thing happen that is worth a line."""
+        """Advance to the next step that is shown."""
         news: list[TonedLine] = []
         done = 0
         while not news and done < _SILENT and self._rewindable.do(go_on(1)):

@@ -28,7 +28,10 @@ class Press:
 
 
 class Keypad:
-    """The keys of a profile's requests, and numbers for the answers to an open question."""
+    """The keys of a profile's requests, and 1 to 9 for the answers to open questions.
+
+    The key that aborts the mission must be pressed twice within `TWICE_S`.
+    """
 
     def __init__(self, profile: Profile) -> None:
         self._requests = {request.key: name for name, request in profile.requests.items() if request.key}
@@ -61,7 +64,7 @@ class Keypad:
 
 
 def typed(descriptor: int = 0) -> str:
-    """Return the keys that were pressed since the last time."""
+    """Return the keys pressed since the last call; more than `_LONGEST` at once are a paste, and dropped."""
     try:
         if not select.select([descriptor], [], [], 0.0)[0]:
             return ""

@@ -134,7 +134,7 @@ def variables(simulation: Simulation) -> list[TonedLine]:
 
 
 def timers(chart: Chart, simulation: Simulation) -> list[TonedLine]:
-    """Return the running deadlines, and the scheduled events of the simulation, as lines."""
+    """Return the deadlines, running and frozen, and the time of the next event, as lines."""
     memory, now = simulation.machine.memory, simulation.now
 
     def about(kind: str, owner: str) -> str:

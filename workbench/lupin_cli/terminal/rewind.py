@@ -14,14 +14,14 @@ from lupin_engine.sim import Effect, Simulation
 
 @dataclass(frozen=True)
 class Move:
-    """One thing done to a simulation; False from `action`: there was nothing to do it to."""
+    """A recorded action on a simulation; `action` returns False where it had nothing to act on."""
 
     text: str
     action: Callable[[Simulation], bool]
 
 
 def go_on(times: int) -> Move:
-    """Return the move that lets the next things happen by themselves."""
+    """Return the move that carries out the next `times` deadlines or actions."""
 
     def action(simulation: Simulation) -> bool:
         return all(simulation.advance() for _ in range(times))
@@ -30,7 +30,7 @@ def go_on(times: int) -> Move:
 
 
 def wait_until(time: float) -> Move:
-    """Return the move that lets the time pass until nothing is left to happen before `time`."""
+    """Return the move that sets the clock forward to `time` (s); all that is due before must be done."""
 
     def action(simulation: Simulation) -> bool:
         simulation.wait_until(time)
@@ -40,12 +40,12 @@ def wait_until(time: float) -> Move:
 
 
 def effect(text: str, what: Effect) -> Move:
-    """Return the move that lets something happen now."""
+    """Return the move that applies an effect now."""
     return Move(text, lambda simulation: simulation.do(what))
 
 
 class Rewindable:
-    """A simulation with the moves that led to where it is."""
+    """A simulation with the moves that led to its present state."""
 
     def __init__(self, make: Callable[[], Simulation]) -> None:
         """Begin.
@@ -65,7 +65,7 @@ class Rewindable:
         return done
 
     def join(self, count: int) -> None:
-        """Make one move of the last `count` ones, which all let things happen by themselves."""
+        """Join the last `count` moves, each a `go_on(1)`, to one move."""
         if count > 1:
             self.moves[-count:] = [go_on(count)]
 
@@ -77,7 +77,7 @@ class Rewindable:
         return taken
 
     def again(self, count: int | None = None) -> None:
-        """Discard the moves after the first `count`, and replay the rest on a new simulation.
+        """Discard the moves after the first `count` (None: none), and replay the rest on a new simulation.
 
         It also repairs a simulation that Ctrl-C interrupted within a move.
         """

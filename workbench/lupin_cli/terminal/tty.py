@@ -1,4 +1,4 @@
-"""The terminal while a picture is redrawn in place, and after it was closed."""
+"""Sets up the terminal while a picture is redrawn in place, and redirects its streams once it is closed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Texts that need no picture."""
+"""Formats durations, and the default of an open question, as text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def default_text(asked: OpenQuestion) -> str:
-    """Return what counts when nobody answers, and when."""
+    """Return the default of a question and the time left until it counts, in words."""
     rest = (
         f"with {clock(asked.left)} left; the clock stands still"
         if asked.stopped

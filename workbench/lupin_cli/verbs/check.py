@@ -51,7 +51,7 @@ def check(
     budget: str | None,
     explain: str | None,
 ) -> int:
-    """Check missions and tell everything that is wrong with them.
+    """Check missions and report all mistakes in them.
 
     A warning is accepted where the comment '# accept RULE: REASON' stands on its line or just above it: it is
     listed as a note then, and does not count.

@@ -8,9 +8,9 @@ import click
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
 def doctor(as_json: bool) -> int:
-    """Look at this machine and say what is missing.
+    """Check this machine, with advice for each problem.
 
-    Exit code: 0 when missions can be run, 1 when something must be mended first.
+    Exit code: 0 when missions can be run, 1 when a problem must be mended first.
     """
     import json
     from dataclasses import asdict

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 @click.option("--mermaid", is_flag=True, help="Print the map as a Mermaid flowchart, for a page.")
 @click.option("--json", "as_json", is_flag=True, help="Print the map as JSON.")
 def graph(words: Sequence[str], domain: int | None, everything: bool, mermaid: bool, as_json: bool) -> int:
-    """Show the live map: who publishes, subscribes, serves and calls what.
+    """Show the ROS graph: topics, services and actions with their nodes.
 
-    WORDS choose: only what has one of them in its name, its type or the name of a node is shown.
+    WORDS filter: only interfaces with one of them in their name, their type or a node's name are shown.
 
-    Exit code: 0; 1 when something that is sent does not arrive, or arrives twice; 2 when nobody is there.
+    Exit code: 0; 1 when messages do not arrive, or arrive twice; 2 when there is nothing to show.
     """
     import json
     from dataclasses import asdict

@@ -22,9 +22,9 @@ def scxml(file: Path, name: str | None) -> int:
 
     In the current folder this writes missions/NAME.yaml, and the shipped lifecycle where there is none.
     Events that nothing in the document raises are declared in missions/bindings/NAME.yaml, and allowed in
-    lupin.yaml. What the language has no words for is listed with its line; then the mission is checked.
+    lupin.yaml. Parts without an equivalent are listed with their lines; then the mission is checked.
 
-    Exit code: 0 all was said and nothing is wrong, 1 something was left out or is
+    Exit code: 0 all was converted and nothing is wrong, 1 something was left out or is
     missing, 2 nothing was written.
     """
     from lupin_cli.files import title_of

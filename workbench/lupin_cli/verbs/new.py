@@ -51,9 +51,10 @@ expect:
 def new(name: str, like: str | None) -> int:
     """Begin a mission: its file, the lifecycle around it, a scenario.
 
-    NAME is what the file is called, such as water_beds. In the current folder this writes
+    NAME is that of the file, such as water_beds. In the current folder this writes
     missions/NAME.yaml and scenarios/NAME.scenario.yaml. Where there is no missions/lifecycle.yaml it copies
-    the shipped one, which is written for the profile that it names. What exists is left as it is.
+    the shipped one, which is written for the profile that it names. An existing mission is an error; other
+    existing files are left as they are.
 
     Example: lupin new my_inspection --like inspection
     """

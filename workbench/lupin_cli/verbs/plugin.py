@@ -80,7 +80,7 @@ def _echo_json(data: object) -> None:
 def list_plugins(as_json: bool) -> int:
     """List the plugins that are installed, and who brought them.
 
-    Exit code: 1 when one of them is refused, which is told with the reason.
+    Exit code: 1 when one of them is refused; the list has the reason.
     """
     from lupin_cli.terminal.tables import print_plugins
 
@@ -107,7 +107,7 @@ def _installed(point: EntryPoint) -> InstalledPlugin:
 @click.argument("name")
 @_as_json
 def show(name: str, as_json: bool) -> int:
-    """Show what a plugin offers: operations, functions, live values, parameters with units and ranges.
+    """Show a plugin's operations, functions, live values, and parameters with units and ranges.
 
     NAME may also be a binding of the missions in the current folder, or its file.
 
@@ -287,8 +287,8 @@ def _print_verdict(verdict: RuleVerdict, printed: set[str]) -> None:
 def new(name: str, folder: str | None, no_node: bool) -> int:
     """Begin a plugin: a package of its own, with a catalog, a client, a node and tests.
 
-    NAME is how missions call it, such as lamp. It is written into FOLDER, by default lupin-NAME; what exists
-    is never written over.
+    NAME is its name in missions, such as lamp. It is written into FOLDER, by default lupin-NAME; existing
+    files are never overwritten.
 
     Example: lupin plugin new lamp
     """

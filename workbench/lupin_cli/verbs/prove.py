@@ -99,7 +99,7 @@ def prove(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Explore every way that missions can go, and tell what holds in all of them.
+    """Explore every way that missions can go, and report the properties that hold in all of them.
 
     MISSIONS are names of missions or mission files. Servers may answer anything that their catalogs declare,
     or nothing; inputs change; every request comes at any time. For each broken property a failing scenario

@@ -36,8 +36,8 @@ _TICK_S = 0.2
 def record(output: Path | None, without: str | None, domain: int | None) -> int:
     """Record every topic that somebody publishes into one MCAP file.
 
-    Ends with the mission that runs, or that comes next, and at Ctrl-C. What has been published before and is
-    kept for those who come late is in the file too. Topics of actions, which ROS hides, are left out.
+    Ends with the mission that runs, or that comes next, and at Ctrl-C. Messages that publishers keep for late
+    subscribers are in the file too. Topics of actions, which ROS hides, are left out.
 
     Exit code: 0 recorded; 1 the file ends too early, because the disk is full; 2 nothing was recorded.
     """

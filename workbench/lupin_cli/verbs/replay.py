@@ -47,12 +47,12 @@ def replay(
 ) -> int:
     """Run a mission again as the journal has it, and tell its story. WHAT is its id; default: the newest.
 
-    The machine takes the same steps, which the journal's snapshots assert. With --hmi, WHAT is a file of
-    `lupin record`, which is shown in the console until Ctrl-C; one that was cut off as far as it goes, with
+    The machine takes the same steps, which are compared with the journal's snapshots. With --hmi, WHAT is a
+    file of `lupin record`, which is shown in the console until Ctrl-C; a truncated one up to its end, with
     the journal of --journal.
 
-    Exit code: 0 told, made or ended by Ctrl-C; 1 the mission of --against would do otherwise; 2 the journal
-    or the file cannot be used.
+    Exit code: 0 replayed, written or ended by Ctrl-C; 1 the mission of --against would do otherwise; 2 the
+    journal or the file cannot be used.
     """
     if hmi or Path(what).is_file():
         if until or picture or interactive or scenario or changed or not hmi:

@@ -59,8 +59,8 @@ def run(
 ) -> int:
     """Run a mission over ROS 2 and watch it.
 
-    MISSION is the name of a mission (inspection, InspectionMission) or a file. What is missing of its nodes
-    is started; what runs already is used and left alone. Ctrl-C aborts the mission, lets the robot drive home
+    MISSION is the name of a mission (inspection, InspectionMission) or a file. Its missing nodes
+    are started; running ones are used and left alone. Ctrl-C aborts the mission, lets the robot drive home
     and ends everything that was started; a second one stops the robot on the way, a third one forces.
 
     Exit code: 0 all targets visited, 1 some missed, 2 fault or not started, 130 interrupted, or

@@ -31,10 +31,10 @@ def security() -> None:
     help="Write policy.xml and governance.xml there; otherwise the policy is printed.",
 )
 def policy(missions: tuple[str, ...], sim: bool, folder: Path | None) -> int:
-    """Write what each node of MISSIONS may publish, hear, serve and call, for `ros2 security`.
+    """Write each node's permissions to publish, subscribe, serve and call, for `ros2 security`.
 
-    It is read off the nodes themselves, with the bindings of the missions: each is started in a ROS domain of
-    its own, where there is nothing, and ends at once. Without MISSIONS it is for all of the nearest folder.
+    They are read off the nodes of MISSIONS, with the missions' bindings: each node is started in an empty ROS
+    domain, and ends at once. Without MISSIONS they are for all of the nearest folder.
 
     Exit code: 0 written, 1 a mission has errors or a node does not start, 2 wrong usage.
     """

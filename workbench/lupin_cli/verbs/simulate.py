@@ -82,7 +82,7 @@ def simulate(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Run a mission in virtual time, without ROS, and tell what happens.
+    """Run a mission in virtual time, without ROS, and print its steps.
 
     MISSION is the name of a mission (inspection, InspectionMission), a mission file, or a scenario file,
     whose mocks and happenings are then used. The plugins answer as their mocks say: everything succeeds.

@@ -63,7 +63,7 @@ def test(
     """Run scenarios against missions, without ROS.
 
     PATHS are scenario files (*.scenario.yaml) or folders of them; without any, the folder scenarios or
-    tests/scenarios is taken, and what lupin prove has written beside the missions in missions. To choose by
+    tests/scenarios is taken, and the scenarios of lupin prove beside the missions in missions. To choose by
     name, to share the work between processes and to write JUnit XML, run them with pytest:
     pytest scenarios -k abort -n auto --junitxml report.xml
 

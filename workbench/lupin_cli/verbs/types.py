@@ -22,7 +22,7 @@ from lupin_engine.errors import Problems, UsageError, meant
 def types(language: str, more: tuple[str, ...], output: Path | None) -> int:
     """Write the types of all messages, services and actions that a run uses, made from their files.
 
-    These are what the orchestrator, the installed plugins and the profile use, with everything inside, and
+    These are the ones of the orchestrator, the installed plugins and the profile, with everything inside, and
     beside them each TYPE, such as sensor_msgs/msg/LaserScan, and all of each PACKAGE that is named. The same
     files give the same text.
 

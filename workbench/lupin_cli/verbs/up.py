@@ -28,7 +28,7 @@ def up(missions: tuple[str, ...], **wanted: Any) -> int:
 
     MISSIONS are names or files; without any, all missions of the folder. Ctrl-C stops what was started.
 
-    Exit code: 0 ended by Ctrl-C, 2 not started, or ended by what went wrong.
+    Exit code: 0 ended by Ctrl-C, 2 not started, or ended by an error.
     """
     from lupin_cli.bring_up import CheckedOptions, GivenOptions
     from lupin_cli.terminal.observers import Heard, PlainObserver

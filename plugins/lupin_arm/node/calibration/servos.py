@@ -122,7 +122,7 @@ class Servos:
             self._connection = None
 
     def left_behind(self) -> str:
-        """Return what an earlier calibration left unrestored; "" for nothing: then its mark is removed."""
+        """Return a text about servos that an earlier calibration left unrestored, else ""."""
         if not self._owed and self._arm.torque and self._mark.left_behind:
             self._mark.remove()  # somebody has switched it on since
         if not self._mark.left_behind:
