@@ -70,6 +70,7 @@ from lupin_engine.runtime import (
 from lupin_ros.adapter.executor import StaleAfter
 from lupin_ros.adapter.node import Qos, RosNode, RosTimer
 from lupin_ros.adapter.process import signals_call
+from lupin_ros.adapter.status_socket import StatusSocket
 from lupin_ros.interfaces.definitions import interface_class
 from lupin_ros.orchestrator.binding_client import BoundClient
 from lupin_ros.orchestrator.displays import Displays
@@ -193,6 +194,7 @@ class Orchestrator:
         #: The id of an older instance for which this one stands down; '' while there is none.
         self.older_boot = ""
         watch_for_older_instance(ros, self._records.boot, self._stand_down)
+        ros.on_stop(StatusSocket(ros, self._records).close)
 
     @property
     def _machine(self) -> Machine:
