@@ -135,9 +135,7 @@ class RecordPublisher:
     def status(self) -> str:
         """Return the last steps, available requests and missions that were published, as a JSON object."""
         steps = ", ".join(self._last_steps)
-        return (
-            f'{{"steps": [{steps}], "possible": {self._last_possible}, "missions": {self._last_missions}}}'
-        )
+        return f'{{"steps": [{steps}], "possible": {self._last_possible}, "missions": {self._last_missions}}}'
 
     # -- the chart --------------------------------------------------------------------------------------
 
