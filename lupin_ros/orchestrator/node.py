@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
 from std_srvs.srv import Trigger
 
+from lupin_engine.chart import Chart
 from lupin_engine.errors import LupinError, shortened
 from lupin_engine.machine import (
     CODE_REPORTED,
@@ -25,18 +26,14 @@ from lupin_engine.machine import (
     UNKNOWN_MISSION,
     Event,
     Machine,
-    Moment,
     Refusal,
-    Report,
     Step,
-    View,
     is_idle,
     successor,
 )
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import (
     ANSWER,
-    BUILTIN,
     CLOSED_CODE,
     EXECUTION_CODE,
     NUMBER,
@@ -44,39 +41,32 @@ from lupin_engine.plugin import (
     START,
     START_VERB,
     TEXT,
-    Channel,
-    Driver,
-    Fields,
     Parameter,
-    Publish,
     StartAnswer,
     given_fields,
     list_of,
     load_catalog,
-    make_client,
 )
 from lupin_engine.runtime import (
     STALE,
     STALE_AFTER_S,
     ClientClocks,
     Engine,
-    JournalRecord,
     make_machine,
     make_world,
-    outcomes_of,
     resumed,
     resumed_event,
 )
 from lupin_ros.adapter.executor import StaleAfter
-from lupin_ros.adapter.node import Qos, RosNode, RosTimer
+from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.process import signals_call
 from lupin_ros.adapter.status_socket import StatusSocket
 from lupin_ros.interfaces.definitions import interface_class
-from lupin_ros.orchestrator.binding_client import BoundClient
+from lupin_ros.orchestrator.clients import Clients
 from lupin_ros.orchestrator.displays import Displays
 from lupin_ros.orchestrator.journal_gate import JOURNAL_PARAMETERS, JournalGate
+from lupin_ros.orchestrator.loop import Loop
 from lupin_ros.orchestrator.outlet import NodeClock, RosOutlet
-from lupin_ros.orchestrator.readiness import Readiness
 from lupin_ros.orchestrator.records import LOG_PARAMETERS, RecordPublisher
 from lupin_ros.orchestrator.recovery import (
     CONTINUE,
@@ -87,11 +77,11 @@ from lupin_ros.orchestrator.recovery import (
     find_recovery,
 )
 from lupin_ros.orchestrator.single import other_orchestrator, watch_for_older_instance
+from lupin_ros.orchestrator.step_publisher import StepPublisher
 from lupin_ros.service import commands, messages
-from lupin_ros.service.commands import CommandAnswer, CommandMemory, CommandRequest
+from lupin_ros.service.commands import CommandAnswer, CommandRequest
 from lupin_ros.service.folder import LOOK_PERIOD_S, FolderWatch, MissionsFolder
 from lupin_ros.service.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE, NODE
-from lupin_ros.service.reports import StateMessages
 
 #: Parameters of the node itself, beside those of the missions.
 OWN_PARAMETERS: Mapping[str, Parameter] = {
@@ -122,84 +112,77 @@ class Orchestrator:
     """Wires the parts of the node. Everything runs on the thread that spins `ros`."""
 
     def __init__(self, ros: RosNode, loaded: LoadedMissions, folder: MissionsFolder) -> None:
-        self._ros = ros
-        self._loaded = loaded
-        self._chart = chart = loaded.chart
-        self._folder = folder
-        self._watch = FolderWatch(folder, ros.post, lambda why: ros.log.error("missions", problem=why))
+        given = ros.parameters()
+        self._ros, self._folder = ros, folder
+        self._prefix = str(given["mission_id_prefix"])
+        self._wire = wire = messages.wire_of(loaded.chart.profile)
+        self._clock = clock = NodeClock(ros)
+        self._loop = loop = Loop(ros, clock, loaded)
+        self._records = records = RecordPublisher(ros, clock, loaded)
+        self._gate = gate = JournalGate(ros, records.boot, loop)
+        recovery, lost = find_recovery(ros, gate.folder, loaded, given)
+        machine = _first_machine(ros, loaded, recovery)
+        self._publisher = publisher = StepPublisher(ros, clock, loop, wire, gate, records)
+        self._outlet = outlet = RosOutlet(loop, clock)
+        is_resumed = recovery is not None and recovery.machine is not None
+        self._clients = clients = Clients(ros, loaded, outlet, machine.world.parameters, is_resumed)
+        drivers, journal = clients.drivers, gate.journal
+        self._engine = engine = Engine(machine, clock, drivers, publisher.stepped, clock.wall, journal)
+        engine.failed = publisher.failed
+        loop.run(engine, gate, records)
+        self._watch = FolderWatch(folder, ros)
         #: How many requests wait for a check of the folder; whether a periodic check is under way.
         self._waiting, self._is_checking = 0, False
-        self._clock = NodeClock(ros)
-        given = ros.parameters()
-        self._prefix = str(given["mission_id_prefix"])
-        drivers: dict[str, Driver] = {}
-        self._records = RecordPublisher(ros, self._clock, loaded)
-        self._gate = JournalGate(ros, self._records.boot, self._work, lambda e: self._engine.post(e))
-        recovery, lost = find_recovery(ros, self._gate.folder, loaded, given)
-        if recovery is not None and recovery.machine is not None:
-            machine = recovery.machine
-            ros.lineage = recovery.left.file.head.lineage or ros.lineage
-        else:
-            machine = make_machine(chart, {name: given[name] for name in chart.parameters})
         #: When the policy may end the hold `restarted`, of the monotonic clock; once in a process.
         self._continues_at = time.monotonic() + HEARD_S if given[POLICY] == CONTINUE else None
-        self._engine = Engine(
-            machine,
-            self._clock,
-            drivers,
-            self._stepped,
-            self._clock.wall,
-            self._gate.journal,
-        )
-        self._engine.failed = self._failed
-        self._outlet = RosOutlet(self._engine, self._clock, self._work)
-        self._wire = messages.wire_of(chart.profile)
-        self._state = _Publisher(ros, self._wire.state)
-        ros.lifeline = ros.node.resolve_topic_name(self._wire.state.name)
-        self._outcomes = _Publisher(ros, self._wire.outcomes)
-        self._state_messages = StateMessages(self._wire, lambda: self._machine, self._clock.now, self._stamp)
-        self._deadline: tuple[float, RosTimer] | None = None
-        drivers.update(_clients(ros, loaded, chart.clients, self._outlet, machine.world.parameters))
-        drivers[BUILTIN] = Readiness(
-            lambda: [drivers[name] for name in self._chart.plugins if name in drivers],
-            self._outlet,
-            ros.steady_timer,
-            ros.now,
-            is_resumed=recovery is not None and recovery.machine is not None,
-        )
-        self._drivers = drivers
-        ros.on_stop(self._close)
         #: The machine for new parameter values, until ROS has stored them.
         self._prepared: Machine | None = None
-        ros.on_parameter(self._prepare_parameters, self._adopt_parameters)
+        #: The events of answers that are served.
         self._answers: set[str] = set()
-        self._clients = ClientClocks()
-        self._commands = CommandMemory(ros.guarded(self._gate.journal.answered))
-        if recovery is not None:
-            self._gate.restore_commands(recovery.left, self._commands)
-        self._origin: tuple[Event | None, Mapping[str, str]] = (None, {})
+        self._callers = ClientClocks()
+        self._commands = gate.commands_of(recovery)
+        #: The id of an older instance for which this one stands down; '' while there is none.
+        self.older_boot = ""
+        self._serve_all()
+        self._begin(recovery, lost)
+        # In real time: the state is repeated also while simulated time stands still.
+        ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), publisher.repeat_state)
+        ros.steady_timer(LOOK_PERIOD_S, self._check)
+        watch_for_older_instance(ros, records.boot, self._stand_down)
+        ros.on_stop(StatusSocket(ros, records).close)
+
+    def _serve_all(self) -> None:
+        """Serve operators and displays; what was open is closed at the end."""
+        self._ros.on_stop(self._close)
+        self._ros.on_parameter(self._prepare_parameters, self._adopt_parameters)
         self._serve()
         self._serve_commands()
         self._serve_answers()
-        Displays(ros, self._clock, lambda: (self._loaded, self._machine))
-        # In real time: the state is repeated also while simulated time stands still.
-        ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._repeat_state)
+        Displays(self._ros, self._clock, self._loop)
+
+    def _begin(self, recovery: Recovery | None, lost: str) -> None:
+        """Start or resume the machine; publish what there is to be known about it."""
         self._start_or_resume(recovery)
         if lost:
-            self._engine.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": lost}))
-        self._work()
+            self._loop.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": lost}))
+        self._loop.work()
         self._publish_missions()
         self._records.publish_chart()
-        ros.steady_timer(LOOK_PERIOD_S, self._check)
-        #: The id of an older instance for which this one stands down; '' while there is none.
-        self.older_boot = ""
-        watch_for_older_instance(ros, self._records.boot, self._stand_down)
-        ros.on_stop(StatusSocket(ros, self._records).close)
 
     @property
     def _machine(self) -> Machine:
         """The running machine."""
         return self._engine.machine
+
+    @property
+    def _loaded(self) -> LoadedMissions:
+        """The missions that run."""
+        return self._loop.loaded
+
+    @property
+    def _chart(self) -> Chart:
+        """Their chart."""
+        return self._loop.loaded.chart
 
     def _start_or_resume(self, recovery: Recovery | None) -> None:
         """Resume the last process's machine, or start a new one; publish outcomes that were not published."""
@@ -210,14 +193,14 @@ class Orchestrator:
         if recovery is None or recovery.left.file.damaged or not (is_resumed or recovery.closing):
             self._gate.begin(self._loaded, self._machine)
         if recovery is not None:
-            self._gate.republish(recovery, self._unpublished(recovery), self._outcomes.publish)
+            self._gate.republish(recovery, self._publisher.unpublished(recovery), self._publisher.outcomes)
         if recovery is None or recovery.machine is None:
             self._start_new(recovery.closing if recovery is not None else "", recovery)
             return
         machine = resumed(recovery.machine, recovery.left.shift(now, wall))
         started = machine.memory.started_at
         if started is not None:
-            self._state_messages.mission_started(self._stamp(self._ros.now() - (now - started)))
+            self._publisher.mission_resumed(now - started)
         self._engine.resume(machine, resumed_event(recovery.left, machine, wall))
 
     def _start_new(self, closing: str, recovery: Recovery | None) -> None:
@@ -230,30 +213,14 @@ class Orchestrator:
         self._gate.begin(self._loaded, self._machine)
         self._engine.start()
         detail = f"{head.mission} {head.mission_id}: {closing}; left out: {count}"
-        self._engine.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": detail}))
-
-    def _unpublished(self, recovery: Recovery) -> list[tuple[Publish, Fields]]:
-        """Return outcomes of replayed steps that were not recorded, and those of a closed mission."""
-        old = recovery.recovered
-        found = []
-        for record, outcome in old.unreported if old is not None else ():
-            messages_then = self._messages_at(old.machine if old else self._machine, record)
-            found.append((outcome, messages_then.outcome(outcome)))
-        return found + [(outcome, self._state_messages.outcome(outcome)) for outcome in recovery.left_out]
-
-    def _messages_at(self, machine: Machine, record: JournalRecord) -> StateMessages:
-        """Return the messages about a replayed machine, with the times of a record."""
-        return StateMessages(
-            self._wire, lambda: machine, lambda: record.time, lambda: self._stamp(record.wall)
-        )
+        self._loop.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": detail}))
 
     def _stand_down(self, older_boot: str) -> None:
         self.older_boot = older_boot
         self._ros.stop()
 
     def _close(self) -> None:
-        for driver in self._drivers.values():
-            driver.close()
+        self._clients.close()
         self._watch.close()
         self._gate.close()
 
@@ -287,7 +254,7 @@ class Orchestrator:
         return age if age > STALE_AFTER_S and not self._counts_however_late(event) else None
 
     def _age(self, client: str, sent: float) -> float:
-        return self._clients.age(client, sent, time.time_ns() * 1e-9, time.monotonic())
+        return self._callers.age(client, sent, time.time_ns() * 1e-9, time.monotonic())
 
     def _counts_however_late(self, event: str) -> bool:
         """Return whether a request is carried out at any age.
@@ -296,7 +263,7 @@ class Orchestrator:
         """
         if not commands.counts_however_late(event, self._chart):
             return False
-        self._work()
+        self._loop.work()
         return not self._machine.dry_run(Event(event), self._clock.now(), skip_fields=True).releases
 
     def _answer_when_flushed(
@@ -411,8 +378,8 @@ class Orchestrator:
         return messages.write(response, self._wire.start.answer_fields(answer))
 
     def _ask(self, event: Event, origin: Mapping[str, str] = NOTHING) -> Step:
-        self._origin = event, origin
-        self._work()
+        self._publisher.origin = event, origin
+        self._loop.work()
         try:
             refusal = self._refusal(event)
         except Exception as problem:
@@ -426,7 +393,7 @@ class Orchestrator:
         else:
             memory, now = self._machine.memory, self._clock.now()
             step = Step(memory.sequence, now, event, memory.configuration, accepted=False, refusal=refusal)
-        self._work()
+        self._loop.work()
         answer = "accepted" if step.accepted else step.refusal.text if step.refusal else "refused"
         self._ros.guarded(
             partial(self._ros.log.info, "request", request=event.name, answer=answer, **origin)
@@ -445,7 +412,7 @@ class Orchestrator:
 
     def _check(self) -> None:
         """Check the clock, the disk, the resume policy and, while idle, the missions' folder; periodic."""
-        self._work()
+        self._loop.work()
         self._gate.check_disk(self._machine)
         self._continue()
         if is_idle(self._machine) and not self._is_checking:
@@ -482,11 +449,11 @@ class Orchestrator:
         if not (due and RESTARTED in memory.held):
             return
         ending = self._machine.view.cancelling
-        if not (ending or self._drivers[BUILTIN].missing() or self._unheard_holds()):
+        if not (ending or self._clients.readiness.missing() or self._unheard_holds()):
             self._continues_at = None
             self._ros.log.info("the hold restarted is released", by=POLICY)
             self._engine.request(Event(RELEASED, {"hold": RESTARTED}), {"by": POLICY})
-            self._work()
+            self._loop.work()
 
     def _unheard_holds(self) -> bool:
         """Return whether an input that engages a hold was reported before the restart, and not since."""
@@ -511,15 +478,9 @@ class Orchestrator:
         values = self._ros.values_with(declared)
         world = make_world(chart, {name: values[name] for name in chart.parameters})
         machine = successor(self._machine, world)
-        before, now = self._loaded.bindings, {*chart.clients, BUILTIN}
-        changed = {n for n in chart.clients if before.get(n) is not loaded.bindings.get(n)}
-        new = [name for name in chart.clients if name not in self._drivers or name in changed]
-        clients = _clients(self._ros, loaded, new, self._outlet, world.parameters)
-        for name in [name for name in self._drivers if name not in now or name in changed]:
-            self._drivers.pop(name).close()
-        self._drivers.update(clients)
+        self._clients.switch(loaded, self._clients.prepared(loaded, world.parameters))
         self._ros.declare_anew(declared)
-        self._loaded, self._chart = loaded, chart
+        self._loop.loaded = loaded
         self._records.switch_chart(loaded)
         self._serve_answers()
         self._switch_machine(machine)
@@ -532,7 +493,7 @@ class Orchestrator:
         self._outlet.report_again(
             spec.value for spec in self._chart.inputs.values() if spec.name not in heard
         )
-        self._work()
+        self._loop.work()
 
     def _prepare_parameters(self, values: Mapping[str, Any]) -> str | None:
         """Make a machine for new values of the missions' parameters, or return why not."""
@@ -564,115 +525,6 @@ class Orchestrator:
             self._ros.log.warning("missions", problem=self._folder.warning)
         self._records.publish_missions(self._machine, self._folder.problem.splitlines())
 
-    # -- the loop ---------------------------------------------------------------------------------------
-
-    def _work(self) -> None:
-        """Step all queued and due events, then set the timer of the next deadline.
-
-        An exception in one part keeps no other from its turn, and no request from being carried out.
-        """
-        for part in (self._engine.drain, self._sleep, self._maintain_journal, self._publish_possible):
-            self._ros.guarded(part)()
-
-    def _maintain_journal(self) -> None:
-        self._gate.maintain(self._machine)
-
-    def _publish_possible(self) -> None:
-        self._records.publish_possible(self._machine)
-
-    def _failed(self, problem: Exception) -> None:
-        """Log an exception in the loop; the journal may lack a step, so a new file begins with a snapshot."""
-        self._ros.log.error("the loop failed", exc_info=problem)
-        self._gate.journal.discontinue(f"{type(problem).__name__}: {problem}")
-
-    def _sleep(self) -> None:
-        self._sleep_until(self._engine.next_deadline)
-
-    def _sleep_until(self, due: float | None) -> None:
-        if self._deadline is not None:
-            if self._deadline[0] == due:
-                return
-            self._deadline[1].cancel()
-            self._deadline = None
-        if due is not None:
-            self._deadline = due, self._ros.call_later(due - self._clock.now(), self._deadline_reached)
-
-    def _deadline_reached(self) -> None:
-        self._deadline = None
-        self._work()
-
-    def _stepped(self, step: Step) -> None:
-        """Publish and record a step; an exception in one part keeps no other from running."""
-        if step.event.name == START and step.accepted:
-            self._state_messages.mission_started()
-        view = self._machine.view
-        parts = _PARTS if self._records.is_news(step) else (Orchestrator._publish_state,)
-        for part in parts:
-            self._ros.guarded(part)(self, step, view)
-
-    def _publish_outcomes(self, step: Step, view: View) -> None:
-        if outcomes := outcomes_of(step):
-            self._gate.publish(outcomes, self._state_messages.outcome, self._outcomes.publish)
-
-    def _log_reports(self, step: Step, view: View) -> None:
-        for command in step.commands:
-            if isinstance(command, Report):
-                self._records.log_report(command, view)
-
-    def _publish_moments(self, step: Step, view: View) -> None:
-        for moment in step.trail[:-1]:
-            self._publish_if_changed(view, moment)
-
-    def _publish_state(self, step: Step, view: View) -> None:
-        self._publish_if_changed(view)
-
-    def _publish_step(self, step: Step, view: View) -> None:
-        asked, origin = self._origin
-        self._records.publish_step(step, view, origin if step.event is asked else NOTHING)
-
-    def _record_step(self, step: Step, view: View) -> None:
-        self._gate.after_step(step, view, self._machine)
-
-    # -- publishing -------------------------------------------------------------------------------------
-
-    def _publish_if_changed(self, view: View, moment: Moment | None = None) -> None:
-        """Publish the state at once where it has changed."""
-        fields = self._state_messages.news(view, moment)
-        if fields is not None:
-            self._state.publish(fields)
-
-    def _repeat_state(self) -> None:
-        self._state.publish(self._state_messages.fields(self._machine.view))
-        self._records.publish_possible(self._machine)  # time alone may have changed an answer
-
-    def _stamp(self, time: float | None = None) -> Fields:
-        if time is not None:
-            return {"sec": int(time), "nanosec": int(time % 1.0 * 1e9)}
-        stamp = self._ros.stamp()
-        return {"sec": stamp.sec, "nanosec": stamp.nanosec}
-
-
-#: The publications of a step that is news, in this order.
-_PARTS = (
-    Orchestrator._publish_outcomes,
-    Orchestrator._log_reports,
-    Orchestrator._publish_moments,
-    Orchestrator._publish_state,
-    Orchestrator._publish_step,
-    Orchestrator._record_step,
-)
-
-
-class _Publisher:
-    """Publishes fields on a channel of the profile."""
-
-    def __init__(self, ros: RosNode, channel: Channel) -> None:
-        self._make = interface_class(channel.type)
-        self._publisher = ros.publisher(self._make, channel.name, Qos[channel.qos])
-
-    def publish(self, fields: Fields) -> None:
-        self._publisher.publish(messages.write(self._make(), fields))
-
 
 def _begins(request: Any) -> bool:
     return bool(request.verb == START_VERB)
@@ -698,23 +550,13 @@ def _answering(ask: Callable[[Event], Step], name: str) -> Callable[[Any, Any], 
     return answer
 
 
-def _clients(
-    ros: RosNode,
-    loaded: LoadedMissions,
-    names: Iterable[str],
-    outlet: RosOutlet,
-    parameters: Mapping[str, Any],
-) -> dict[str, Driver]:
-    """Make the clients of the named plugins: a binding's, or the plugin's own where it has one."""
-    clients: dict[str, Driver] = {}
-    for name in names:
-        if name in loaded.bindings:
-            clients[name] = BoundClient(ros, loaded.bindings[name], outlet, parameters)
-            continue
-        plugin = loaded.chart.catalog.plugins[name]
-        if plugin.client:
-            clients[name] = make_client(plugin, ros, outlet, parameters)
-    return clients
+def _first_machine(ros: RosNode, loaded: LoadedMissions, recovery: Recovery | None) -> Machine:
+    """Return the machine of the last process where it goes on, else a new one."""
+    if recovery is not None and recovery.machine is not None:
+        ros.lineage = recovery.left.file.head.lineage or ros.lineage
+        return recovery.machine
+    given = ros.parameters()
+    return make_machine(loaded.chart, {name: given[name] for name in loaded.chart.parameters})
 
 
 def main(arguments: Sequence[str] = ()) -> int:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
-from lupin_engine.runtime import Engine, EngineOutlet
+from lupin_engine.runtime import EngineOutlet
 from lupin_ros.adapter.node import RosNode
+
+if TYPE_CHECKING:
+    from lupin_ros.orchestrator.loop import Loop
 
 
 class NodeClock:
@@ -32,8 +35,8 @@ class NodeClock:
 class RosOutlet(EngineOutlet):
     """Queues reports of the clients; converts a value's stamp into the loop's clock, in the same order."""
 
-    def __init__(self, engine: Engine, clock: NodeClock, wake: Callable[[], None]) -> None:
-        super().__init__(engine, wake)
+    def __init__(self, loop: Loop, clock: NodeClock) -> None:
+        super().__init__(loop, loop.work)
         self._clock = clock
         self._last: dict[str, tuple[float, float, Any]] = {}
 

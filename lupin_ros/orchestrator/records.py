@@ -49,7 +49,7 @@ class RecordPublisher:
         self._missions = ros.publisher(String, MISSIONS_TOPIC, Qos.LATCHED)
         self._possible = ros.publisher(String, POSSIBLE_TOPIC, Qos.LATCHED)
         self._chart = ros.publisher(String, CHART_TOPIC, Qos.LATCHED)
-        self._slices = Slices(ros.post)
+        self._slices = Slices(ros)
         self._open_log(ros.parameters())
         #: What was published last, as text; as many steps as late readers get.
         self._last_steps: deque[str] = deque(maxlen=self._steps.qos_profile.depth)

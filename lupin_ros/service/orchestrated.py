@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from lupin_engine.errors import LupinError
-from lupin_engine.machine import NOTHING, Event, Refusal, Step, World
+from lupin_engine.machine import NOTHING, Event, Machine, Refusal, Step, World
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import START, Fields, PageMessage, Publish, time_fields
 from lupin_engine.runtime import explanation, missions_record
@@ -53,9 +53,7 @@ class VirtualOrchestrator:
         self._commands = CommandMemory()
         self._news, self._foreseen = StepNews(), PossibleNews(self.boot)
         self._offered: Any = None
-        self._state = StateMessages(
-            self._wire, lambda: self.simulation.machine, lambda: self.simulation.now, self._stamp
-        )
+        self._state = StateMessages(self._wire, self)
 
     @property
     def at(self) -> float:
@@ -157,5 +155,17 @@ class VirtualOrchestrator:
     def _publish_fields(self, topic: str, fields: Fields) -> None:
         self._publish(PageMessage(topic, self._moment(), fields))
 
-    def _stamp(self) -> Fields:
+    # -- the present, for messages ----------------------------------------------------------------------
+
+    @property
+    def machine(self) -> Machine:
+        """The machine of the simulation."""
+        return self.simulation.machine
+
+    def now(self) -> float:
+        """Return the virtual time, in seconds."""
+        return self.simulation.now
+
+    def stamp(self) -> Fields:
+        """Return the time of the messages as the fields of a `builtin_interfaces/msg/Time`."""
         return time_fields(self.at / 1000.0)
