@@ -26,7 +26,8 @@ class Clients:
     ) -> None:
         """Make the clients; `is_resumed` is whether the machine goes on from another process."""
         self._ros = ros
-        self._outlet = outlet
+        #: Where they report.
+        self.outlet = outlet
         self._loaded = loaded
         self.drivers: dict[str, Driver] = dict(self._made(loaded, loaded.chart.clients, parameters))
         self.drivers[BUILTIN] = self.readiness = Readiness(self, outlet, ros, is_resumed)
@@ -63,11 +64,11 @@ class Clients:
         """Yield the clients of the named plugins: a binding's, or the plugin's own where it has one."""
         for name in names:
             if name in loaded.bindings:
-                yield name, BoundClient(self._ros, loaded.bindings[name], self._outlet, parameters)
+                yield name, BoundClient(self._ros, loaded.bindings[name], self.outlet, parameters)
                 continue
             plugin = loaded.chart.catalog.plugins[name]
             if plugin.client:
-                yield name, make_client(plugin, self._ros, self._outlet, parameters)
+                yield name, make_client(plugin, self._ros, self.outlet, parameters)
 
     def close(self) -> None:
         """Close all."""

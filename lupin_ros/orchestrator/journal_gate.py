@@ -32,6 +32,7 @@ from lupin_engine.plugin import (
 from lupin_engine.runtime import Journal, JournalHead, Keep, Refusals, journal_folder
 from lupin_ros.adapter.host import Slices
 from lupin_ros.adapter.node import RosNode
+from lupin_ros.orchestrator.outlet import Worker
 from lupin_ros.orchestrator.recovery import Recovery
 from lupin_ros.service.commands import CommandMemory
 
@@ -60,16 +61,6 @@ WHAT_TO_DO = (
 RETRY_S = 5.0
 
 
-class Loop(Protocol):
-    """What the gate uses of the orchestrator's loop."""
-
-    def post(self, event: Event) -> None:
-        """Queue an event of the machine."""
-
-    def work(self) -> None:
-        """Step what is queued."""
-
-
 class Outcomes(Protocol):
     """The channel of outcomes."""
 
@@ -83,7 +74,7 @@ class Outcomes(Protocol):
 class JournalGate:
     """Puts the journal between one orchestrator and the world."""
 
-    def __init__(self, ros: RosNode, boot: str, loop: Loop) -> None:
+    def __init__(self, ros: RosNode, boot: str, loop: Worker) -> None:
         self._ros = ros
         self._boot = boot
         self._loop = loop

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+from lupin_engine.chart import Chart
 from lupin_engine.machine import Event, Machine
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.runtime import Engine
 from lupin_ros.adapter.node import RosNode, RosTimer
 from lupin_ros.orchestrator.outlet import NodeClock
 
-if TYPE_CHECKING:
-    from lupin_ros.orchestrator.journal_gate import JournalGate
-    from lupin_ros.orchestrator.records import RecordPublisher
+
+class Gate(Protocol):
+    """The journal, after steps."""
+
+    def maintain(self, machine: Machine) -> None:
+        """Write a snapshot, or begin the next file, where one is due."""
+
+
+class Records(Protocol):
+    """The records, after steps."""
+
+    def publish_possible(self, machine: Machine) -> None:
+        """Publish what can be asked, where it has changed."""
 
 
 class Loop:
@@ -27,28 +38,38 @@ class Loop:
         #: The missions that run.
         self.loaded = loaded
         self._early: list[Event] = []
-        self._running: tuple[Engine, JournalGate, RecordPublisher] | None = None
+        self._running: tuple[Engine, Gate, Records] | None = None
         self._deadline: tuple[float, RosTimer] | None = None
 
-    def run(self, engine: Engine, gate: JournalGate, records: RecordPublisher) -> None:
+    def run(self, engine: Engine, gate: Gate, records: Records) -> None:
         """Run an engine, with what is to be done after its steps."""
         self._running = engine, gate, records
         for event in self._early:
             engine.post(event)
 
-    def _parts(self) -> tuple[Engine, JournalGate, RecordPublisher]:
+    def _parts(self) -> tuple[Engine, Gate, Records]:
         if self._running is None:
-            raise RuntimeError("the loop has no machine yet")
+            raise RuntimeError("the loop has no engine yet")
         return self._running
 
     @property
-    def machine(self) -> Machine:
-        """The machine that runs.
+    def engine(self) -> Engine:
+        """The engine.
 
         Raises:
             RuntimeError: there is none before `run`.
         """
-        return self._parts()[0].machine
+        return self._parts()[0]
+
+    @property
+    def machine(self) -> Machine:
+        """The machine that runs; see `engine`."""
+        return self.engine.machine
+
+    @property
+    def chart(self) -> Chart:
+        """The chart of the missions that run."""
+        return self.loaded.chart
 
     def post(self, event: Event) -> None:
         """Queue an event for the next `work`."""
@@ -77,7 +98,7 @@ class Loop:
         records.publish_possible(engine.machine)
 
     def _sleep(self) -> None:
-        self._sleep_until(self._parts()[0].next_deadline)
+        self._sleep_until(self.engine.next_deadline)
 
     def _sleep_until(self, due: float | None) -> None:
         if self._deadline is not None:

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
-from lupin_engine.runtime import EngineOutlet
+from lupin_engine.runtime import EngineOutlet, Inbox
 from lupin_ros.adapter.node import RosNode
-
-if TYPE_CHECKING:
-    from lupin_ros.orchestrator.loop import Loop
 
 
 class NodeClock:
@@ -32,10 +29,17 @@ class NodeClock:
         return round(self.now() - (self._ros.now() - stamp), 6)
 
 
+class Worker(Inbox, Protocol):
+    """The loop, for those who report to it."""
+
+    def work(self) -> None:
+        """Step what is queued."""
+
+
 class RosOutlet(EngineOutlet):
     """Queues reports of the clients; converts a value's stamp into the loop's clock, in the same order."""
 
-    def __init__(self, loop: Loop, clock: NodeClock) -> None:
+    def __init__(self, loop: Worker, clock: NodeClock) -> None:
         super().__init__(loop, loop.work)
         self._clock = clock
         self._last: dict[str, tuple[float, float, Any]] = {}

@@ -26,13 +26,12 @@ class StepPublisher:
         ros: RosNode,
         clock: NodeClock,
         loop: Loop,
-        wire: Wire,
         gate: JournalGate,
         records: RecordPublisher,
     ) -> None:
         self._ros = ros
         self._loop = loop
-        self._wire = wire
+        self._wire = wire = messages.wire_of(loop.chart.profile)
         self._gate = gate
         self._records = records
         self._state = _Publisher(ros, wire.state)

@@ -18,7 +18,7 @@ from typing import Any
 from lupin_nav.client import NavClient
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.vitals import CountedPublisher
-from lupin_ros.orchestrator import journal_gate, records, step_publisher
+from lupin_ros.orchestrator import journal_gate, missions, records, requests, step_publisher
 from lupin_ros.orchestrator import node as orchestrator
 from lupin_ros.orchestrator.loop import Loop
 
@@ -26,18 +26,15 @@ from lupin_ros.orchestrator.loop import Loop
 OURS = ("lupin_ros.", "lupin_engine.runtime.journal.", "lupin_engine.runtime.client_clocks")
 #: Not called by a step but what a step is taken by: without a clock or a thread of the node there is none.
 NO_CALLBACKS = {
-    "ClientClocks", "Clients", "Executor", "Loop", "NodeClock", "NodeLog", "Orchestrator", "RosNode",
-    "RosOutlet", "RosTimer",
+    "ClientClocks", "Clients", "Executor", "Loop", "Missions", "NodeClock", "NodeLog",
+    "Orchestrator", "Requests", "RosNode", "RosOutlet", "RosTimer",
 }  # fmt: skip
 #: Runs on the thread of the disk: no step calls it.
 OF_THE_DISK = ("JournalGate._post_and_work",)
 #: What of those is a callback all the same.
 BESIDES = (
-    (
-        Loop,
-        ("_sleep_until",),
-    ),
-    (orchestrator.Orchestrator, ("_why_unknown",)),
+    (Loop, ("_sleep_until",)),
+    (missions.Missions, ("why_unknown",)),
     (RosNode, ("call_later", "trouble")),
     (CountedPublisher, ("publish",)),
     (NavClient, ("_go_to",)),
@@ -46,7 +43,7 @@ BESIDES = (
 
 def callbacks() -> Iterator[tuple[type, str]]:
     """Yield the class and the name of every method that may raise."""
-    modules = (orchestrator, journal_gate, records, step_publisher)
+    modules = (orchestrator, journal_gate, records, step_publisher, missions, requests)
     found = [value for module in modules for value in vars(module).values()]
     for each in dict.fromkeys(filter(inspect.isclass, found)):
         if each.__module__.startswith(OURS) and each.__name__ not in NO_CALLBACKS:
