@@ -85,7 +85,7 @@ class JournalGate:
         self.folder = journal_folder(str(given["journal_path"] or ""))
         size = 1_000_000 * int(given["journal_megabytes"])
         keep = Keep(int(given["journal_missions"]), float(given["journal_days"]), size)
-        self.journal = Journal(self.folder, keep, self._post_and_work, ros.guarded(self._fault_changed))
+        self.journal = Journal(self.folder, keep, self)
         self._refusals = Refusals(self.journal)
         #: Outcomes to write, and flushed ones to publish: some in each turn of the node's thread.
         self._writes, self._slices = Slices(ros), Slices(ros)
@@ -317,12 +317,18 @@ class JournalGate:
 
     # -- the disk -----------------------------------------------------------------------------------------
 
-    def _post_and_work(self, call: Callable[[], None]) -> None:
+    def post(self, call: Callable[[], None]) -> None:
+        """Run a call of the journal on the node's thread, and step what it has queued."""
+
         def run() -> None:
             call()
             self._loop.work()
 
         self._ros.post(run)
+
+    def disk_changed(self, problem: str) -> None:
+        """Report a disk fault or its end; an exception is logged."""
+        self._ros.guarded(self._fault_changed)(problem)
 
     def _fault_changed(self, problem: str) -> None:
         """Report a disk fault or its end; a fault holds the mission where required, unless it returns."""

@@ -30,7 +30,7 @@ NO_CALLBACKS = {
     "Orchestrator", "Requests", "RosNode", "RosOutlet", "RosTimer",
 }  # fmt: skip
 #: Runs on the thread of the disk: no step calls it.
-OF_THE_DISK = ("JournalGate._post_and_work",)
+OF_THE_DISK = ("JournalGate.post", "JournalGate.disk_changed", "Journal.post")
 #: What of those is a callback all the same.
 BESIDES = (
     (Loop, ("_sleep_until",)),
