@@ -27,7 +27,7 @@ PATIENCE_S = 1.0
 _DECIDING = ("ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "RMW_IMPLEMENTATION", "ROS_SECURITY_ENABLE")
 
 
-class Published(Protocol):
+class StatusSource(Protocol):
     """A part of a node that knows what was published last."""
 
     def status(self) -> str:
@@ -40,7 +40,7 @@ class StatusSocket:
     A node whose thread hangs does not answer. Where a socket cannot be opened, the network has to be asked.
     """
 
-    def __init__(self, host: Host, published: Published) -> None:
+    def __init__(self, host: Host, published: StatusSource) -> None:
         self._host = host
         self._published = published
         self._socket = socket.socket(socket.AF_UNIX)

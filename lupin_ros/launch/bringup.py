@@ -105,7 +105,7 @@ class BringupSettings:
     compose: bool | None = None
 
 
-class _Onlooker:
+class _OperatorView:
     """What an operator's node sees, until Ctrl-C."""
 
     def __init__(self, operator: Operator, interrupts: Interrupts) -> None:
@@ -164,7 +164,7 @@ class Bringup:
             self._observer.note(doors, Severity.WARN)
         self._observer.note("looking for nodes that run already")
         self.description = self._describe(
-            list(plugins), catalog, settled(_Onlooker(self._operator, self._interrupts))
+            list(plugins), catalog, settled(_OperatorView(self._operator, self._interrupts))
         )
         if self.description.joined:
             self._observer.note(f"using what is there: {', '.join(self.description.joined)}")

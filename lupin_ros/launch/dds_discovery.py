@@ -31,7 +31,7 @@ QUIET_S, LOOK_S, LIMIT_S = 0.3, 2.0, 6.0
 QUIET_LOOKS = 6
 
 
-class Onlooker(Protocol[_T]):
+class NetworkView(Protocol[_T]):
     """A node that observes the graph."""
 
     def spin(self) -> None:
@@ -44,7 +44,7 @@ class Onlooker(Protocol[_T]):
         """Return the number of participants besides its own."""
 
 
-def settled(onlooker: Onlooker[_T]) -> _T:
+def settled(onlooker: NetworkView[_T]) -> _T:
     """Spin until all participants of this machine are known and nothing new has appeared for a moment."""
     begin = changed = time.monotonic()
     seen, looks = onlooker.look(), 0

@@ -13,7 +13,7 @@ from lupin_ros.orchestrator.outlet import RosOutlet
 from lupin_ros.orchestrator.readiness import Readiness
 
 
-class Clients:
+class PluginClients:
     """The drivers of the engine by plugin, kept as long as the missions use them as they are."""
 
     def __init__(

@@ -12,14 +12,14 @@ from lupin_ros.adapter.node import RosNode, RosTimer
 from lupin_ros.orchestrator.outlet import NodeClock
 
 
-class Gate(Protocol):
+class JournalUpkeep(Protocol):
     """The journal, after steps."""
 
     def maintain(self, machine: Machine) -> None:
         """Write a snapshot, or begin the next file, where one is due."""
 
 
-class Records(Protocol):
+class PossiblePublisher(Protocol):
     """The records, after steps."""
 
     def publish_possible(self, machine: Machine) -> None:
@@ -38,16 +38,16 @@ class Loop:
         #: The missions that run.
         self.loaded = loaded
         self._early: list[Event] = []
-        self._running: tuple[Engine, Gate, Records] | None = None
+        self._running: tuple[Engine, JournalUpkeep, PossiblePublisher] | None = None
         self._deadline: tuple[float, RosTimer] | None = None
 
-    def run(self, engine: Engine, gate: Gate, records: Records) -> None:
+    def run(self, engine: Engine, gate: JournalUpkeep, records: PossiblePublisher) -> None:
         """Run an engine, with what is to be done after its steps."""
         self._running = engine, gate, records
         for event in self._early:
             engine.post(event)
 
-    def _parts(self) -> tuple[Engine, Gate, Records]:
+    def _parts(self) -> tuple[Engine, JournalUpkeep, PossiblePublisher]:
         if self._running is None:
             raise RuntimeError("the loop has no engine yet")
         return self._running

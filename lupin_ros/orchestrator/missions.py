@@ -11,7 +11,7 @@ from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import NUMBER, TEXT, Parameter, list_of
 from lupin_engine.runtime import make_world
 from lupin_ros.adapter.node import RosNode
-from lupin_ros.orchestrator.clients import Clients
+from lupin_ros.orchestrator.clients import PluginClients
 from lupin_ros.orchestrator.journal_gate import JOURNAL_PARAMETERS, JournalGate
 from lupin_ros.orchestrator.loop import Loop
 from lupin_ros.orchestrator.records import LOG_PARAMETERS, RecordPublisher
@@ -43,7 +43,7 @@ OWN_PARAMETERS: Mapping[str, Parameter] = {
 }
 
 
-class Missions:
+class MissionSwitch:
     """Switches the loop to other missions or values, while no mission is under way."""
 
     def __init__(
@@ -53,7 +53,7 @@ class Missions:
         loop: Loop,
         records: RecordPublisher,
         gate: JournalGate,
-        clients: Clients,
+        clients: PluginClients,
     ) -> None:
         self._ros = ros
         self._folder = folder

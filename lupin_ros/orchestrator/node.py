@@ -36,11 +36,11 @@ from lupin_engine.runtime import (
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.process import signals_call
 from lupin_ros.adapter.status_socket import StatusSocket
-from lupin_ros.orchestrator.clients import Clients
+from lupin_ros.orchestrator.clients import PluginClients
 from lupin_ros.orchestrator.displays import Displays
 from lupin_ros.orchestrator.journal_gate import JournalGate
 from lupin_ros.orchestrator.loop import Loop
-from lupin_ros.orchestrator.missions import OWN_PARAMETERS, Missions
+from lupin_ros.orchestrator.missions import OWN_PARAMETERS, MissionSwitch
 from lupin_ros.orchestrator.outlet import NodeClock, RosOutlet
 from lupin_ros.orchestrator.records import RecordPublisher
 from lupin_ros.orchestrator.recovery import (
@@ -50,7 +50,7 @@ from lupin_ros.orchestrator.recovery import (
     Recovery,
     find_recovery,
 )
-from lupin_ros.orchestrator.requests import Requests
+from lupin_ros.orchestrator.requests import RequestServer
 from lupin_ros.orchestrator.single import other_orchestrator, watch_for_older_instance
 from lupin_ros.orchestrator.step_publisher import StepPublisher
 from lupin_ros.service import messages
@@ -72,13 +72,13 @@ class Orchestrator:
         publisher = StepPublisher(ros, clock, loop, gate, records)
         outlet = RosOutlet(loop, clock)
         is_resumed = recovery is not None and recovery.machine is not None
-        clients = Clients(ros, loaded, outlet, machine.world.parameters, is_resumed)
+        clients = PluginClients(ros, loaded, outlet, machine.world.parameters, is_resumed)
         drivers, journal = clients.drivers, gate.journal
         engine = Engine(machine, clock, drivers, publisher.stepped, clock.wall, journal)
         engine.failed = publisher.failed
         loop.run(engine, gate, records)
-        missions = Missions(ros, folder, loop, records, gate, clients)
-        requests = Requests(ros, loop, gate, publisher, missions, gate.commands_of(recovery))
+        missions = MissionSwitch(ros, folder, loop, records, gate, clients)
+        requests = RequestServer(ros, loop, gate, publisher, missions, gate.commands_of(recovery))
         Displays(ros, clock, loop)
         self._ros, self._clock, self._loop, self._engine = ros, clock, loop, engine
         self._gate, self._publisher, self._records = gate, publisher, records

@@ -16,14 +16,14 @@ POLL_PERIOD_S = 0.2
 POLLS_UNTIL_GONE = 10
 
 
-class Clients(Protocol):
+class InUse(Protocol):
     """Whose servers are waited for."""
 
     def in_use(self) -> Iterable[Driver]:
         """Return the drivers of the plugins that the missions use."""
 
 
-class Node(Protocol):
+class PollHost(Protocol):
     """What is used of the node."""
 
     def steady_timer(self, period: float, callback: Callable[[], None]) -> TimerHandle:
@@ -36,7 +36,7 @@ class Node(Protocol):
 class Readiness:
     """Polls the other drivers every `POLL_PERIOD_S`, also after the start: a server can go at any time."""
 
-    def __init__(self, clients: Clients, outlet: Outlet, ros: Node, is_resumed: bool = False) -> None:
+    def __init__(self, clients: InUse, outlet: Outlet, ros: PollHost, is_resumed: bool = False) -> None:
         """Begin to poll.
 
         Where the machine `is_resumed`, its memory has the value of the last process: the first poll reports

@@ -21,14 +21,14 @@ from lupin_ros.adapter.node import RosNode
 from lupin_ros.interfaces.definitions import interface_class
 from lupin_ros.orchestrator.journal_gate import JournalGate
 from lupin_ros.orchestrator.loop import Loop
-from lupin_ros.orchestrator.missions import Missions
+from lupin_ros.orchestrator.missions import MissionSwitch
 from lupin_ros.orchestrator.step_publisher import StepPublisher
 from lupin_ros.service import commands, messages
 from lupin_ros.service.commands import CommandAnswer, CommandMemory, CommandRequest
 from lupin_ros.service.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE
 
 
-class Requests:
+class RequestServer:
     """Serves the requests of the profile, the answers of the missions, and the service for all of them."""
 
     def __init__(
@@ -37,7 +37,7 @@ class Requests:
         loop: Loop,
         gate: JournalGate,
         publisher: StepPublisher,
-        missions: Missions,
+        missions: MissionSwitch,
         known: CommandMemory,
     ) -> None:
         """Serve; `known` has the commands that were carried out already."""

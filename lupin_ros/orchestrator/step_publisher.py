@@ -36,7 +36,7 @@ class StepPublisher:
         self._records = records
         self._state = _Publisher(ros, wire.state)
         ros.lifeline = ros.node.resolve_topic_name(wire.state.name)
-        self._messages = StateMessages(wire, _Present(ros, clock, loop))
+        self._messages = StateMessages(wire, _Now(ros, clock, loop))
         self.outcomes = OutcomePublisher(ros, wire, self._messages)
         #: The request that is being carried out, and who asked for it.
         self.origin: tuple[Event | None, Mapping[str, str]] = (None, {})
@@ -138,7 +138,7 @@ class OutcomePublisher(_Publisher):
         return self._messages.outcome(outcome)
 
 
-class _Present:
+class _Now:
     """The machine as it is now (see `reports.Present`)."""
 
     def __init__(self, ros: RosNode, clock: NodeClock, loop: Loop) -> None:

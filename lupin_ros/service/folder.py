@@ -174,7 +174,7 @@ class MissionsFolder:
         self._refused, self.problem = loaded, reason
 
 
-class Node(Protocol):
+class FolderHost(Protocol):
     """The node that uses the missions."""
 
     log: Any
@@ -186,7 +186,7 @@ class Node(Protocol):
 class FolderWatch:
     """Looks at a folder on a thread of its own, one look at a time; the results come on the node's thread."""
 
-    def __init__(self, folder: MissionsFolder, ros: Node) -> None:
+    def __init__(self, folder: MissionsFolder, ros: FolderHost) -> None:
         self._folder = folder
         self._ros = ros
         self._pool = ThreadPoolExecutor(1, "missions")

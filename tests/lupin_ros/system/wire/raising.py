@@ -26,15 +26,15 @@ from lupin_ros.orchestrator.loop import Loop
 OURS = ("lupin_ros.", "lupin_engine.runtime.journal.", "lupin_engine.runtime.client_clocks")
 #: Not called by a step but what a step is taken by: without a clock or a thread of the node there is none.
 NO_CALLBACKS = {
-    "ClientClocks", "Clients", "Executor", "Loop", "Missions", "NodeClock", "NodeLog",
-    "Orchestrator", "Requests", "RosNode", "RosOutlet", "RosTimer",
+    "ClientClocks", "PluginClients", "Executor", "Loop", "MissionSwitch", "NodeClock", "NodeLog",
+    "Orchestrator", "RequestServer", "RosNode", "RosOutlet", "RosTimer",
 }  # fmt: skip
 #: Runs on the thread of the disk: no step calls it.
 OF_THE_DISK = ("JournalGate.post", "JournalGate.disk_changed", "Journal.post")
 #: What of those is a callback all the same.
 BESIDES = (
     (Loop, ("_sleep_until",)),
-    (missions.Missions, ("why_unknown",)),
+    (missions.MissionSwitch, ("why_unknown",)),
     (RosNode, ("call_later", "trouble")),
     (CountedPublisher, ("publish",)),
     (NavClient, ("_go_to",)),
