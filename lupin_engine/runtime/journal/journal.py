@@ -101,7 +101,7 @@ class Journal:
         Args:
             folder: of the domain; made where it is missing.
             keep: limits of what is stored when another file begins.
-            owner: of the loop.
+            owner: runs calls, and hears of the disk.
             wall_ns: the wall clock.
             writer: receives the frames, instead of the disk.
         """
@@ -288,6 +288,7 @@ class Journal:
         self._owner.post(call)
 
     def failed(self, reason: str, waiting: list[Callable[[], None]]) -> None:
+        """Report once that the disk fails, and let the calls proceed that waited; for the writer."""
         self.problem = reason
         if not self._reported:
             self._reported = reason
