@@ -26,6 +26,7 @@ CHARTS = ["cycle", "guarded", "parallel", "timed", "load-10", "bytes"]
         ("campaign.py --seeds 1 --batches 1 --workers 1", " missions a second of processor"),
         ("diagram.py --rounds 1 --formats mermaid", "| mermaid | "),
         ("editor.py --rounds 1", "completion "),
+        ("learning.py --robots 1 --missions 4 --then 4", "durations are predicted within "),
         ("loading.py --rounds 1 --states 10", "without collection "),
         ("mission.py --rounds 1", "simulate all 29 tags "),
         ("possible.py --rounds 1", "the chart, "),

@@ -305,6 +305,10 @@ ROOT_TEXTS: Mapping[str, str] = {
     "target": "the element of the itinerary that is being visited",
     "clock": "the robot's clock ([Time of day](#time-of-day)): `clock.today`, such as '2026-11-22', and "
     "`clock.time`, such as '06:30'",
+    "step": "in properties, the step that was made: the request that it `.accepted` or `.refused` "
+    "('' for none) and `.because` of which code; the holds that it `.released`; the operations that it has "
+    "`.begun`, and whose end it took as `.succeeded` or `.failed`; the `.codes` that it reports; whether "
+    "something is `.moving` after it",
     "itinerary": "`itinerary.open` (the visit has no outcome yet), `.remaining` (targets after this one), "
     "`.total`, `.closed`, `.sweep` (1 in the first)",
 }
@@ -323,6 +327,7 @@ CALL_TEXTS: Mapping[str, str] = {
     "known": "`known(input.NAME)`: a report, not too old; also of `find(...)`, `error.result`, names",
     "held": "`held(HOLD)`: the hold is engaged; in properties also `restarted`, the hold after a restart",
     "in_state": "`in_state('NAME')`: a state of that name is active",
+    "was_in_state": "`was_in_state('NAME')`, in properties: such a state was active before the step",
 }
 ACTION_TEXTS: Mapping[str, str] = {
     "set": "write variables of the context: `set: {NAME: VALUE, ...}`",

@@ -25,6 +25,7 @@ from .documents import RaiseNode as RaiseNode
 from .documents import RetryNode as RetryNode
 from .documents import StateNode as StateNode
 from .documents import TransitionNode as TransitionNode
+from .documents import Written as Written
 from .expressions.checker import check_expression as check_expression
 from .expressions.evaluation import Compiled as Compiled
 from .expressions.evaluation import Constant as Constant

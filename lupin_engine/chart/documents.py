@@ -495,7 +495,7 @@ class HoldNode(Node):
     release: Annotated[Names, Meaning.REQUEST] = Field(description="requests that release it")
     code: Annotated[str, Meaning.CODE] = Field(description="code that engaging reports")
     engage_guard: Annotated[Condition, Meaning.CONDITION] = Field(
-        None, description="when the request is allowed"
+        None, description="when the request is allowed; a level engages its hold without"
     )
     engage_code: Annotated[str | None, Meaning.CODE] = Field(
         None, description="code that refuses the request"
@@ -547,7 +547,7 @@ class PropertyNode(Node):
     which a robot loads together, have no two properties of one name.
     """
 
-    SHAPE = "a mapping with one of always, never and eventually"
+    SHAPE = "a mapping with one of always, never and eventually, or with built_in"
 
     always: Annotated[Condition, Meaning.CONDITION] = Field(None, description="holds at every moment")
     never: Annotated[Condition, Meaning.CONDITION] = Field(None, description="holds at no moment")
@@ -562,6 +562,7 @@ class PropertyNode(Node):
     until: Annotated[Condition, Meaning.CONDITION] = Field(
         None, description="the watch ends when this becomes true, until `after` holds again"
     )
+    built_in: bool = Field(False, description="what the name says, which the engine knows")
     summary: str = Field("", description="one sentence for people")
 
 
@@ -637,6 +638,9 @@ class MissionNode(FileNode):
     exit: Actions = _many("actions whenever the mission is left, also if history brings it back later")
     on: Annotated[dict[str, Transitions], Keyed(Meaning.EVENT)] = _by_name(
         "by event: what it does in every state of the mission"
+    )
+    not_meant: Annotated[dict[str, str | None], Keyed(Meaning.PROPERTY)] = _by_name(
+        "why properties that it inherits are not meant of its runs, by name"
     )
 
     @property

@@ -64,6 +64,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "unknown-part": "what a state uses is a file in the folder of parts, or a mission beside",
             "part-loop": "a part or mission does not contain itself",
             "unknown-hold": "a hold is declared in the lifecycle",
+            "unknown-property": "a property that is built in, or not meant, is one that there is",
             "undeclared-code": "every code that can reach last_error has a label and a severity",
             "missing-itinerary": "what walks an itinerary stands in a state that has one",
         },
@@ -73,6 +74,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "never-wins": "a transition can be taken: its guard may be true, and none before it always is",
             "both-can-win": "what is done does not depend on the order of keys or regions",
             "releases-level-hold": "a hold that a level engages is released by a person, not by a transition",
+            "level-with-guard": "a hold that a level engages has no guard: the level alone decides",
             "level-without-target": "a transition on a level leaves the state, or it would be taken for ever",
         },
         "Ways through the chart": {

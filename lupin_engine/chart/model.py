@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
+from lupin_engine.chart.expressions.condition import FREE, Condition
 from lupin_engine.chart.expressions.evaluation import Expression, Value
 from lupin_engine.chart.records import Role, record, said
 from lupin_engine.errors import Place
@@ -42,7 +43,7 @@ class ActionCall:
     place: Place
     moves: bool = False
     data: Mapping[str, Value] = field(default_factory=dict, metadata=said(Role.CARRIED, "with"))
-    guard: Expression | None = field(default=None, metadata=said(Role.CONDITION, "guard"))
+    guard: Condition = field(default=FREE, metadata=said(Role.CONDITION, "guard"))
     then: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "then"))
     otherwise: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "else"))
 
@@ -73,7 +74,7 @@ class Transition:
     source: str
     place: Place
     target: str | None = field(default=None, metadata=said(Role.STATE, "target"))
-    guard: Expression | None = field(default=None, metadata=said(Role.CONDITION, "guard"))
+    guard: Condition = field(default=FREE, metadata=said(Role.CONDITION, "guard"))
     actions: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "do"))
     refuse: str | None = field(default=None, metadata=said(Role.CODE, "refuse"))
     during: frozenset[str] = field(default=frozenset(), metadata=said(Role.HOLDS, "during"))
@@ -153,7 +154,7 @@ class ForEach:
     invoke: Invoke = field(metadata=said(Role.INSIDE, "invoke"))
     place: Place
     limit: Value | None = field(default=None, metadata=said(Role.VALUE, "limit"))
-    when: Expression | None = field(default=None, metadata=said(Role.CONDITION, "when"))
+    when: Condition = field(default=FREE, metadata=said(Role.CONDITION, "when"))
     on_done: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "on_done.do"))
     on_error: tuple[ActionCall, ...] = field(default=(), metadata=said(Role.ACTIONS, "on_error.do"))
 
@@ -303,9 +304,9 @@ class Hold:
     release: tuple[str, ...] = field(metadata=said(Role.EVENT, "release"))
     code: str = field(metadata=said(Role.CODE, "code"))
     place: Place
-    engage_guard: Expression | None = field(default=None, metadata=said(Role.CONDITION, "engage_guard"))
+    engage_guard: Condition = field(default=FREE, metadata=said(Role.CONDITION, "engage_guard"))
     engage_code: str | None = field(default=None, metadata=said(Role.CODE, "engage_code"))
-    release_guard: Expression | None = field(default=None, metadata=said(Role.CONDITION, "release_guard"))
+    release_guard: Condition = field(default=FREE, metadata=said(Role.CONDITION, "release_guard"))
 
 
 @record(frozen=True)
@@ -388,6 +389,8 @@ class TemporalProperty:
 
     With `after` it is checked from each moment on at which that holds, with `until` up to the next such
     moment. One that reads the request of a `mission` is about the runs of that one; '' is about every moment.
+    One that is `built_in` is known by its name. `not_meant` are the missions of which it is not meant, with
+    the reason.
     """
 
     name: str
@@ -400,6 +403,12 @@ class TemporalProperty:
     until: Expression | None = field(default=None, metadata=said(Role.CONDITION, "until"))
     summary: str = field(default="", metadata=said(Role.PLAIN, "summary"))
     mission: str = ""
+    built_in: bool = False
+    not_meant: Mapping[str, str] = field(default_factory=dict)
+
+    def is_meant(self, mission: str) -> bool:
+        """Return whether it is about the runs of a mission ('': when none has begun)."""
+        return self.mission in ("", mission) and mission not in self.not_meant
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ else:
 
 
 class Role(enum.Enum):
-    """The role of a field of a record; an optional one is None or empty where it is not written."""
+    """The role of a field of a record; an optional one is falsy where it is not written."""
 
     #: A yes or no, a number, a word or a text for people.
     PLAIN = enum.auto()
@@ -115,7 +115,7 @@ def own(thing: Any, roles: frozenset[Role]) -> list[Any]:
     """Return the values of a record's own parts with some roles, without the records in it."""
     kind: type = type(thing)
     values = [getattr(thing, part.field) for part in _asked(kind, roles) if part.role in roles]
-    return [value for value in values if value is not None]
+    return [value for value in values if value]
 
 
 def _inside(value: Any, words: tuple[str, ...]) -> Iterator[tuple[Any, tuple[str, ...]]]:

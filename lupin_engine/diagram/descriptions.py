@@ -107,7 +107,7 @@ class ElementTexts:
     def _for_each(self, found: ForEach) -> Iterator[TextLine]:
         limit = f", {self._short(found.limit)} at a time" if found.limit else ""
         yield TextLine(f"for each {found.name} of {self._short(found.items)}{limit}", LineRole.NOTE)
-        if found.when is not None:
+        if found.when:
             yield TextLine(f"[{_cut(found.when.source)}]", LineRole.NOTE)
         yield from self._invoke(found.invoke)
         yield from _doings(("done", found.on_done), ("error", found.on_error))
@@ -167,7 +167,7 @@ def _actions(actions: Iterable[ActionCall]) -> str:
 
 def _action(action: ActionCall) -> str:
     """Return an action with its main argument, if that is a constant."""
-    if action.guard is not None:
+    if action.guard:
         other = f", else: {_actions(action.otherwise)}" if action.otherwise else ""
         return f"if {action.guard.source}: {_actions(action.then)}{other}"
     if action.name in WRITING:

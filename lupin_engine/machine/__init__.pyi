@@ -51,6 +51,7 @@ from .schema import Owner as Owner
 from .scope import EvaluationScope as EvaluationScope
 from .scope import World as World
 from .scope import reads_of as reads_of
+from .snapshot import restore as restore
 from .step import Considered as Considered
 from .step import Macrostep as Macrostep
 from .step import Moment as Moment

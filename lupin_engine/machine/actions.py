@@ -50,7 +50,7 @@ class ExecutableContent:
         """Carry out a block of actions written in `state`; say whether it came to its end."""
         compiled = self._compiled
         for call in actions:
-            if call.guard is not None:
+            if call.name == "if":
                 holds = self._scope.check(call.guard, state, step, trigger)
                 if not self.run(call.then if holds else call.otherwise, state, trigger, step):
                     return False

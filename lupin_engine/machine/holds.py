@@ -21,7 +21,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-from lupin_engine.chart.expressions.evaluation import Expression
 from lupin_engine.chart.model import Chart, Hold, Invoke, Transition
 from lupin_engine.errors import Place, Severity
 from lupin_engine.machine.event import Event
@@ -182,18 +181,15 @@ class Holds:
         elif engages:
             if engaged:
                 return hold.code
-            if not self._allows(hold.engage_guard, step):
+            if not self._scope.check(hold.engage_guard, "", step):
                 return hold.engage_code or hold.code
             found.engages.append(hold.name)
         return ""
 
     def _keeps(self, hold: Hold, step: Macrostep) -> bool:
         """Say whether the guard of an engaged hold forbids its release; only then note its failures."""
-        guard = hold.release_guard
-        if guard is None or self._allows(guard, Macrostep(step.event, step.now)):
+        guard, check = hold.release_guard, self._scope.check
+        if check(guard, "", Macrostep(step.event, step.now)):
             return False
         # What keeps the guard from being true is told only where that matters.
-        return hold.name in self._scope.memory.held and not self._allows(guard, step)
-
-    def _allows(self, guard: Expression | None, step: Macrostep) -> bool:
-        return guard is None or self._scope.check(guard, "", step)
+        return hold.name in self._scope.memory.held and not check(guard, "", step)

@@ -1,9 +1,11 @@
 """The machine: runs one chart on its memory, an event at a time, to completion (SCXML's macrostep).
 
-A macrostep takes the event's transitions, then eventless ones, then internal events, until the configuration
-is stable; then the operations of the active states begin. More than `MICROSTEP_LIMIT` microsteps lead to
-FAULT. Beyond SCXML there are holds (see `holds`), requests, which are resolved as a whole before anything
-changes (see `requests`), and invariants: one that is false in a stable configuration is an error, once.
+A macrostep begins with what is true without its event: time alone may have made a hold's level or a guard of
+an eventless transition true, and that is acted on first. Then come the event's transitions, eventless ones,
+and internal events, each after the levels that have become true, until the configuration is stable; then the
+operations of the active states begin. A request is different: it is resolved as a whole, before anything
+changes (see `requests`). More than `MICROSTEP_LIMIT` microsteps lead to FAULT. Beyond SCXML there are also
+holds (see `holds`) and invariants: one that is false in a stable configuration is an error, once.
 
 `structure` compiles and caches everything that depends on the configuration alone. Time is an argument of
 every call and must not go backwards.
@@ -12,14 +14,14 @@ every call and must not go backwards.
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, cast
 
-from lupin_engine.chart.expressions.evaluation import Environment
-from lupin_engine.chart.model import Chart, Invariant, Kind, State, Timer, Transition, UsedMission
-from lupin_engine.chart.semantics import ENGINE_EVENTS, EXECUTION_ERROR, FAULT, MIN_PERIOD
+from lupin_engine.chart.model import Chart, State, Transition
+from lupin_engine.chart.semantics import ENGINE_EVENTS, EXECUTION_ERROR
 from lupin_engine.errors import reason
 from lupin_engine.machine.actions import ExecutableContent
+from lupin_engine.machine.entry_exit import EntryExit
 from lupin_engine.machine.event import (
     ANSWERED,
     CLOCK,
@@ -37,8 +39,10 @@ from lupin_engine.machine.event import (
 )
 from lupin_engine.machine.holds import Holds, all_holds, defer, passes
 from lupin_engine.machine.inputs import WAITS, Inputs, WallClock
+from lupin_engine.machine.invariants import watch_invariants
 from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.memory import Timer as Deadline
+from lupin_engine.machine.mission_start import MissionStart
 from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.requests import (
     BAD_REQUEST,
@@ -47,20 +51,17 @@ from lupin_engine.machine.requests import (
     Possibility,
     Requests,
     consider,
-    read_given,
 )
 from lupin_engine.machine.scope import (
     CONFIGURATION,
-    CONTEXT,
-    ITINERARY,
-    REQUEST,
-    Arguments,
     EvaluationScope,
     Reads,
     Watch,
     World,
 )
+from lupin_engine.machine.selection import Selection
 from lupin_engine.machine.snapshot import snapshot
+from lupin_engine.machine.state_timers import StateTimers
 from lupin_engine.machine.step import (
     Considered,
     Macrostep,
@@ -68,21 +69,16 @@ from lupin_engine.machine.step import (
     Refusal,
     Step,
     View,
-    fields_text,
     view_of,
 )
 from lupin_engine.machine.structure import (
-    FAULT_RULE,
     MAX_MICROSTEPS,
     DispatchTable,
-    LevelRules,
     Microstep,
     dispatch_table,
 )
-from lupin_engine.machine.timers import seconds
-from lupin_engine.plugin.contract import EXECUTION_CODE, INVARIANT_CODE, OWN_HOLDS, RESTARTED
+from lupin_engine.plugin.contract import EXECUTION_CODE, OWN_HOLDS, RESTARTED
 from lupin_engine.plugin.profile import ANSWER
-from lupin_engine.plugin.types import fitted
 
 #: More microsteps than this in one step is a cycle of the chart, not work.
 MICROSTEP_LIMIT = 1000
@@ -97,9 +93,12 @@ class Machine:
         "_has_invariants",
         "_holds",
         "_inputs",
-        "_level_watch",
+        "_missions",
         "_operations",
         "_requests",
+        "_selection",
+        "_state_timers",
+        "_states",
         "_step",
         "_table",
         "_wall",
@@ -127,10 +126,19 @@ class Machine:
         self._requests = Requests(scope, self._holds, self._table.structure)
         self._inputs = Inputs(scope)
         self._wall = WallClock(scope)
+        self._state_timers = StateTimers(scope, self._wall)
+        self._missions = MissionStart(scope, self._content, self._table.walks)
+        self._states = EntryExit(
+            scope,
+            self._content,
+            self._operations,
+            self._requests.questions,
+            self._missions,
+            self._state_timers,
+        )
         self._has_invariants = bool(world.chart.invariants)
         self._without_mission = world.chart.profile.stages.without_mission
-        self._level_watch = Watch()
-        scope.watches.append(self._level_watch)
+        self._selection = Selection(scope)
         self._active = self._table.configuration(self.memory.configuration)
         self._step = _NO_STEP
 
@@ -156,7 +164,7 @@ class Machine:
         """
         step = self._open(Event("start") if ahead is None else Event("start", {"ahead": ahead}), now)
         self._wall.set(step.event, step)
-        self._begin_context(step)
+        self._missions.begin_context(step)
         self._inputs.begin(step)
         self._microstep(self._table.beginning(), NO_TRIGGER)
         return self._finish()
@@ -164,20 +172,10 @@ class Machine:
     def go_on(self, now: float) -> Step:
         """Take the first step after a reload (see `reload`): begin what is new in this chart."""
         step = self._open(Event("loaded"), now)
-        self._begin_context(step)
+        self._missions.begin_context(step)
         self._inputs.go_on(step)
         self._wall.arm_all(step)
         return self._finish()
-
-    def _begin_context(self, step: Macrostep) -> None:
-        """Give the variables that have none their first value."""
-        context = self.memory.context
-        for name, variable in self.chart.context.items():
-            try:
-                if name not in context:
-                    context[name] = fitted(variable.default.evaluate(self.scope.see("", step)), variable.type)
-            except Exception as problem:
-                step.fail("", f"{variable.place}: context {name}: {reason(problem)}")
 
     def handle(self, event: Event, now: float) -> Step:
         """Process one event from outside; deadlines before `now` must have been fired by `advance`."""
@@ -241,7 +239,7 @@ class Machine:
         active = self._active
         return (
             (self._holds.watch, self._table.hold_reads),
-            (self._level_watch, active.levels.reads),
+            (self._selection.watch, active.levels.reads),
             (self._operations.watch, active.work),
         )
 
@@ -326,7 +324,7 @@ class Machine:
         if kind == "budget" and owner not in self.memory.configuration:
             self.memory.budgets[owner] = 0.0  # told when the robot comes back
         elif kind in ("after", "budget"):
-            self._tick_again(owner, name, due)
+            self._state_timers.tick_again(owner, name, due, step)
             step.queue.append(InternalEvent(name, owner))
         elif kind == "at":
             self._came_to(owner, name)
@@ -378,7 +376,8 @@ class Machine:
         step.note(detail)
         step.queue.clear()
         self.scope.record_code(EXECUTION_CODE, detail, step)
-        rules = self._listeners(InternalEvent(EXECUTION_ERROR, None, trigger))
+        raised = InternalEvent(EXECUTION_ERROR, None, trigger)
+        rules = self._selection.caused_by(raised, self._active, step)
         if not rules:
             return
         self._take(rules, trigger)
@@ -401,21 +400,19 @@ class Machine:
         if self._active.working and self._operations.begin_missing(self._active, step):
             return True
         if self._has_invariants:
-            self._watch_invariants()
+            watch_invariants(self.scope, step)
         return bool(step.queue)
 
     def _levels_move(self) -> bool:
         """Engage the holds and take the transitions that need no event; say whether there were any."""
-        step, levels, watch = self._step, self._active.levels, self._level_watch
+        step, levels, scope = self._step, self._active.levels, self.scope
         if self._holds.engage_levels(step):
             return True
-        if watch.is_due(levels.reads, step.now):
-            rules = self._enabled_levels(levels)
-            if rules:
-                self._take(rules, step.bound)
-                return True
-        scope = self.scope
-        scope.false_until = min(self._holds.false_until, watch.false_until)
+        rules = self._selection.without_event(levels, step)
+        if rules:
+            self._take(rules, step.bound)
+            return True
+        scope.false_until = min(self._holds.false_until, self._selection.watch.false_until)
         scope.level_reads = self._table.hold_reads.parts | levels.reads.parts
         return False
 
@@ -432,7 +429,7 @@ class Machine:
         """Offer an internal event to its state, or to all active ones."""
         trigger = internal.trigger
         self._step.bound = trigger if trigger.error is NOTHING else Trigger(trigger.event)
-        rules = self._listeners(internal)
+        rules = self._selection.caused_by(internal, self._active, self._step)
         raised = trigger.error is not NOTHING and trigger.error.get("code") == EXECUTION_CODE
         if raised and internal.name == "error":
             self.scope.record_code(EXECUTION_CODE, trigger.error["detail"], self._step)
@@ -445,61 +442,9 @@ class Machine:
         elif internal.name == EXECUTION_ERROR:
             self._step.note(f"nobody handles the error {trigger.error.get('detail', '')}")
         else:
-            self._say_why(internal)
-
-    def _listeners(self, internal: InternalEvent) -> list[Transition]:
-        """Return the transitions that an internal event causes, for each leaf one."""
-        rules = self._enabled(self._offered(internal), internal.trigger)
-        if internal.name == EXECUTION_ERROR and FAULT in self.memory.configuration:
-            # An error within FAULT does not lead there again, or a failing entry action would never end.
-            return [rule for rule in rules if rule.id != FAULT_RULE]
-        return rules
-
-    def _offered(self, internal: InternalEvent) -> Sequence[Sequence[Transition]]:
-        if internal.state is None:
-            return self._active.candidates(internal.name)
-        if internal.state in self.memory.configuration:
-            return self._active.rules_of(internal.state, internal.name)
-        return ()
-
-    def _say_why(self, internal: InternalEvent) -> None:
-        """Record why an event had no effect."""
-        rules = _distinct(self._offered(internal))
-        self._step.why = tuple(consider(self.scope, rule, self._step, internal.trigger) for rule in rules)
-        if not rules and internal.state is None:
-            self._step.note(f"nobody listens to {internal.name}")
-
-    # -- which transitions ------------------------------------------------------------------------------
-
-    def _enabled(self, candidates: Iterable[Sequence[Transition]], trigger: Trigger) -> list[Transition]:
-        chosen = []
-        check, step = self.scope.check, self._step
-        for offered in candidates:
-            for rule in offered:
-                guard = rule.guard
-                if guard is None or check(guard, rule.source, step, trigger):
-                    chosen.append(rule)
-                    break
-        return chosen
-
-    def _enabled_levels(self, levels: LevelRules) -> list[Transition]:
-        """Return the eventless transitions and the ones on a level of an input that can be taken now."""
-        step, held, scope = self._step, self.memory.held, self.scope
-        inputs, chosen = scope.inputs, []
-        inputs.now = step.now
-        scope.doubtful = False
-        for offered in levels.offered:
-            for rule in offered:
-                if (rule.event and not inputs.holds(rule.event)) or (held and not passes(rule, self.memory)):
-                    continue
-                if rule.guard is None or scope.check(rule.guard, rule.source, step, step.bound):
-                    chosen.append(rule)
-                    break
-        if chosen:
-            self._level_watch.invalidate()
-        else:
-            self._level_watch.cache_false(levels.reads, scope, step.now)
-        return chosen
+            self._step.why = self._selection.why_none(internal, self._active, self._step)
+            if not self._step.why and internal.state is None:
+                self._step.note(f"nobody listens to {internal.name}")
 
     # -- requests, holds --------------------------------------------------------------------------------
 
@@ -512,7 +457,9 @@ class Machine:
             step.why = self._explainer().considered(event.name, step.now, found.trigger)
             return
         if found.starts:
-            self._begin_mission(event, found.values)
+            self._state_timers.stop_budgets()
+            self._missions.begin(event, found.values, step)
+            self._inputs.begin_mission(step)
         if event.name.startswith(ANSWER):
             self._requests.questions.answered(event)
         if found.rules:
@@ -523,80 +470,6 @@ class Machine:
         for name in found.engages:
             self._holds.engage(all_holds(self.chart)[name], step)
 
-    def _begin_mission(self, event: Event, values: dict[str, Any]) -> None:
-        memory = self.memory
-        self._stop_budgets()
-        memory.begin_mission(self.chart)
-        memory.mission = str(event.data["mission_type"])
-        memory.mission_id = str(event.data.get("mission_id", ""))
-        memory.started_at = self._step.now
-        memory.request.update(values)
-        self._begin_context(self._step)
-        for walker in self._table.walks:
-            if walker.mission == memory.mission:
-                self._register_targets(walker)
-        self.scope.mark_dirty(CONTEXT | REQUEST | ITINERARY)
-        self._inputs.begin_mission(self._step)
-
-    def _stop_budgets(self) -> None:
-        """Stop the budget timers of states that are not active."""
-        for state in self.memory.budgets.keys() - set(self.memory.configuration):
-            self.scope.timers.disarm("budget", state)
-
-    def _register_targets(self, state: State) -> None:
-        """Register the targets of a state, possibly in an embedded mission, that follow from the request."""
-        scope, given = self.scope, self.memory.given
-        for name in reversed(self.chart.lineage[state.name]):
-            use = self.chart.states[name].use
-            if use is not None and name not in given:
-                try:
-                    given[name] = read_given(scope.world, use, scope.see(name, self._step))
-                except ValueError:
-                    return  # entering the state tells
-        self._content.itineraries.register(state)
-
-    def _begin_used(self, state: State, use: UsedMission, trigger: Trigger) -> None:
-        """Begin an embedded mission: its request, its variables, missions inside, its `entry`."""
-        step, memory = self._step, self.memory
-        memory.given[state.name] = {}
-        try:
-            memory.given[state.name] = read_given(self.world, use, self.scope.see(state.name, step, trigger))
-        except ValueError as problem:
-            step.fail(state.name, str(problem))
-            step.failed_use = state.name
-        for name in memory.begin_part(state):
-            self.scope.timers.disarm("budget", name)
-        self._begin_context(step)
-        self.scope.mark_dirty(CONTEXT | REQUEST)
-        self._content.run(use.entry, state.name, trigger, step)
-
-    # -- invariants -------------------------------------------------------------------------------------
-
-    def _watch_invariants(self) -> None:
-        """Make an error of each invariant that holds no more."""
-        step, broken = self._step, self.memory.broken
-        for invariant in self.chart.invariants.values():
-            breach = self._breach(invariant)
-            if not breach and invariant.name in broken:
-                broken.remove(invariant.name)
-            elif breach and invariant.name not in broken:
-                broken.append(invariant.name)
-                step.broken += (invariant.name,)
-                step.note(breach)
-                self.scope.record_code(INVARIANT_CODE, breach, step)
-                error = {"code": INVARIANT_CODE, "detail": breach}
-                step.queue.append(InternalEvent(EXECUTION_ERROR, None, Trigger(event=error, error=error)))
-
-    def _breach(self, invariant: Invariant) -> str:
-        """Return how an invariant is broken, or an empty text; one that cannot be evaluated is."""
-        that, problem = invariant.that, ""
-        try:
-            if that.evaluate(self.scope.see("", self._step)):
-                return ""
-        except Exception as raised:
-            problem = f": {reason(raised)}"
-        return f"{invariant.place}: invariant {invariant.name} does not hold: {that.source}{problem}"
-
     # -- the microstep ----------------------------------------------------------------------------------
 
     def _remembered(self, history: State) -> tuple[str, ...]:
@@ -604,10 +477,7 @@ class Machine:
 
     def _resume_child(self, state: State) -> str | None:
         """Choose the child in which a state resumes that is restored from history."""
-        for rule in state.resume_at:
-            if rule.guard is None or self.scope.check(rule.guard, rule.source, self._step):
-                return rule.target
-        return None
+        return next((rule.target for rule in self.scope.enabled((state.resume_at,), self._step)), None)
 
     def _take(self, chosen: Sequence[Transition], trigger: Trigger) -> None:
         mission = self.memory.mission
@@ -628,19 +498,21 @@ class Machine:
             if memory.waiting_actions:
                 self._content.forget_actions(plan.exited)
         for state, configuration in plan.exits:
-            self._exit(state, configuration, trigger, plan.exited)
+            memory.configuration = configuration
+            self._states.exit(state, trigger, plan.exited, step)
         memory.configuration = plan.between
         for rule in plan.active_rules:
             self._act(rule, trigger, target)
         for state, configuration in plan.entries:
-            self._enter(state, configuration, trigger, state.name in plan.back)
+            memory.configuration = configuration
+            self._states.enter(state, trigger, state.name in plan.back, step)
         active = plan.leads_to
         if active.levels is not self._active.levels:
             self.scope.false_until = -math.inf
         self._active = active
         memory.configuration = active.states
         if memory.budgets and plan.moves and active.label in self._without_mission:
-            self._stop_budgets()
+            self._state_timers.stop_budgets()
         self._follow(plan)
         if plan.releases:
             self._holds.release(plan.releases, step)
@@ -681,151 +553,6 @@ class Machine:
                 step.fail(rule.source, f"{rule.detail.place}: detail: {reason(problem)}")
         self.scope.record_code(code, detail, step, target)
 
-    def _exit(
-        self, state: State, configuration: tuple[str, ...], trigger: Trigger, exited: Container[str]
-    ) -> None:
-        step = self._step
-        self.memory.configuration = configuration
-        if state.use is not None:
-            self._content.run(state.use.exit, state.name, trigger, step)
-        if state.exit:
-            self._content.run(state.exit, state.name, trigger, step)
-        if state.invoke is not None or state.for_each is not None:
-            self._operations.end(state, step)
-        if state.timers:
-            self.scope.timers.disarm("after", state.name)
-            self._wall.leave(state.name)
-        if state.budget is not None:
-            self._keep_budget(state, exited)
-        if state.ask is not None:
-            self._requests.questions.close(state.name)
-
-    def _keep_budget(self, state: State, exited: Container[str]) -> None:
-        """Store the time that is left of a state's budget, unless it was entered before the mission began.
-
-        A budget with `goes_on` keeps running while the mission is diverted.
-        """
-        timers, known = self.scope.timers, self.memory.budgets
-        mission = self.chart.missions.get(state.mission)
-        if state.budget is not None and state.budget.goes_on and mission and mission.state in exited:
-            return
-        if state.name in known:
-            known[state.name] = timers.left("budget", state.name, self._step.now) or 0.0
-        timers.disarm("budget", state.name)
-
-    def _enter(
-        self, state: State, configuration: tuple[str, ...], trigger: Trigger, comes_back: bool
-    ) -> None:
-        self.memory.configuration = configuration
-        if state.itinerary is not None:
-            self._content.itineraries.begin(state, trigger, self._step, comes_back)
-        if state.entry and not (comes_back and self._is_mission(state)):
-            self._content.run(state.entry, state.name, trigger, self._step)
-        if state.use is not None and not comes_back:
-            self._begin_used(state, state.use, trigger)
-        if state.invoke is not None:
-            self._operations.enter(state.name, trigger.event)
-        if state.timers or state.budget is not None:
-            self._arm_timers(state, trigger)
-            self._wall.arm(state.name, self._step)
-        if state.ask is not None:
-            self._requests.questions.ask(state.name, state.ask, trigger, self._step)
-        if state.kind is Kind.FINAL:
-            self._completed(state, self._result(state, trigger))
-
-    def _is_mission(self, state: State) -> bool:
-        """Say whether a state wraps a mission, which begins once however often history brings it back."""
-        return state.parent is not None and self.chart.states[state.parent].slot
-
-    def _arm_timers(self, state: State, trigger: Trigger) -> None:
-        for timer in (*state.timers, *((state.budget,) if state.budget else ())):
-            if timer.word != "at":
-                self._arm(timer, "budget" if timer is state.budget else "after", state, trigger)
-
-    def _arm(self, timer: Timer, kind: str, state: State, trigger: Trigger) -> None:
-        """Start a timer of a state, unless an earlier visit's is still running."""
-        step = self._step
-        if timer.goes_on and self.scope.timers.left(kind, state.name, step.now) is not None:
-            return
-        known = self.memory.budgets.get(state.name) if kind == "budget" else None
-        delay = self._delay_of(timer, state, trigger) if known is None else known
-        if delay is None:
-            return
-        if kind == "budget":
-            self.memory.budgets[state.name] = delay
-        if timer.goes_on and delay <= 0.0:
-            # Used up meanwhile: nothing is begun before that is dealt with.
-            step.queue.append(InternalEvent(timer.event, state.name))
-            return
-        self.scope.timers.arm(kind, state.name, step.now, delay, timer.event)
-
-    def _delay_of(self, timer: Timer, state: State, trigger: Trigger) -> float | None:
-        """Return how long a timer takes; None where that could not be evaluated, which the step says."""
-        try:
-            return _delay(timer, self.scope.see(state.name, self._step, trigger))
-        except Exception as problem:
-            self._step.fail(state.name, f"{timer.place}: {timer.word}: {reason(problem)}")
-            return None
-
-    def _tick_again(self, state: str, event: str, due: float) -> None:
-        """Schedule the next tick of an `every` from when this one was due; missed ticks are skipped."""
-        step = self._step
-        for timer in self.chart.states[state].timers:
-            if timer.word == "every" and timer.event == event:
-                try:
-                    period = _delay(timer, self.scope.see(state, step))
-                except Exception as problem:
-                    step.fail(state, f"{timer.place}: every: {reason(problem)}")
-                    return
-                missed = (step.now - due) // period
-                self.scope.timers.arm("after", state, due + missed * period, period, event)
-
-    def _result(self, final: State, trigger: Trigger) -> Mapping[str, Any]:
-        """Return the done data of a final state; empty if an expression fails."""
-        if not final.result:
-            return NOTHING
-        step = self._step
-        try:
-            found = Arguments(final.result, {}).evaluate(self.scope.see(final.name, step, trigger))
-        except Exception as problem:
-            step.fail(final.name, f"{final.place}: result: {reason(problem)}")
-            return NOTHING
-        step.note(f"{final.local_name} gives {fields_text(found)}")
-        return found
-
-    def _completed(self, final: State, result: Mapping[str, Any]) -> None:
-        """Raise `done` for the state that a final state ends, and for the parallel ones that end with it."""
-        states = self.chart.states
-        parent = states[final.parent or ""]
-        if parent.parent is not None and self._is_mission(parent):
-            parent = states[parent.parent]  # a mission's end is the slot's end
-        self._step.queue.append(InternalEvent("done", parent.name, Trigger(result)))
-        while parent.parent is not None:
-            parent = states[parent.parent]
-            if parent.kind is not Kind.PARALLEL or not self._is_final(parent.name):
-                break
-            self._step.queue.append(InternalEvent("done", parent.name))
-
-    def _is_final(self, region: str) -> bool:
-        """Say whether a region of a parallel state has come to its end (SCXML: isInFinalState)."""
-        state = self.chart.states[region]
-        if state.kind is Kind.HISTORY:
-            return True
-        if state.kind is Kind.PARALLEL:
-            return all(map(self._is_final, state.children))
-        return any(
-            self.chart.states[child].kind is Kind.FINAL and child in self.memory.configuration
-            for child in state.children
-        )
-
-
-def _delay(timer: Timer, env: Environment) -> float:
-    """Return how long a timer takes; ValueError: no clock could wait that long, or tick so often."""
-    found = seconds(timer.due.evaluate(env))
-    if timer.word == "every" and found < MIN_PERIOD:
-        raise ValueError(f"{found:g} s is too often, the shortest is {MIN_PERIOD:g} s")
-    return found
-
 
 def _as_internal(event: Event) -> InternalEvent:
     """Return the internal event for an external one; data that is no mapping is dropped."""
@@ -834,11 +561,6 @@ def _as_internal(event: Event) -> InternalEvent:
     if data is not NOTHING and type(data) is not dict and not isinstance(data, Mapping):
         data = NOTHING
     return InternalEvent(event.name, None, Trigger(data))
-
-
-def _distinct(candidates: Iterable[Sequence[Transition]]) -> list[Transition]:
-    """Return the transitions offered to any leaf, each once."""
-    return list({rule.id: rule for offered in candidates for rule in offered}.values())
 
 
 #: First words of events that come from the machine itself, never from outside.

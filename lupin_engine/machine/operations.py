@@ -298,7 +298,7 @@ class Operations:
         """Return an element's key, or None when the element is not wanted, or cannot be judged now."""
         env = self._scope.see(state, step, Trigger(item=item))
         try:
-            wanted = rule.when is None or rule.when.evaluate(env)
+            wanted = rule.when.evaluate(env)
             return str(rule.key.evaluate(env)) if wanted else None
         except UnknownValue:
             return None

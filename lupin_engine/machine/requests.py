@@ -140,17 +140,12 @@ class Requests:
         """Return the transitions that answer a request, or none and the code of the first refusal."""
         chosen = []
         for offered in active.candidates(name):
-            rule = next((r for r in offered if self._is_enabled(r, trigger, step)), None)
-            if rule is None:
-                continue
-            hold = blocking_hold(rule, self._scope.memory, released)
-            if rule.refuse is not None or hold is not None:
-                return (), rule.refuse or all_holds(self._scope.chart)[hold or ""].code
-            chosen.append(rule)
+            for rule in self._scope.enabled((offered,), step, trigger):
+                hold = blocking_hold(rule, self._scope.memory, released)
+                if rule.refuse is not None or hold is not None:
+                    return (), rule.refuse or all_holds(self._scope.chart)[hold or ""].code
+                chosen.append(rule)
         return self._structure.without_conflicts(active.states, chosen), ""
-
-    def _is_enabled(self, rule: Transition, trigger: Trigger, step: Macrostep) -> bool:
-        return rule.guard is None or self._scope.check(rule.guard, rule.source, step, trigger)
 
     def _refusal(self, event: Event, code: str) -> Refusal:
         label = classify(code, self._scope.chart.codes).label
@@ -230,16 +225,13 @@ def consider(
     scope: EvaluationScope, rule: Transition, step: Macrostep, trigger: Trigger = NO_TRIGGER
 ) -> Considered:
     """Return why a transition cannot be taken: guard and hold, empty where it can."""
-    blocking = blocking_hold(rule, scope.memory) or ""
-    if rule.guard is None:
-        return Considered(rule.id, rule.place, "", holds=True, held=blocking)
-    source, parts = rule.guard.source, rule.guard.parts or ((rule.guard.source, rule.guard.evaluate),)
-    value, problem = _value(scope, rule.guard.evaluate, rule, step, trigger)
+    blocking, guard = blocking_hold(rule, scope.memory) or "", rule.guard
+    value, problem = _value(scope, guard.evaluate, rule, step, trigger)
     if value and not problem:
-        return Considered(rule.id, rule.place, source, holds=True, held=blocking)
-    values = [(text, _value(scope, part, rule, step, trigger)) for text, part in parts]
+        return Considered(rule.id, rule.place, guard.source, holds=True, held=blocking)
+    values = [(text, _value(scope, part, rule, step, trigger)) for text, part in guard.operands]
     shown = tuple((text, problem or value) for text, (value, problem) in values)
-    return Considered(rule.id, rule.place, source, holds=False, held=blocking, parts=shown)
+    return Considered(rule.id, rule.place, guard.source, holds=False, held=blocking, parts=shown)
 
 
 def _value(

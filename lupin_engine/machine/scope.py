@@ -15,6 +15,7 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, Protocol
 
+from lupin_engine.chart.expressions.condition import FREE
 from lupin_engine.chart.expressions.evaluation import (
     Compiled,
     Environment,
@@ -23,7 +24,7 @@ from lupin_engine.chart.expressions.evaluation import (
     UnknownValue,
     Value,
 )
-from lupin_engine.chart.model import Chart
+from lupin_engine.chart.model import Chart, Transition
 from lupin_engine.errors import Severity, reason
 from lupin_engine.machine.event import NO_TRIGGER, NOTHING, Trigger
 from lupin_engine.machine.memory import Memory, Traversal
@@ -295,6 +296,20 @@ class EvaluationScope(dict[str, Any]):
     def see(self, state: str, step: Macrostep, trigger: Trigger = NO_TRIGGER) -> Environment:
         """Return the environment of an expression written in `state` in a step; valid until the next call."""
         return self.at(state, step.now, trigger)
+
+    def enabled(
+        self, candidates: Iterable[Iterable[Transition]], step: Macrostep, trigger: Trigger = NO_TRIGGER
+    ) -> list[Transition]:
+        """Return of each group of candidates the first one whose guard is true, if there is one."""
+        chosen = []
+        check = self.check
+        for offered in candidates:
+            for rule in offered:
+                guard = rule.guard
+                if guard is FREE or check(guard, rule.source, step, trigger):
+                    chosen.append(rule)
+                    break
+        return chosen
 
     def check(self, guard: Expression, state: str, step: Macrostep, trigger: Trigger = NO_TRIGGER) -> bool:
         """Evaluate a condition; with an unknown input it is false, any other failure is an error as well."""

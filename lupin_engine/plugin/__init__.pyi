@@ -1,6 +1,8 @@
 from . import builtin as builtin
 from .builtin import BUILTIN as BUILTIN
 from .builtin import MISSING as MISSING
+from .builtin import READY as READY
+from .builtin import TIME_ZONE as TIME_ZONE
 from .builtin import is_builtin as is_builtin
 from .clients import make_client as make_client
 from .contract import CLOSED_CODE as CLOSED_CODE

@@ -1,4 +1,5 @@
 from .authored import properties_of as properties_of
+from .authored import sentence as sentence
 from .built_in import BUILT_IN as BUILT_IN
 from .built_in import INVARIANTS as INVARIANTS
 from .built_in import NOT_ABOUT as NOT_ABOUT
@@ -14,3 +15,4 @@ from .built_in import begun as begun
 from .built_in import closed as closed
 from .built_in import is_over as is_over
 from .built_in import is_speaking as is_speaking
+from .built_in import unfinished as unfinished

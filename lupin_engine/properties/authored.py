@@ -8,11 +8,15 @@ without `after` that has come true. A condition that cannot be evaluated counts 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Constant, Environment, Expression
+from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.errors import reason
+from lupin_engine.machine.event import Start
 from lupin_engine.machine.timers import seconds
 from lupin_engine.properties.built_in import (
     BUILT_IN,
@@ -22,7 +26,11 @@ from lupin_engine.properties.built_in import (
     Property,
     Remembered,
     Verdict,
+    is_moving,
+    released,
+    taken,
 )
+from lupin_engine.properties.inherited import INHERITED
 
 #: What is remembered where nothing is due.
 _FOR_EVER: Remembered = (math.inf,)
@@ -33,16 +41,20 @@ _ROUNDING = 1e-9
 def properties_of(chart: Chart, more: Mapping[str, TemporalProperty] | None = None) -> tuple[Property, ...]:
     """Return all properties of a chart: built-in ones, its author's, and `more`."""
     written = {**chart.properties, **(more or {})}
-    return (*BUILT_IN, *map(watched, written.values()))
+    in_steps = (one for one in written.values() if not one.built_in or one.name in INHERITED)
+    return (*BUILT_IN, *map(watched, in_steps))
 
 
 def watched(rule: TemporalProperty) -> Property:
     """Return a property as a monitor."""
+    if rule.built_in:
+        return _named_of(rule)
 
     def watch(state: Remembered, passage: Passage) -> tuple[Remembered, Verdict]:
-        if rule.mission and passage.after.mission != rule.mission:
+        if (rule.mission or rule.not_meant) and not rule.is_meant(passage.after.mission):
             return (), NOT_ABOUT
         env, now = passage.scope.at("", passage.step.time), passage.step.time
+        passage.scope["step"] = StepView(passage)
         if rule.eventually is not None:
             return _comes(rule, rule.eventually, state, env, now)
         return _stays(rule, state, env)
@@ -52,11 +64,66 @@ def watched(rule: TemporalProperty) -> Property:
             return NOT_ABOUT
         return Verdict(True, _late(rule))
 
-    return Property(rule.name, rule.summary or sentence(rule), watch, (), end)
+    remembers = rule.after is not None or rule.eventually is not None
+    of_values = remembers or not any(
+        "step" in names_read(one.source) for one in (rule.always, rule.never) if one
+    )
+    return Property(rule.name, rule.summary or sentence(rule), watch, (), end, remembers, of_values)
+
+
+def _named_of(rule: TemporalProperty) -> Property:
+    """Return the built-in property that a file names."""
+    known = INHERITED[rule.name]
+
+    def watch(state: Remembered, passage: Passage) -> tuple[Remembered, Verdict]:
+        if rule.not_meant and not rule.is_meant(passage.after.mission):
+            return (), NOT_ABOUT
+        return known.watch(state, passage)
+
+    return replace(known, says=rule.summary or known.says, watch=watch)
+
+
+class StepView(Mapping[str, Any]):
+    """What a property sees of a step, as `step.NAME`; worked out when it is read."""
+
+    def __init__(self, passage: Passage) -> None:
+        self._passage = passage
+
+    def __getitem__(self, name: str) -> Any:
+        return _OF_A_STEP[name](self._passage)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_OF_A_STEP)
+
+    def __len__(self) -> int:
+        return len(_OF_A_STEP)
+
+
+def _ended(passage: Passage, event: str) -> list[str]:
+    """Return the operations of which a transition has taken the end: `done` or `error`."""
+    states = (passage.chart.states[rule.source] for rule in taken(passage) if rule.event == event)
+    return [state.invoke.name for state in states if state.invoke is not None]
+
+
+#: The fields of `step`, and what `was_in_state` asks.
+_OF_A_STEP: Mapping[str, Callable[[Passage], Any]] = {
+    "accepted": lambda one: one.step.event.name if one.step.accepted else "",
+    "refused": lambda one: one.step.event.name if one.step.accepted is False else "",
+    "because": lambda one: "" if one.step.refusal is None else one.step.refusal.code,
+    "released": lambda one: sorted(released(one.step)),
+    "begun": lambda one: [each.operation for each in one.step.commands if isinstance(each, Start)],
+    "succeeded": lambda one: _ended(one, "done"),
+    "failed": lambda one: _ended(one, "error"),
+    "codes": lambda one: [code.code for code in one.step.codes],
+    "moving": is_moving,
+    "was_in": lambda one: lambda names: any(name in one.before.configuration for name in names),
+}
 
 
 def sentence(rule: TemporalProperty) -> str:
     """Return a property as a sentence, with its conditions as written."""
+    if rule.built_in:
+        return rule.summary or (INHERITED[rule.name].says if rule.name in INHERITED else "")
     kind, that = next(
         (kind, that)
         for kind in ("always", "never", "eventually")

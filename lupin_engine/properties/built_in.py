@@ -28,7 +28,7 @@ from typing import NamedTuple, TypeVar
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.machine.event import Act, Cancel, Report, Start
 from lupin_engine.machine.itineraries import identity_of
-from lupin_engine.machine.memory import Invocation, Memory, Phase
+from lupin_engine.machine.memory import Attempt, Invocation, Memory, Phase
 from lupin_engine.machine.operations import EVERYTHING
 from lupin_engine.machine.scope import EvaluationScope
 from lupin_engine.machine.step import Step
@@ -51,7 +51,9 @@ class Glance(NamedTuple):
 
     `speaking` are the attempts that a state waits for, `over` the invocations whose operation has ended for
     good, `closed` the number of visits of mission `mission_id` with an outcome, over all passes, `begun` the
-    active itineraries.
+    active itineraries, `unfinished` those that owe results, each with the number of targets that it had
+    before it was begun anew, and with the number of results that it owes. `configuration`, `history` and
+    `asked` are the names of states.
     """
 
     held: Collection[str] = ()
@@ -60,6 +62,10 @@ class Glance(NamedTuple):
     closed: int = 0
     mission_id: str = ""
     begun: tuple[str, ...] = ()
+    unfinished: tuple[tuple[str, int, int], ...] = ()
+    configuration: tuple[str, ...] = ()
+    history: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    asked: Container[str] = ()
 
 
 class Passage(NamedTuple):
@@ -105,7 +111,8 @@ class Property:
     """A property: `says` is the sentence for people.
 
     `watch` returns the next state and the verdict; `first` is the state before the first step. `end` judges
-    pending obligations when a run is over.
+    pending obligations when a run is over. Without `remembers` the state is `()` for ever. No step
+    that changes only live values concerns one without `of_values`, none of which `about` is false another.
     """
 
     name: str
@@ -113,6 +120,9 @@ class Property:
     watch: Callable[[Remembered, Passage], tuple[Remembered, Verdict]]
     first: Remembered = ()
     end: Callable[[Remembered, float], Verdict] = field(default=lambda _, __: NOT_ABOUT)
+    remembers: bool = True
+    of_values: bool = True
+    about: Callable[[Passage], bool] | None = None
 
 
 def due(state: Remembered) -> float:
@@ -129,6 +139,10 @@ def glance(memory: Memory) -> Glance:
         closed(memory),
         memory.mission_id,
         begun(memory),
+        unfinished(memory),
+        memory.configuration,
+        tuple(memory.history.items()),
+        tuple(memory.asked),
     )
 
 
@@ -155,6 +169,13 @@ def begun(memory: Memory) -> tuple[str, ...]:
     return tuple(name for name, walk in memory.itineraries.items() if walk.begun)
 
 
+def unfinished(memory: Memory) -> tuple[tuple[str, int, int], ...]:
+    """Return the active itineraries with targets that are to have a result and have none (see `Glance`)."""
+    walks = ((name, walk) for name, walk in memory.itineraries.items() if walk.begun and not walk.leaves_open)
+    owed = ((name, walk.before, sum(not one.closed for one in walk.visits)) for name, walk in walks)
+    return tuple(one for one in owed if one[2])
+
+
 def closed(memory: Memory) -> int:
     """Return the number of visits with an outcome, over all passes."""
     count = 0
@@ -163,6 +184,11 @@ def closed(memory: Memory) -> int:
         for visit in walk.visits:
             count += bool(visit.status)
     return count
+
+
+def is_under_way(attempt: Attempt) -> bool:
+    """Return whether a server was asked for something, and nobody has taken that back."""
+    return attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED)
 
 
 def is_over(invocation: Invocation, memory: Memory) -> bool:
@@ -219,17 +245,17 @@ class Monitor:
 # -- what every chart keeps ------------------------------------------------------------------------------
 
 #: Judges one passage: None: not about it; '': it holds; else how it is broken.
-_Rule = Callable[[Passage], "str | None"]
+Rule = Callable[[Passage], "str | None"]
 _found: list[Property] = []
 
 
-def _built_in(name: str, says: str) -> Callable[[_Rule], _Rule]:
-    def add(rule: _Rule) -> _Rule:
+def _built_in(name: str, says: str) -> Callable[[Rule], Rule]:
+    def add(rule: Rule) -> Rule:
         def watch(state: Remembered, passage: Passage) -> tuple[Remembered, Verdict]:
             breach = rule(passage)
             return _NOT_ABOUT if breach is None else _HOLDS if not breach else (state, Verdict(True, breach))
 
-        _found.append(Property(name, says, watch))
+        _found.append(Property(name, says, watch, remembers=False))
         return rule
 
     return add
@@ -253,9 +279,13 @@ def _hold_starts_nothing(passage: Passage) -> str | None:
 
 def _was_held(passage: Passage) -> bool:
     """Return whether one hold was active throughout the step."""
-    noted = (note.removeprefix("hold ").rpartition(" ") for note in passage.step.notes)
-    released = {name for name, _, what in noted if what == "released"}
-    return not released >= {*passage.before.held} & {*passage.after.held}
+    return not released(passage.step) >= {*passage.before.held} & {*passage.after.held}
+
+
+def released(step: Step) -> set[str]:
+    """Return the holds that were released in a step."""
+    noted = (note.removeprefix("hold ").rpartition(" ") for note in step.notes if note.startswith("hold "))
+    return {name for name, _, what in noted if what == "released"}
 
 
 @_built_in(
@@ -381,7 +411,7 @@ def _former_attempts(passage: Passage) -> str | None:
         return None
     if event.data.get("attempt") in passage.before.speaking:
         return None
-    for rule in _taken(passage):
+    for rule in taken(passage):
         if rule.event in ("done", "error"):
             return f"{event.name} of {event.data.get('attempt')}, which nobody waits for, leads to {rule.id}"
     codes = [code.code for code in passage.step.codes if code.code == event.data.get("code")]
@@ -411,7 +441,7 @@ def _ends_are_handled(passage: Passage) -> str | None:
     memory = passage.after
     ended = [i for i in touched(memory.invocations) if is_over(i, memory) and i.id not in passage.before.over]
     for invocation in ended:
-        rules = [rule for rule in _taken(passage) if rule.event in ("done", "error")]
+        rules = [rule for rule in taken(passage) if rule.event in ("done", "error")]
         if not any(rule.source == invocation.state for rule in rules):
             return f"no transition handles the end of the operation of {invocation.state}"
     return "" if ended or _ends_something(passage.step) else None
@@ -473,7 +503,13 @@ def action_moves(chart: Chart, action: str) -> bool:
     return found is not None and found.moves
 
 
-def _taken(passage: Passage) -> Iterator[Transition]:
+def is_moving(passage: Passage) -> bool:
+    """Return whether something that moves the robot is under way after a step."""
+    moving = _moving(passage.chart)
+    return any(one.operation in moving and is_under_way(one) for one in passage.after.attempts.values())
+
+
+def taken(passage: Passage) -> Iterator[Transition]:
     """Yield the chart's own transitions of a step."""
     known = _rules(passage.chart)
     return (known[name] for name in passage.step.taken if name in known)

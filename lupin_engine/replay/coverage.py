@@ -11,16 +11,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Environment, Expression
-from lupin_engine.chart.model import Chart, Hold, Invoke, Kind, State, Transition
+from lupin_engine.chart.expressions.condition import Condition
+from lupin_engine.chart.expressions.evaluation import Environment
+from lupin_engine.chart.model import Chart, Invoke, Kind, State, Transition
 from lupin_engine.errors import Place, near
 from lupin_engine.machine.step import Step
 from lupin_engine.missions.folders import is_shipped
+from lupin_engine.replay.observed import guards_of_hold, observed
 from lupin_engine.runtime.history import DONE, FAILED, AttemptHistory
 from lupin_engine.sim.narration import short_name
 from lupin_engine.sim.scenario import Missions
@@ -58,8 +60,8 @@ def items(chart: Chart) -> list[CoverageItem]:
     """Return all items of a chart, in the order of the file."""
     found = [item for state in chart.states.values() for item in _items(chart, state)]
     for hold in chart.holds.values():
-        for guard, word in _guards_of_hold(hold):
-            found += _branches(guard, f"hold.{hold.name}.{word}", f"hold {hold.name}: {word}", "")
+        for name, word, guard in guards_of_hold(hold):
+            found += _branches(guard, name, f"hold {hold.name}: {word}", "")
     return found
 
 
@@ -100,9 +102,8 @@ def _ends(chart: Chart, state: State, invoke: Invoke) -> Iterator[CoverageItem]:
         yield CoverageItem(key, invoke.place, text, state.mission)
 
 
-def _branches(guard: Expression | None, name: str, text: str, mission: str) -> Iterator[CoverageItem]:
-    for value in ("true", "false") if guard is not None else ():
-        assert guard is not None, "there is a guard"
+def _branches(guard: Condition, name: str, text: str, mission: str) -> Iterator[CoverageItem]:
+    for value in ("true", "false") if guard else ():
         shown = f"{text}: {guard.source} is {value}"
         yield CoverageItem((GUARDS, name, value), guard.place, shown, mission)
 
@@ -116,11 +117,6 @@ def _rule_text(chart: Chart, rule: Transition) -> str:
     return f"{short_name(chart, rule.source)}: {rule.event or 'always'} {leads}"
 
 
-def _guards_of_hold(hold: Hold) -> Iterator[tuple[Expression | None, str]]:
-    yield hold.engage_guard, "engage"
-    yield hold.release_guard, "release"
-
-
 # -- guards that count -----------------------------------------------------------------------------------
 
 
@@ -132,9 +128,7 @@ class CoverageObserver:
 
     def prepare(self, chart: Chart) -> Chart:
         """Return a copy of a chart with instrumented guards."""
-        states = {name: self._state(state) for name, state in chart.states.items()}
-        holds = {name: self._hold(hold) for name, hold in chart.holds.items()}
-        return replace(chart, states=states, holds=holds)
+        return observed(chart, self._counter)
 
     def count(self, run: Run) -> Counts:
         """Return the counts of a run, with the guards evaluated since the last one.
@@ -150,34 +144,8 @@ class CoverageObserver:
         self._seen = Counter()
         return reached(run) + found
 
-    def _state(self, state: State) -> State:
-        each = state.for_each
-        if each is not None and each.when is not None:
-            each = replace(each, when=self._counted(each.when, f"{state.name}.for_each"))
-        return replace(
-            state,
-            transitions=tuple(map(self._rule, state.transitions)),
-            resume_at=tuple(map(self._rule, state.resume_at)),
-            for_each=each,
-        )
-
-    def _rule(self, rule: Transition) -> Transition:
-        return replace(rule, guard=self._counted(rule.guard, rule.id)) if rule.guard is not None else rule
-
-    def _hold(self, hold: Hold) -> Hold:
-        engage, release = (
-            guard and self._counted(guard, f"hold.{hold.name}.{word}")
-            for guard, word in _guards_of_hold(hold)
-        )
-        return replace(hold, engage_guard=engage, release_guard=release)
-
-    def _counted(self, guard: Expression, name: str) -> Expression:
-        # What explains a guard that is false must not count as asking it.
-        parts = guard.parts or ((guard.source, guard.evaluate),)
-        return replace(guard, evaluate=self._counter(guard.evaluate, name), parts=parts)
-
-    def _counter(self, evaluate: Callable[[Environment], Any], name: str) -> Callable[[Environment], Any]:
-        true, false = (GUARDS, name, "true"), (GUARDS, name, "false")
+    def _counter(self, name: str, guard: Condition) -> Callable[[Environment], Any]:
+        evaluate, true, false = guard.evaluate, (GUARDS, name, "true"), (GUARDS, name, "false")
 
         def counting(env: Environment) -> Any:
             try:

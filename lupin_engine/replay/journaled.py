@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -87,8 +87,8 @@ class JournaledRun:
         return [file.problem for file in self.files if file.problem]
 
 
-def runs_of(folder: Path) -> list[JournaledRun]:
-    """Return the runs in a journal, the oldest first; a file that cannot be read is left out.
+def runs_of(folder: Path, left_out: Callable[[str], object] = lambda problem: None) -> list[JournaledRun]:
+    """Return the runs in a journal, the oldest first; `left_out` is told of a file that cannot be read.
 
     Raises:
         JournalError: there is no journal.
@@ -100,8 +100,8 @@ def runs_of(folder: Path) -> list[JournaledRun]:
     for path in paths:
         try:
             files.append(read_journal(path))
-        except JournalError:
-            continue
+        except JournalError as problem:
+            left_out(str(problem))
     found: list[list[JournalFile]] = []
     for file in files:
         same = file.head.mission_id and found and found[-1][0].head.mission_id == file.head.mission_id

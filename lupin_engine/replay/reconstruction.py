@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -217,8 +217,10 @@ def duration(seconds: float, digits: int) -> str:
 class _Happenings:
     """Converts requests, values and events to the scenario's timed entries."""
 
-    def __init__(self, chart: Chart, recording: RunRecord, digits: int) -> None:
+    def __init__(self, chart: Chart, recording: RunRecord, digits: int, waited: float | None) -> None:
+        """Make one; with `waited`, times count from the run's start, less so many seconds."""
         self._chart = chart
+        self._waited = waited
         self._catalog = chart.catalog
         self._recording = recording
         self._digits = digits
@@ -289,8 +291,8 @@ class _Happenings:
     def _when(self, step: Step, what: Mapping[str, Any], before: float = 0.0) -> Mapping[str, Any]:
         """Return an entry at a step, or so many seconds `before`, relative to a state's entry."""
         time = step.time - before
-        if self._anchor is None:
-            return {"at": duration(time - self._origin, self._digits), **what}
+        if self._anchor is None or self._waited is not None:
+            return {"at": duration(time - self._origin - (self._waited or 0.0), self._digits), **what}
         name, entered = self._anchor
         found: dict[str, Any] = {"on": short(self._chart, name)}
         if self._entries[name] > 1:
@@ -313,18 +315,22 @@ def short(chart: Chart, name: str) -> str:
 # -- the scenario ----------------------------------------------------------------------------------------
 
 
-def script_of(recording: RunRecord, mission: str, promise: str, chart: Chart, digits: int) -> dict[str, Any]:
+def script_of(
+    recording: RunRecord, mission: str, promise: str, chart: Chart, digits: int, names_states: bool = True
+) -> dict[str, Any]:
     """Return a scenario without expectations.
 
     Args:
         mission: the mission's name in the scenario.
         promise: its sentence.
         digits: to how many digits times are written.
+        names_states: whether times count from the last entered state, or all from the start.
     """
-    happenings = _Happenings(chart, recording, digits)
     asked = [step for step in recording.steps if step.event.name == START]
     before = [step for step in recording.steps if step.accepted is not None or step.event.name == "value"]
     starts = bool(asked and asked[0].accepted) and before[0] is asked[0]
+    waited = _waited(recording.steps) if starts else 0.0
+    happenings = _Happenings(chart, recording, digits, None if names_states else waited)
     parts: dict[str, Any] = {
         "scenario": promise,
         "mission": mission,
@@ -333,7 +339,7 @@ def script_of(recording: RunRecord, mission: str, promise: str, chart: Chart, di
         "seed": recording.seed,
         "clock": happenings.clock(recording.steps[0]),
         "start": "ready" if starts else "never",
-        "limit": _limit(recording, chart, digits, starts),
+        "limit": _limit(recording, chart, digits, waited),
         "mocks": list(_Mocks(chart, recording, digits).mocks()),
         "when": happenings.happenings(starts),
     }
@@ -341,15 +347,17 @@ def script_of(recording: RunRecord, mission: str, promise: str, chart: Chart, di
     return {name: value for name, value in parts.items() if value and value != usual.get(name)}
 
 
-def _limit(recording: RunRecord, chart: Chart, digits: int, starts: bool) -> str:
+def _waited(steps: Sequence[Step]) -> float:
+    """Return the seconds between the first start of a mission and the step before it."""
+    start = next(index for index, step in enumerate(steps) if step.event.name == START)
+    return steps[start].time - steps[max(0, start - 1)].time
+
+
+def _limit(recording: RunRecord, chart: Chart, digits: int, waited: float) -> str:
     """Return the length of a record that ends within a mission."""
     steps = recording.steps
     if label_of(chart, steps[-1].configuration) in chart.profile.stages.over:
         return ""
-    waited = 0.0
-    if starts:
-        start = next(index for index, step in enumerate(steps) if step.event.name == START)
-        waited = steps[start].time - steps[max(0, start - 1)].time
     # What happened last must not be cut off by rounding.
     return duration(steps[-1].time - steps[0].time - waited + 10**-digits, digits)
 

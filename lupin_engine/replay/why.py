@@ -7,16 +7,18 @@ of an operation leads back to its start, a deadline to its arming; a request or 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Compiled, Environment, Expression
-from lupin_engine.chart.model import Chart, Transition
+from lupin_engine.chart.expressions.condition import Condition
+from lupin_engine.chart.expressions.evaluation import Compiled, Environment
+from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError, Place, nearest
 from lupin_engine.machine.event import Start
 from lupin_engine.machine.scope import reads_of
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.profile import Publish
+from lupin_engine.replay.observed import observed
 from lupin_engine.runtime.history import History
 from lupin_engine.sim.narration import StepLine, narrate, short_name, shorten
 
@@ -84,11 +86,7 @@ class GuardWitness:
 
     def prepare(self, chart: Chart) -> Chart:
         """Return a copy of a chart with instrumented guards."""
-        watched = {
-            name: replace(state, transitions=tuple(map(self._rule, state.transitions)))
-            for name, state in chart.states.items()
-        }
-        return replace(chart, states=watched)
+        return observed(chart, self._watched)
 
     def of(self, step: Step) -> Mapping[str, tuple[tuple[str, Any], ...]]:
         """Return the values read by the guards of a step's transitions; clears the record."""
@@ -96,15 +94,10 @@ class GuardWitness:
         self._seen.clear()
         return found
 
-    def _rule(self, rule: Transition) -> Transition:
-        guard = rule.guard
-        if guard is None or not isinstance(guard.evaluate, Compiled):
-            return rule
-        return replace(rule, guard=replace(guard, evaluate=self._watched(rule.id, guard)))
-
-    def _watched(self, name: str, guard: Expression) -> Callable[[Environment], Any]:
+    def _watched(self, name: str, guard: Condition) -> Callable[[Environment], Any]:
         evaluate = guard.evaluate
-        assert isinstance(evaluate, Compiled)
+        if not isinstance(evaluate, Compiled):
+            return evaluate
         reads = [(root, below) for root, below in reads_of(evaluate.code) if below]
 
         def watching(env: Environment) -> Any:
@@ -308,8 +301,7 @@ class Inquiry:
             rule = self._rules.get(name)
             if rule is None:
                 continue  # the chart's own answer to an error
-            guard = rule.guard.source if rule.guard is not None else ""
-            yield Reason(name, rule.place, guard, (one.guards or {}).get(name, ()))
+            yield Reason(name, rule.place, rule.guard.source, (one.guards or {}).get(name, ()))
 
 
 def _outcome(published: Publish) -> str:

@@ -64,6 +64,10 @@ class ZoneCalendar:
         found = self._local(moment)
         return found.date().isoformat(), f"{found:%H:%M}"
 
+    def hour(self, moment: float) -> int:
+        """Return the hour of the day, 0 to 23."""
+        return self._local(moment).hour
+
     def as_text(self, moment: float) -> str:
         """Return a moment as people write it, with the zone."""
         return f"{self._local(moment):%Y-%m-%d %H:%M:%S} {self._name}"

@@ -3,6 +3,11 @@ from .by_hand import Hand as Hand
 from .by_hand import Read as Read
 from .by_hand import Wrong as Wrong
 from .by_hand import first as first
+from .measured import Drain as Drain
+from .measured import HourShare as HourShare
+from .measured import Measured as Measured
+from .measured import distance_of as distance_of
+from .measured import is_pose as is_pose
 from .narration import StepLine as StepLine
 from .narration import narrate as narrate
 from .narration import short_name as short_name
@@ -14,10 +19,12 @@ from .scenario import load_scenario as load_scenario
 from .scenario import load_scenario_text as load_scenario_text
 from .scenario import mission_name as mission_name
 from .scenario import scenario_files as scenario_files
+from .scenario_file import OPERATION as OPERATION
 from .scenario_file import Duration as Duration
 from .scenario_file import Latency as Latency
 from .scenario_file import ScenarioNode as ScenarioNode
 from .scenario_file import ScriptNode as ScriptNode
+from .scenario_file import WallTime as WallTime
 from .scenario_file import WhenNode as WhenNode
 from .scenario_reader import ScenarioNames as ScenarioNames
 from .scenario_reader import ScriptReader as ScriptReader

@@ -53,6 +53,7 @@ class Comparison:
 
     def _differences(self) -> Iterator[ScenarioFailure]:
         expect, run = self._expect, self._run
+        looks_at_all = expect.only is None
         yield from self._moments()
         yield from self._same("lifecycle", expect.lifecycle, run.history.lifecycles)
         yield from OrderComparison(expect, run, self._maker).failures()
@@ -61,9 +62,10 @@ class Comparison:
             "published", expect.published, [publish for _, publish in run.history.published]
         )
         yield from self._statuses()
-        yield from self._refused()
+        yield from self._refused() if looks_at_all else ()
         yield from self._appeared("holds", expect.holds, run.history.holds)
-        yield from self._appeared("broken", expect.broken, run.history.broken)
+        if looks_at_all or INVARIANTS in (expect.only or ()):
+            yield from self._appeared("broken", expect.broken, run.history.broken)
         yield from self._violated()
         yield from self._same("final", expect.final, run.view.lifecycle)
         yield from self._same("paused", expect.paused, run.view.paused)
@@ -73,8 +75,9 @@ class Comparison:
         yield from self._dropped()
         yield from self._notes()
         yield from self._lasted()
-        yield from self._unfired()
-        yield from self._idle()
+        if looks_at_all:
+            yield from self._unfired()
+            yield from self._idle()
 
     def _same(self, word: str, expected: Any, actual: Any) -> Iterator[ScenarioFailure]:
         if expected is not None and expected != actual:
@@ -195,9 +198,10 @@ class Comparison:
 
     def _violated(self) -> Iterator[ScenarioFailure]:
         """Compare the violated properties; each failure has the reason of its violation."""
-        expected = self._expect.violated
+        expected, only = self._expect.violated, self._expect.only
         # An invariant has a word of its own: `broken`.
         violated = [one for one in self._run.violated if one[1] != INVARIANTS]
+        violated = [one for one in violated if only is None or one[1] in only]
         if expected == [name for _, name, _ in violated]:
             return
         place = self._expect.at("violated")

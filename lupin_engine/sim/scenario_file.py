@@ -56,7 +56,7 @@ Duration = Annotated[Any, IsDuration(), _SECONDS]
 WallTime = Annotated[
     str | None, IsClock(), WithJsonSchema({"type": "string", "examples": ["2026-11-22 22:00"]})
 ]
-#: A duration, or `{between: [1 s, 3 s]}`: another one each time.
+#: A duration, or `{between: [1 s, 3 s]}`: another one each time. More than two are quantiles.
 Latency = Annotated[
     Any,
     WithJsonSchema(
@@ -65,7 +65,7 @@ Latency = Annotated[
                 {"type": ["string", "integer"], "examples": ["5 s"]},
                 {
                     "type": "object",
-                    "properties": {"between": {"type": "array", "minItems": 2, "maxItems": 2}},
+                    "properties": {"between": {"type": "array", "minItems": 2}},
                     "required": ["between"],
                     "additionalProperties": False,
                 },
@@ -135,6 +135,14 @@ class OutcomeNode(ShortNode):
 Outcomes = Annotated[list[OutcomeNode], BeforeValidator(_to_list)]
 
 
+class MetresNode(Node):
+    """Distances in metres."""
+
+    between: list[float] = Field(
+        description="the shortest, and the first that is too long", min_length=2, max_length=2
+    )
+
+
 class MockNode(Node):
     """What attempts of an operation come to: one outcome for all, or a list, one for each in turn."""
 
@@ -143,6 +151,7 @@ class MockNode(Node):
         default_factory=dict, alias="with", description="arguments that an attempt must have"
     )
     target: str | None = Field(None, description="the current target that an attempt must be for")
+    metres: MetresNode | None = Field(None, description="how far an attempt must drive, as the crow flies")
     then: Outcomes = Field(description="what happens")
 
     @property
@@ -361,7 +370,8 @@ class RefusedNode(ShortNode):
 
 class ExpectNode(Node):
     """What must come of it. What is not named is not looked at, with three exceptions: no request is refused,
-    no invariant broken and no property violated unless it is said.
+    no invariant broken and no property violated unless it is said. With `only`, of these just its properties
+    are looked at.
     """
 
     lifecycle: Annotated[list[str] | None, NameOf("published state", "expect.lifecycle")] = Field(
@@ -393,6 +403,14 @@ class ExpectNode(Node):
     )
     violated: Annotated[list[str], NameOf("property", "expect.violated")] = Field(
         default_factory=list, description="properties that were violated, all of them, in order"
+    )
+    only: Annotated[
+        list[str] | None,
+        BeforeValidator(_to_questions, json_schema_input_type=str | list[str] | None),
+        NameOf("property", "expect.only"),
+    ] = Field(
+        None,
+        description="properties that must hold; others may be violated, and requests refused",
     )
     final: Annotated[str | None, NameOf("published state", "expect.final")] = Field(
         None, description="published state at the end"

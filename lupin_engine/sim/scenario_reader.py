@@ -20,7 +20,9 @@ from lupin_engine.plugin.contract import OPERATION_CODES, Operation
 from lupin_engine.plugin.parameters import accepted
 from lupin_engine.plugin.types import DURATION, NUMBER, Type, convert
 from lupin_engine.properties.authored import properties_of
+from lupin_engine.properties.built_in import STANDSTILL
 from lupin_engine.runtime.clock import UTC, calendar_of
+from lupin_engine.sim.measured import Metres
 from lupin_engine.sim.scenario_file import (
     END,
     EVERY,
@@ -98,7 +100,7 @@ class ScenarioNames:
         self.findings = findings
         operations, actions = self.catalog.operations, self.catalog.actions
         #: Those that a scenario may name: the built-in ones, the mission's and its own.
-        self.properties = {one.name for one in properties_of(chart)}
+        self.properties = {STANDSTILL, *(one.name for one in properties_of(chart))}
         #: What is looked up -> what it may be called.
         self._allowed: Mapping[str, Callable[[], Collection[str]]] = {
             "hold": lambda: all_holds(chart),
@@ -236,20 +238,21 @@ class ScenarioNames:
             self.findings.add(place, "wrong-type", path, *str(problem).split("; "))
 
     def latency(self, place: Place, path: str, value: Any) -> float | Between | None:
-        """Read a duration or two that it lies between."""
+        """Read a duration, or those that it lies between."""
         if not isinstance(value, Mapping):
             return self.duration(place, path, value)
         bounds = value.get("between")
-        if set(value) != {"between"} or not isinstance(bounds, list) or len(bounds) != 2:
+        if set(value) != {"between"} or not isinstance(bounds, list) or len(bounds) < 2:
             self.wrong(place, path, f"expected a duration, got {show(value)}", "write 'between: [1 s, 3 s]'")
             return None
-        low, high = (self.duration(place, path, bound) for bound in bounds)
-        if low is None or high is None:
+        found = [self.duration(place, path, bound) for bound in bounds]
+        seconds = [one for one in found if one is not None]
+        if len(seconds) < len(bounds):
             return None
-        if low > high:
-            hint = f"write 'between: [{bounds[1]}, {bounds[0]}]'"
-            self.wrong(place, path, "the shortest duration comes first", hint)
-        return Between(low, high)
+        if seconds != sorted(seconds):
+            ordered = ", ".join(str(bound) for _, bound in sorted(zip(seconds, bounds, strict=True)))
+            self.wrong(place, path, "the shortest duration comes first", f"write 'between: [{ordered}]'")
+        return Between(seconds[0], seconds[-1], tuple(seconds[1:-1]))
 
 
 class ScriptReader:
@@ -329,7 +332,8 @@ class ScriptReader:
         given = mock.mapping("with")
         arguments = {} if given is None else self._words.parts("argument", given, declared, mock.do)
         outcomes = tuple(self._outcome(outcome, mock.do, operation) for outcome in mock.then)
-        yield Rule(mock.do, outcomes, arguments, mock.target, mock.in_turn)
+        metres = None if mock.metres is None else Metres(*mock.metres.between)
+        yield Rule(mock.do, outcomes, arguments, mock.target, mock.in_turn, metres)
 
     def _outcome(self, node: OutcomeNode, name: str, operation: Operation) -> MockOutcome | AnyOf:
         ends = [word for word in _ENDS if getattr(node, word) not in (None, False)]

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import enum
 import random
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from lupin_engine.machine.scope import World
-from lupin_engine.plugin.builtin import MISSING, READY
+from lupin_engine.plugin.builtin import MISSING, READY, TIME_ZONE
 from lupin_engine.plugin.contract import Operation, Outlet
 from lupin_engine.plugin.mocks import contains
+from lupin_engine.runtime.clock import UTC, VirtualClock, calendar_of
 from lupin_engine.sim.agenda import Agenda
+from lupin_engine.sim.measured import HourShare, Measured, Metres, distance_of, is_pose
 
 
 class OnCancel(enum.Enum):
@@ -30,10 +33,17 @@ class OnCancel(enum.Enum):
 
 @dataclass(frozen=True)
 class Between:
-    """A duration in seconds that is drawn anew each time."""
+    """A duration in seconds that is drawn anew each time; each gap between two neighbours is as likely."""
 
     low: float
     high: float
+    between: tuple[float, ...] = ()
+
+    def draw(self, dice: random.Random) -> float:
+        """Return one of these durations."""
+        bounds = (self.low, *self.between, self.high)
+        gap = dice.randrange(len(bounds) - 1) if self.between else 0
+        return dice.uniform(bounds[gap], bounds[gap + 1])
 
 
 @dataclass(frozen=True)
@@ -81,8 +91,9 @@ class Rule:
     """The outcomes of attempts of one operation.
 
     It covers an attempt that has all of `arguments` (records need only contain the given fields) and, with
-    `target`, that is made at the itinerary's current target of that name. With `once` each outcome is used
-    once, in order, and the rule is spent after the last; else the first one is used always.
+    `target`, that is made at the itinerary's current target of that name, with `metres`, that drives so far.
+    With `once` each outcome is used once, in order, and the rule is spent after the last; else the first one
+    is used always.
     """
 
     operation: str
@@ -90,15 +101,20 @@ class Rule:
     arguments: Mapping[str, Any] = field(default_factory=dict)
     target: str | None = None
     once: bool = False
+    metres: Metres | None = None
 
     @property
     def is_random(self) -> bool:
         """Whether anything about it is drawn."""
         return any(outcome.is_random for outcome in self.outcomes)
 
-    def covers(self, operation: str, arguments: Mapping[str, Any], target: str) -> bool:
-        """Say whether an attempt falls under this rule."""
+    def covers(
+        self, operation: str, arguments: Mapping[str, Any], target: str, distance: float | None = None
+    ) -> bool:
+        """Say whether an attempt, which drives so many metres, falls under this rule."""
         if operation != self.operation or (self.target is not None and self.target != target):
+            return False
+        if self.metres is not None and distance not in self.metres:
             return False
         return contains(arguments, self.arguments)
 
@@ -115,7 +131,16 @@ def drawn(outcome: MockOutcome | AnyOf, dice: random.Random) -> MockOutcome:
 
 
 def _drawn(duration: float | Between | None, dice: random.Random) -> float | None:
-    return dice.uniform(duration.low, duration.high) if isinstance(duration, Between) else duration
+    return duration.draw(dice) if isinstance(duration, Between) else duration
+
+
+def _at_hour(outcome: MockOutcome | AnyOf, share: HourShare) -> MockOutcome | AnyOf:
+    """Return an outcome as it is at an hour of the day, where attempts fail more or less often."""
+    if isinstance(outcome, MockOutcome) or share.fails == 1.0:
+        return outcome
+    fails = (isinstance(one, MockOutcome) and bool(one.code or one.never) for one in outcome.outcomes)
+    both = zip(outcome.weights, fails, strict=True)
+    return replace(outcome, weights=tuple(w * share.fails if is_failure else w for w, is_failure in both))
 
 
 class _Server:
@@ -133,12 +158,14 @@ class _Server:
         """Whether every outcome was that of an attempt."""
         return not self._left if self.rule.once else self.used > 0
 
-    def covers(self, operation: str, arguments: Mapping[str, Any], target: str) -> bool:
+    def covers(
+        self, operation: str, arguments: Mapping[str, Any], target: str, distance: float | None
+    ) -> bool:
         """Say whether an attempt falls under the rule and the rule is not spent."""
-        return bool(self._left) and self.rule.covers(operation, arguments, target)
+        return bool(self._left) and self.rule.covers(operation, arguments, target, distance)
 
-    def next_outcome(self) -> MockOutcome:
-        """Return the outcome of the next attempt.
+    def next_outcome(self, share: HourShare | None = None) -> MockOutcome:
+        """Return the outcome of the next attempt, in an hour of the day that has this `share`.
 
         Every use of every rule has its own random numbers, so the draws of one mock do not depend on
         another's.
@@ -148,7 +175,12 @@ class _Server:
         if isinstance(found, MockOutcome) and not found.is_random:
             return found
         # Chance for tests: the same every time, and good enough to guess by.
-        return drawn(found, random.Random(f"{self._name}/{self.used}"))
+        dice = random.Random(f"{self._name}/{self.used}")
+        if share is None:
+            return drawn(found, dice)
+        outcome = drawn(_at_hour(found, share), dice)
+        assert not isinstance(outcome.after, Between), "every duration was drawn"
+        return replace(outcome, after=None if outcome.after is None else outcome.after * share.takes)
 
 
 @dataclass
@@ -158,6 +190,8 @@ class _ServedAttempt:
     operation: str
     arguments: Mapping[str, Any]
     outcome: MockOutcome
+    #: How far it drives, in metres; None: nowhere.
+    distance: float | None = None
     accepted: bool = False
     #: By how many seconds its answer is put off.
     late: float = 0.0
@@ -168,8 +202,9 @@ class Stage:
 
     Args:
         world: that of the machine; its seed seeds the draws.
-        now: returns the time.
+        clock: that of the simulation.
         target: returns the itinerary's current target, for rules that name one.
+        measured: of a robot; what it drains is reported when an attempt ends.
     """
 
     def __init__(
@@ -177,15 +212,22 @@ class Stage:
         world: World,
         rules: Iterable[Rule],
         agenda: Agenda,
-        now: Callable[[], float],
+        clock: VirtualClock,
         target: Callable[[], str],
+        measured: Measured,
     ) -> None:
         self._catalog = world.chart.catalog
         self._parameters = world.parameters
         self._servers = [_Server(rule, number, world.seed) for number, rule in enumerate(rules)]
         self._agenda = agenda
-        self._now = now
+        self._now, self._wall = clock.now, clock.wall
         self._target = target
+        self._calendar = calendar_of(world.parameters.get(TIME_ZONE, UTC))
+        self._hours = {(one.operation, one.hour): one for one in measured.hours}
+        self._measured, self._drained = measured, clock.now()
+        #: How many attempts of each operation, at each target and of each distance, fell under which rule.
+        self.answered: Counter[tuple[str, str, float | None, int | None]] = Counter()
+        self._pose: Any = None
         self._running: dict[str, _ServedAttempt] = {}
         self._silent: set[str] = set()
         self._missing: list[str] = []
@@ -216,7 +258,9 @@ class Stage:
         """Take a request; accept it when its outcome says so."""
         if operation in self._silent:
             return
-        running = _ServedAttempt(operation, arguments, self._choose(operation, arguments))
+        distance = distance_of(self._catalog.operations[operation], arguments, self._pose)
+        outcome = self._choose(operation, arguments, distance)
+        running = _ServedAttempt(operation, arguments, outcome, distance)
         self._running[attempt] = running
         wait = running.outcome.accepted_after
         if wait == 0.0:
@@ -262,6 +306,8 @@ class Stage:
     def report(self, value: str, is_now: Any) -> None:
         """Report a live value; the missing servers are progress or the end of attempts that wait for them."""
         self._values[value] = is_now, self._now()
+        if is_pose(self._catalog, value):
+            self._pose = is_now
         self.outlet.value(value, is_now, self._now())
         if value != MISSING:
             return
@@ -322,11 +368,13 @@ class Stage:
         assert not isinstance(wait, Between), "every duration was drawn"
         self._agenda.note(self._now() + wait, action)
 
-    def _choose(self, operation: str, arguments: Mapping[str, Any]) -> MockOutcome:
+    def _choose(self, operation: str, arguments: Mapping[str, Any], distance: float | None) -> MockOutcome:
         target = self._target()
-        for server in self._servers:
-            if server.covers(operation, arguments, target):
-                return server.next_outcome()
+        for number, server in enumerate(self._servers):
+            if server.covers(operation, arguments, target, distance):
+                self.answered[operation, target, distance, number] += 1
+                return server.next_outcome(self._hours.get((operation, self._calendar.hour(self._wall()))))
+        self.answered[operation, target, distance, None] += 1
         return MockOutcome()
 
     def _accept(self, attempt: str) -> None:
@@ -358,13 +406,25 @@ class Stage:
         if running is None or (running.operation == READY and self._missing):
             return
         del self._running[attempt]
+        self._drain(0.0 if outcome.code else running.distance or 0.0)
         if outcome.code:
             self.outlet.failed(attempt, outcome.code, outcome.detail)
         else:
             mock = self._operation(running).mock
             for name, is_now in self._mocked(mock.values, running).items():
-                self.report(name, is_now)
+                known = {} if callable(mock.values) else self._measured.values
+                self.report(name, known.get(name, is_now))
             self.outlet.done(attempt, {**self._mocked(mock.result, running), **outcome.result})
+
+    def _drain(self, metres: float) -> None:
+        """Report what live values have lost by now, after so many metres."""
+        minutes, self._drained = (self._now() - self._drained) / 60.0, self._now()
+        for drain in self._measured.drains:
+            known = self._values.get(drain.value)
+            level = self._catalog.values[drain.value].initial if known is None else known[0]
+            if isinstance(level, (int, float)):
+                lost = drain.per_metre * metres + drain.per_minute * minutes
+                self.report(drain.value, max(0.0, level - lost))
 
     def _mocked(self, given: Any, running: _ServedAttempt) -> Mapping[str, Any]:
         found: Mapping[str, Any] = given(running.arguments, self._parameters) if callable(given) else given

@@ -34,6 +34,7 @@ from lupin_engine.runtime.journal.replay import resumed
 from lupin_engine.runtime.journal.writer import MemoryWriter
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.agenda import Agenda
+from lupin_engine.sim.measured import Measured
 from lupin_engine.sim.scripted import MockOutcome, Rule, Stage
 
 #: How long a simulation goes on when nobody says otherwise, in seconds of virtual time.
@@ -165,7 +166,7 @@ class Script:
 
     With `starts` the mission is started as soon as the chart can take the request. `seed` seeds the draws of
     the servers and the jitter of retries. With `stop_at` the run ends when that state is entered. `clock` is
-    the robot's wall clock at the beginning.
+    the robot's wall clock at the beginning. `measured` is of a robot.
     """
 
     mission: str
@@ -177,6 +178,7 @@ class Script:
     seed: int = 0
     stop_at: str = ""
     clock: str = NEW_YEAR
+    measured: Measured = field(default_factory=Measured)
 
     @property
     def is_random(self) -> bool:
@@ -351,8 +353,9 @@ class Simulation:
             self._world,
             script.rules,
             self._agenda,
-            self._clock.now,
+            self._clock,
             lambda: self._machine.memory.target,
+            script.measured,
         )
         crashes = crashes or any(isinstance(h.effect, Restart) for h in script.happenings)
         self._journal = _InMemory(self) if crashes else None
@@ -441,6 +444,11 @@ class Simulation:
     def away(self) -> list[str]:
         """The operations whose servers are not heard of, until they come back."""
         return self._stage.away
+
+    @property
+    def answered(self) -> Mapping[tuple[str, str, float | None, int | None], int]:
+        """How many attempts fell under which rule, by operation, target, metres and the rule's number."""
+        return self._stage.answered
 
     @property
     def steps(self) -> Sequence[Step]:

@@ -99,6 +99,18 @@ class JournalGate:
         self._itineraries: tuple[object, ...] = ()
         self._is_returning = False
 
+    def admit(self, request: Event, machine: Machine, now: float) -> Refusal | None:
+        """Look at a request once, before the machine does; return why it is refused without a step.
+
+        Else it begins the file of a mission that the request is about to start.
+        """
+        foreseen = machine.dry_run(request, now)
+        refusal = self.refusal(request, foreseen, machine.chart.profile)
+        if refusal is None and request.name == START and foreseen.possible and self._loaded is not None:
+            data = request.data
+            self.begin(self._loaded, machine, str(data["mission_type"]), str(data.get("mission_id", "")))
+        return refusal
+
     def refusal(self, request: Event, foreseen: Possibility, profile: Profile) -> Refusal | None:
         """Return why a request is refused without a step; None where the machine answers it.
 
@@ -167,12 +179,6 @@ class JournalGate:
         unflushed, self._unflushed = self._unflushed, []
         for write_again in unflushed:
             write_again()
-
-    def before_request(self, request: Event, foreseen: Possibility, machine: Machine) -> None:
-        """Begin the file of a mission that the request is about to start."""
-        if request.name == START and foreseen.possible and self._loaded is not None:
-            data = request.data
-            self.begin(self._loaded, machine, str(data["mission_type"]), str(data.get("mission_id", "")))
 
     def after_step(self, step: Step, view: View, machine: Machine) -> None:
         """Record new targets; where the step ended the mission, leave its file after its outcomes."""

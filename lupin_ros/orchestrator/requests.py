@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import uuid
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -14,9 +14,16 @@ from std_srvs.srv import Trigger
 from lupin_engine.errors import LupinError, shortened
 from lupin_engine.machine import NOTHING, Event, Refusal, Step, is_idle
 from lupin_engine.missions import LoadedMissions
-from lupin_engine.plugin import ANSWER, EXECUTION_CODE, START, START_VERB, StartAnswer, given_fields
+from lupin_engine.plugin import (
+    ANSWER,
+    ANSWER_VERB,
+    EXECUTION_CODE,
+    START,
+    START_VERB,
+    StartAnswer,
+    given_fields,
+)
 from lupin_engine.runtime import STALE, STALE_AFTER_S, ClientClocks
-from lupin_ros.adapter.executor import StaleAfter
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.interfaces.definitions import interface_class
 from lupin_ros.orchestrator.journal_gate import JournalGate
@@ -55,38 +62,78 @@ class RequestServer:
         #: The events of answers that are served.
         self._answers: set[str] = set()
         self._serve()
-        self._serve_commands()
-        self.serve_answers()
 
     def _serve(self) -> None:
+        """Serve all ways in which something can be asked of the mission; all go through `_take`."""
         start = self._wire.start
-        self._answer_when_flushed(
-            interface_class(start.type),
-            start.name,
-            self._start,
-            begins=lambda _: True,
-            stale_after=partial(self._too_old, START),
-            refuse=lambda response, reason: self._answer(response, StartAnswer(False, reason=reason)),
+        self._take(
+            _Way(
+                interface_class(start.type),
+                start.name,
+                lambda _: CommandRequest(START_VERB),
+                self._read_start,
+                self._write_start,
+            )
         )
         for name in self._loop.chart.profile.requests:
-            event = f"operator.{name}"
-            refuse = partial(_refuse, field="message")
-            judge = partial(self._too_old, event)
-            self._answer_when_flushed(
-                Trigger,
-                self._wire.requests.format(name),
-                _answering(self.ask, event),
-                stale_after=judge,
-                refuse=refuse,
-            )
+            self._take(_without_fields(self._wire.requests.format(name), name, Event(f"operator.{name}")))
+        self._serve_answers()
+        try:
+            kind = interface_class(COMMAND_TYPE)
+        except LupinError as problem:  # a workspace that was built before this type existed
+            self._ros.log.error("no commands can be taken", problem=str(problem))
+        else:
+            self._take(_Way(kind, COMMAND_SERVICE, _asked, self._read_command, _write_answer))
 
-    def _too_old(self, event: str, _: Any, sent: float) -> float | None:
-        """Return the age of a request that is too old; None where it must be carried out."""
-        age = self._age("", sent)
-        return age if age > STALE_AFTER_S and not self._counts_however_late(event) else None
+    def _serve_answers(self) -> None:
+        """Serve the missions' answers to questions; the machine refuses those of removed missions."""
+        for event in self._loop.chart.answers:
+            if event not in self._answers:
+                self._answers.add(event)
+                service = ANSWER_SERVICE.format(event.removeprefix(ANSWER))
+                self._take(_without_fields(service, ANSWER_VERB, Event(event)))
 
-    def _age(self, client: str, sent: float) -> float:
-        return self._clients.age(client, sent, time.time_ns() * 1e-9, time.monotonic())
+    def _take(self, way: _Way) -> None:
+        """Serve a way in: each request is judged by its age, waits for its turn, and is carried out once.
+
+        Its answer leaves after its step is flushed, so it holds whatever happens then.
+        """
+
+        def later(request: Any, response: Any, answer: Callable[[Any], None]) -> None:
+            def act() -> None:
+                found = self._commands.once(
+                    way.asked(request),
+                    self._loop.chart,
+                    time.monotonic(),
+                    lambda asked: self._carry_out(asked, way.event(request)),
+                )
+                written = way.write(response, found)
+                try:
+                    self._gate.when_flushed(lambda: answer(written))
+                except Exception:
+                    self._ros.log.exception("answered without the journal", service=way.name)
+                    answer(written)
+
+            self._in_turn(act, begins=way.asked(request).verb == START_VERB)
+
+        self._ros.serve_later(
+            way.kind,
+            way.name,
+            later,
+            stale_after=lambda request, sent: self._too_old(way.asked(request), sent),
+            refuse=lambda response, reason: way.write(response, CommandAnswer(False, STALE, reason)),
+        )
+
+    def _too_old(self, asked: CommandRequest, sent: float) -> float | None:
+        """Return the age of a request that is too old; None where it must be carried out.
+
+        No answer is: the machine accepts one only while its question is open.
+        """
+        now, event = time.monotonic(), commands.event_name(asked.verb, self._loop.chart) or ""
+        age = self._clients.age(asked.by[: commands.MAX_WORD], sent, time.time_ns() * 1e-9, now)
+        if age <= STALE_AFTER_S or event == ANSWER or self._commands.knows(asked, now):
+            return None
+        return None if self._counts_however_late(event) else age
 
     def _counts_however_late(self, event: str) -> bool:
         """Return whether a request is carried out at any age.
@@ -99,33 +146,6 @@ class RequestServer:
         return not self._loop.machine.dry_run(
             Event(event), self._loop.engine.clock.now(), skip_fields=True
         ).releases
-
-    def _answer_when_flushed(
-        self,
-        kind: Any,
-        name: str,
-        callback: Callable[[Any, Any], Any],
-        begins: Callable[[Any], bool] = lambda _: False,
-        stale_after: StaleAfter = None,
-        refuse: Callable[[Any, str], Any] | None = None,
-    ) -> None:
-        """Serve requests; an answer leaves after its step is flushed, so it holds whatever happens then.
-
-        Where `begins` is true for a request, changed missions are loaded before it.
-        """
-
-        def later(request: Any, response: Any, answer: Callable[[Any], None]) -> None:
-            def act() -> None:
-                found = callback(request, response)
-                try:
-                    self._gate.when_flushed(lambda: answer(found))
-                except Exception:
-                    self._ros.log.exception("answered without the journal", service=name)
-                    answer(found)
-
-            self._in_turn(act, begins(request))
-
-        self._ros.serve_later(kind, name, later, stale_after=stale_after, refuse=refuse)
 
     def _in_turn(self, act: Callable[[], None], begins: bool) -> None:
         """Carry out requests in their order; one that begins a mission waits for a check of the folder."""
@@ -144,49 +164,22 @@ class RequestServer:
     def adopt(self, loaded: LoadedMissions | None) -> None:
         """Adopt changed missions, and serve their answers."""
         self._missions.adopt(loaded)
-        self.serve_answers()
+        self._serve_answers()
 
-    def serve_answers(self) -> None:
-        """Serve the missions' answers to questions; the machine refuses those of removed missions.
+    def _read_command(self, request: Any) -> Event | Refusal:
+        return commands.read_command(_asked(request), self._loop.chart, self._new_mission_id())
 
-        None is stale: the machine accepts an answer only while its question is open.
-        """
-        for event in self._loop.chart.answers:
-            if event not in self._answers:
-                self._answers.add(event)
-                self._answer_when_flushed(
-                    Trigger,
-                    ANSWER_SERVICE.format(event.removeprefix(ANSWER)),
-                    _answering(self.ask, event),
-                )
+    def _read_start(self, request: Any) -> Event:
+        asked = self._wire.start.read_request(messages.read(request))
+        named = {"mission_type": asked.mission, "mission_id": self._new_mission_id()}
+        return Event(START, {**named, **given_fields(asked.request)})
 
-    def _serve_commands(self) -> None:
-        """Serve the service for all requests; it carries out each command id once and records who asked."""
+    def _write_start(self, response: Any, answer: CommandAnswer) -> Any:
+        reason = "" if answer.accepted else answer.message
+        fields = self._wire.start.answer_fields(StartAnswer(answer.accepted, answer.mission_id, reason))
+        return messages.write(response, fields)
 
-        def too_old(request: Any, sent: float) -> float | None:
-            asked = _asked(request)
-            age = self._age(asked.by[: commands.MAX_WORD], sent)
-            event = commands.event_name(asked.verb, self._loop.chart) or ""
-            if age <= STALE_AFTER_S or event == ANSWER or self._commands.knows(asked, time.monotonic()):
-                return None
-            return None if self._counts_however_late(event) else age
-
-        def command(request: Any, response: Any) -> Any:
-            answer = self._commands.once(_asked(request), self._loop.chart, time.monotonic(), self._carry_out)
-            return messages.write(response, asdict(answer))
-
-        def refuse(response: Any, reason: str) -> Any:
-            return messages.write(response, asdict(CommandAnswer(False, STALE, reason)))
-
-        try:
-            kind = interface_class(COMMAND_TYPE)
-        except LupinError as problem:  # a workspace that was built before this type existed
-            self._ros.log.error("no commands can be taken", problem=str(problem))
-        else:
-            self._answer_when_flushed(kind, COMMAND_SERVICE, command, _begins, too_old, refuse)
-
-    def _carry_out(self, asked: CommandRequest) -> CommandAnswer:
-        event = commands.read_command(asked, self._loop.chart, self._new_mission_id())
+    def _carry_out(self, asked: CommandRequest, event: Event | Refusal) -> CommandAnswer:
         if isinstance(event, Refusal):
             self._ros.log.info("command", verb=shortened(asked.verb), answer=event.text, **asked.origin)
             return commands.refused(event)
@@ -194,27 +187,14 @@ class RequestServer:
         answer = commands.answered(asked, step)
         return replace(answer, message=answer.message + self._missions.why_unknown(step))
 
-    def _start(self, request: Any, response: Any) -> Any:
-        asked = self._wire.start.read_request(messages.read(request))
-        mission_id = self._new_mission_id()
-        named = {"mission_type": asked.mission, "mission_id": mission_id}
-        step = self.ask(Event(START, {**named, **given_fields(asked.request)}))
-        if step.accepted:
-            return self._answer(response, StartAnswer(True, mission_id))
-        reason = (step.refusal.text if step.refusal else "") + self._missions.why_unknown(step)
-        return self._answer(response, StartAnswer(False, reason=reason))
-
     def _new_mission_id(self) -> str:
         return f"{self._prefix}-{uuid.uuid4().hex[:8]}"
-
-    def _answer(self, response: Any, answer: StartAnswer) -> Any:
-        return messages.write(response, self._wire.start.answer_fields(answer))
 
     def ask(self, event: Event, origin: Mapping[str, str] = NOTHING) -> Step:
         self._publisher.origin = event, origin
         self._loop.work()
         try:
-            refusal = self._refusal(event)
+            refusal = self._gate.admit(event, self._loop.machine, self._loop.engine.clock.now())
         except Exception as problem:
             self._ros.log.exception("request could not be judged", request=event.name)
             # A request that stops the robot is carried out without a judgement.
@@ -233,34 +213,35 @@ class RequestServer:
         )()
         return step
 
-    def _refusal(self, event: Event) -> Refusal | None:
-        """Return why a request is refused without a step; else begin the file of a mission that it starts."""
-        foreseen = self._loop.machine.dry_run(event, self._loop.engine.clock.now())
-        refusal = self._gate.refusal(event, foreseen, self._loop.chart.profile)
-        if refusal is None:
-            self._gate.before_request(event, foreseen, self._loop.machine)
-        return refusal
+
+@dataclass(frozen=True)
+class _Way:
+    """A service as a way of requests into the machine.
+
+    `asked` says of a request who asks for what, `event` what that is for the machine, or why it is refused,
+    when its turn has come; `write` writes the answer into a response.
+    """
+
+    kind: Any
+    name: str
+    asked: Callable[[Any], CommandRequest]
+    event: Callable[[Any], Event | Refusal]
+    write: Callable[[Any, CommandAnswer], Any]
 
 
-def _begins(request: Any) -> bool:
-    return bool(request.verb == START_VERB)
+def _without_fields(service: str, verb: str, event: Event) -> _Way:
+    """Return the way of a request that says no more than its service's name."""
+
+    def write(response: Any, answer: CommandAnswer) -> Any:
+        response.success, response.message = answer.accepted, answer.message
+        return response
+
+    return _Way(Trigger, service, lambda _: CommandRequest(verb), lambda _: event, write)
 
 
 def _asked(request: Any) -> CommandRequest:
     return CommandRequest(**messages.read(request))
 
 
-def _refuse(response: Any, reason: str, field: str) -> Any:
-    """Write a refusal's reason into a response."""
-    setattr(response, field, reason)
-    return response
-
-
-def _answering(ask: Callable[[Event], Step], name: str) -> Callable[[Any, Any], Any]:
-    def answer(_: Any, response: Any) -> Any:
-        step = ask(Event(name))
-        response.success = bool(step.accepted)
-        response.message = step.refusal.text if step.refusal else f"{name.rpartition('.')[2]} accepted"
-        return response
-
-    return answer
+def _write_answer(response: Any, answer: CommandAnswer) -> Any:
+    return messages.write(response, asdict(answer))

@@ -14,7 +14,7 @@ INTERRUPTED = 130
 #: there was nothing; nobody was asked, because no orchestrator is there or the command line is wrong.
 ACCEPTED, REFUSED, NOBODY = 0, 1, 2
 
-#: How a proof ends that is none: something is broken; or not everything was looked at.
+#: How a proof ends that is none: something is broken; or it is not shown that everything holds.
 BROKEN, NOT_PROVEN = 1, 3
 
 

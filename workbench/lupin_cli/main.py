@@ -41,6 +41,8 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "test": "Run scenarios against missions, without ROS.",
         "prove": "Explore every way that missions can go, without ROS.",
         "campaign": "Run a mission in thousands of random worlds.",
+        "learn": "Learn times and failures from the journal, for simulations.",
+        "expect": "Tell how long a mission will take and what it misses.",
         "diagram": "Draw a mission.",
         "graph": "Show the live map: who publishes, subscribes, serves and calls what.",
         "record": "Record every topic into a file for Foxglove, Lichtblick, rosbag2.",

@@ -354,7 +354,7 @@ class _Completion:
         )
         before = pieces(expression[: self._offset - start], start)
         call = _open_call([piece.text for piece in before])
-        if call in ("held", "in_state"):
+        if call in ("held", "in_state", "was_in_state"):
             return self._named(call, here.start if here and here.text not in "(" else self._offset)
         if here is not None and here.text[0] in "'\"":
             return self._quoted(here, before)

@@ -59,6 +59,7 @@ CALLS: Mapping[str, tuple[str, str]] = MappingProxyType(
         ),
         "held": ("held(HOLD) -> bool", "Whether that hold is engaged."),
         "in_state": ("in_state('STATE') -> bool", "Whether a state is active whose full name ends so."),
+        "was_in_state": ("was_in_state('STATE') -> bool", "In properties: whether it was before the step."),
     }
 )
 #: The records that an expression reads from.
@@ -71,6 +72,7 @@ ROOTS: Mapping[str, str] = MappingProxyType(
         "error": "Why the operation failed: `code` and `detail`; `result`, if it was cut short.",
         "target": "The element of the itinerary that is visited now.",
         "clock": "What the robot's clock shows in the zone `param.time_zone`: `today` and `time`.",
+        "step": "In properties: the step that was made, with what it accepted, released, began and ended.",
         "itinerary": "How far the itinerary is: `open`, `remaining`, `total`, `closed`, `sweep`.",
     }
 )

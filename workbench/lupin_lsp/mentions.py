@@ -27,7 +27,7 @@ from lupin_lsp.scan import Scan, Steps, Token, TokenRole
 _PIECES = re.compile(r"'[^']*'?|\"[^\"]*\"?|[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*|[^\s\w]")
 _WORD = re.compile(r"\w+")
 #: What a function's one argument names, written out.
-_NAMED_BY = {"held": Meaning.HOLD, "in_state": Meaning.ANYWHERE}
+_NAMED_BY = {"held": Meaning.HOLD, "in_state": Meaning.ANYWHERE, "was_in_state": Meaning.ANYWHERE}
 #: What the word behind a root is.
 _BEHIND = {
     "param": Meaning.PARAMETER,

@@ -177,7 +177,7 @@ class _ScxmlWriter:
         ]
         for state, _ in found:
             for rule in state.resume_at if state.kind is Kind.COMPOUND else ():
-                guard = self._condition(rule.guard.source) if rule.guard else None
+                guard = self._condition(rule.guard.source)
                 yield _all_of([*self._was_in(state, parent), guard]), _id(rule.target)
         inner = [state for state, below in found if depth is not None and below > depth]
         if depth in (1, None) and not inner:
@@ -229,7 +229,7 @@ class _ScxmlWriter:
         eventless = not rule.event or rule.event.startswith("input.")
         holds = self._chart.holds.keys() - rule.during - rule.releases if eventless else ()
         level = rule.event if eventless else None
-        guard = self._condition(rule.guard.source) if rule.guard else None
+        guard = self._condition(rule.guard.source)
         free = [f"not held({hold})" for hold in sorted(holds)]
         refusal = [f"<log{_attributes(label='refuse', expr=repr(rule.refuse))}/>"] if rule.refuse else []
         attributes = {
@@ -323,7 +323,7 @@ class _ScxmlWriter:
                     yield from _element("send", attributes, _params(action.data))
                 else:
                     yield f"<raise{_attributes(event=name)}/>"
-            elif action.guard is not None:
+            elif action.guard:
                 other = ["<else/>", *self._actions(action.otherwise)] if action.otherwise else []
                 condition = {"cond": self._condition(action.guard.source)}
                 yield from _element("if", condition, [*self._actions(action.then), *other])

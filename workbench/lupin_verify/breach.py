@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from lupin_engine.chart import Chart
@@ -11,7 +12,7 @@ from lupin_engine.errors import Diagnostic, Place, Severity
 from lupin_engine.properties import BUILT_IN
 from lupin_engine.sim import SUFFIX, Scenario
 from lupin_verify.proof import Proof, Proven
-from lupin_verify.situations.graph import OF_THE_GRAPH
+from lupin_verify.situations.graph import NAMED_OF_THE_GRAPH, OF_THE_GRAPH
 
 #: The rules of the checker that such findings belong to.
 RULE = "broken-property"
@@ -28,7 +29,8 @@ def findings(proof: Proof, mission: str) -> list[Diagnostic]:
         mission: the argument of `lupin prove`.
     """
     hint = f"lupin prove {shlex.quote(mission)} tells how it comes to that"
-    return [*(_finding(proof.chart, one, hint) for one in proof.broken), *_warnings(proof)]
+    shown = [_finding(proof.chart, one, hint) for one in proof.broken]
+    return [*shown, *(_not_shown(proof.chart, one, hint) for one in proof.not_shown), *_warnings(proof)]
 
 
 def _warnings(proof: Proof) -> Iterator[Diagnostic]:
@@ -48,6 +50,12 @@ def _warnings(proof: Proof) -> Iterator[Diagnostic]:
         hint = "see what should lead there, or leave it out"
         text = f"{part.text} is {part.says}, with these parameters and bounds"
         yield Diagnostic(part.place, UNREACHED, part.path, text, hint, warn)
+
+
+def _not_shown(chart: Chart, one: Proven, hint: str) -> Diagnostic:
+    why = f"not shown: {one.name}: moves that break it were found, but no times at which they can happen"
+    found = _finding(chart, one, hint)
+    return replace(found, rule=UNPROVEN, path="", problem=why, severity=Severity.WARN)
 
 
 def _finding(chart: Chart, one: Proven, hint: str) -> Diagnostic:
@@ -71,7 +79,7 @@ def shown_by(scenario: Scenario, name: str) -> Diagnostic | None:
         return None
     run = scenario.run()
     hint = f"lupin test {shlex.quote(scenario.file.name)} shows it"
-    for one in OF_THE_GRAPH:
+    for one in (*OF_THE_GRAPH, *NAMED_OF_THE_GRAPH):
         if one.name == name:
             if not scenario.failures(run):
                 return None
@@ -96,5 +104,6 @@ def _at(
         place = chart.states[where].place
     for rule in (rules[one] for one in taken if one in rules):
         place, where = rule.place, rule.id
-    message = text if name in chart.properties else f"{name}: {text}"  # an author's own names itself
+    known = chart.properties.get(name)
+    message = f"{name}: {text}" if known is None or known.built_in else text  # an author's own names itself
     return Diagnostic(place, RULE, where, message, hint)

@@ -47,6 +47,6 @@ def _by_chance(rates: Rates, dice: random.Random) -> Iterator[Happening]:
         time = dice.expovariate(1.0 / chance.every)
         while time < rates.script.limit:
             for wait, effect in chance.effects:
-                after = dice.uniform(wait.low, wait.high) if isinstance(wait, Between) else wait
+                after = wait.draw(dice) if isinstance(wait, Between) else wait
                 yield Happening(effect, round(time + after, 3))
             time += dice.expovariate(1.0 / chance.every)

@@ -1,20 +1,21 @@
 """Proves the properties of a chart by state-space exploration, within bounds that the proof names.
 
-A broken property comes with a counterexample: a shortest path, and its timed run where times are found.
-Without a complete exploration nothing is proven, but breaches of single steps are found all the same.
+A broken property comes with a counterexample: a shortest path, and its timed run. Where no times are found
+for the path, the property is not shown. Without a complete exploration nothing is proven, but breaches of
+single steps are found all the same.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.chart import Chart
-from lupin_engine.errors import Problems, UsageError
+from lupin_engine.chart import DECIDING, Chart, walk
+from lupin_engine.errors import Place, Problems, UsageError
 from lupin_engine.machine import Step, World
 from lupin_engine.properties import properties_of
 from lupin_verify.growth import BoundedExplorer, Growth
@@ -26,7 +27,7 @@ from lupin_verify.situations.explorer import (
     SituationExplorer,
 )
 from lupin_verify.situations.found import Breach, ExplorationProgress, Explored
-from lupin_verify.situations.graph import OF_THE_GRAPH, Graph, GraphProperty, broken
+from lupin_verify.situations.graph import NAMED_OF_THE_GRAPH, OF_THE_GRAPH, Graph, GraphProperty, broken
 from lupin_verify.situations.levels import explore
 from lupin_verify.situations.moves import move_text
 from lupin_verify.situations.relevance import reads
@@ -35,7 +36,8 @@ from lupin_verify.situations.ways import ShortestWays
 from lupin_verify.situations.worlds import OF_PROPERTY
 
 #: The most breaches of a property that are tried for one with times.
-_TRIED = 8
+_TRIED = 64
+_NO_EXCEPTION = "The engine completes every step."
 
 
 class ProofVerdict(enum.Enum):
@@ -45,6 +47,7 @@ class ProofVerdict(enum.Enum):
     BROKEN = "broken"
     NOT_RELEVANT = "not relevant"  #: no explored step concerns it
     NOT_PROVEN = "not proven"  #: no breach was found, but not everything was explored
+    NOT_SHOWN = "not shown"  #: moves that break it were found, but no times at which they can happen
 
 
 @dataclass(frozen=True)
@@ -52,8 +55,9 @@ class Proven:
     """A property and its verdict.
 
     If it is broken, `text` says how, and `steps` are those of a shortest run that breaks it at the time
-    `ends`; None where no times were found for the path, which then may not be feasible. One `of_the_graph` is
-    broken by a goal that cannot be reached after the steps, one that `waits` by a deadline that passes.
+    `ends`. If it is not shown, `text` and `moves` are of a path that may not be feasible. One
+    `of_the_graph` is broken by a goal that cannot be reached after the steps, one that `waits` by a deadline
+    that passes.
     `taken` are the transitions of the last step, `configuration` the active states after it.
     """
 
@@ -75,9 +79,10 @@ class Proof:
     """The verdicts on a chart's properties; `bounds` has sentences about the scope of the exploration.
 
     `dead` are states and transitions that were never reached; empty unless it is `complete`. If it is not, it
-    was `stopped` for a reason; `growth` is a slot that grows without end, or may. `untried` names reads
-    of which not all classes were tried. `parameters` has all values; `varied` says which one is not as given.
-    It took so many `seconds`, and so much time of the `processor` (s).
+    was `stopped` for a reason; `growth` is a slot that grows without end, or may. `untried` names reads of
+    which not all classes were tried, `cut` all that the proof is limited to. `parameters` has all values;
+    `varied` says which one is not as given. It took so many `seconds`, and so much time of the `processor`
+    (s).
     """
 
     chart: Chart
@@ -91,6 +96,7 @@ class Proof:
     entered: frozenset[str] = field(default_factory=frozenset)
     growth: Growth | None = None
     untried: tuple[str, ...] = ()
+    cut: tuple[str, ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
     varied: str = ""
     seconds: float = 0.0
@@ -102,15 +108,37 @@ class Proof:
         return [one for one in self.properties if one.verdict is ProofVerdict.BROKEN]
 
     @property
+    def not_shown(self) -> list[Proven]:
+        """The properties that are neither shown to hold nor to be broken."""
+        return [one for one in self.properties if one.verdict is ProofVerdict.NOT_SHOWN]
+
+    @property
     def never_applied(self) -> list[Proven]:
         """The author's own properties that no explored step concerns."""
-        own = [one for one in self.properties if one.name in self.chart.properties]
+        own = [one for one in self.properties if is_own(self.chart, one.name)]
         return [one for one in own if one.verdict is ProofVerdict.NOT_RELEVANT]
 
     @property
     def reached(self) -> Reached:
         """How much of the chart was reached."""
         return reached(self.chart, self.taken, self.entered)
+
+
+def listed(chart: Chart) -> Iterator[tuple[str, str, Place | None]]:
+    """Yield the properties of a chart: name, sentence and place; None where the engine brings it."""
+    stages, own = chart.profile.stages, chart.properties
+    named = [one for one in NAMED_OF_THE_GRAPH if one.name in own]
+    for one in properties_of(chart):
+        yield one.name, one.says, own[one.name].place if one.name in own else None
+    yield NO_EXCEPTION, _NO_EXCEPTION, None
+    for rule in (*OF_THE_GRAPH, *named):
+        yield rule.name, rule.named(stages).says, own[rule.name].place if rule in named else None
+
+
+def is_own(chart: Chart, name: str) -> bool:
+    """Return whether a property stands in a mission or a part, not in the lifecycle or the engine."""
+    rule = chart.properties.get(name)
+    return rule is not None and rule.place.file != chart.states[""].place.file
 
 
 def prove(
@@ -139,22 +167,15 @@ def prove(
     def look(progress: ExplorationProgress) -> str:
         return str(explorer.growth or "") or stop_reason(progress)
 
-    explored = explore(explorer, look)
+    found, explored, exact = _judged(explorer, look)
     growth = explorer.growth
-    if growth is not None:
-        explored.complete, explored.stopped = False, str(growth)
-    elif not explored.complete:
+    if growth is None and not explored.complete:
         growth = explorer.may_grow()
-    judge = _Judge(explorer, explored)
-    found = [judge.of_steps(one.name, one.says) for one in watched]
-    if NO_EXCEPTION in explored.breaches:
-        found.append(judge.of_steps(NO_EXCEPTION, "The engine completes every step."))
-    exact = explored
-    if any(judge.broken.values()):
-        # With unconstrained inputs the attractor is an under-approximation: the breach may be spurious.
-        exact = explore(explorer, look, open_values=False)
-        judge = _Judge(explorer, exact)
-    found += judge.of_graph()
+    if exact.complete and any(one.verdict is ProofVerdict.NOT_SHOWN for one in found):
+        explorer.differences = True
+        again, *finer = _judged(explorer, look)
+        if finer[1].complete:
+            found, (explored, exact) = again, finer
     dead = unreached(world.chart, explored.taken, explored.entered) if explored.complete else ()
     return Proof(
         world.chart,
@@ -168,8 +189,28 @@ def prove(
         frozenset(explored.entered),
         growth,
         tuple(explorer.classes.left_out),
+        tuple(_cut(explorer)),
         dict(world.parameters),
     )
+
+
+def _judged(
+    explorer: BoundedExplorer, look: Callable[[ExplorationProgress], str]
+) -> tuple[list[Proven], Explored, Explored]:
+    """Explore, and judge each property; returns the explorations for those of steps, and of the graph."""
+    explored = explore(explorer, look)
+    if explorer.growth is not None:
+        explored.complete, explored.stopped = False, str(explorer.growth)
+    judge = _Judge(explorer, explored)
+    found = [judge.of_steps(one.name, one.says) for one in explorer.properties]
+    if NO_EXCEPTION in explored.breaches:
+        found.append(judge.of_steps(NO_EXCEPTION, _NO_EXCEPTION))
+    exact = explored
+    if any(judge.broken.values()):
+        # With unconstrained inputs the attractor is an under-approximation: the breach may be spurious.
+        exact = explore(explorer, look, open_values=False)
+        judge = _Judge(explorer, exact)
+    return [*found, *judge.of_graph()], explored, exact
 
 
 def _check_seen(page: OutcomePage, explorer: SituationExplorer) -> None:
@@ -227,7 +268,9 @@ class _Judge:
     @property
     def _of_graph(self) -> list[GraphProperty]:
         stages = self._explorer.chart.profile.stages
-        return [one.named(stages) for one in OF_THE_GRAPH]
+        chart = self._explorer.chart
+        own = [one for one in NAMED_OF_THE_GRAPH if _is_meant(chart, one.name)]
+        return [one.named(stages) for one in (*OF_THE_GRAPH, *own)]
 
     def of_graph(self) -> list[Proven]:
         """Judge the liveness properties, of the graph as a whole."""
@@ -263,9 +306,34 @@ class _Judge:
         steps, ends = (None, 0.0) if run is None else (tuple(run.steps), run.ends)
         situation, effect = explorer.walk(way)[-1]
         there = tuple(explorer.table.get(situation, ("configuration", "")) or ())
-        return Proven(
-            name, says, ProofVerdict.BROKEN, text, moves, steps, ends, False, waits, effect.taken, there
-        )
+        # An engine that raises has no run to its end.
+        shown = steps is not None or name == NO_EXCEPTION
+        verdict = ProofVerdict.BROKEN if shown else ProofVerdict.NOT_SHOWN
+        return Proven(name, says, verdict, text, moves, steps, ends, False, waits, effect.taken, there)
+
+
+def _cut(explorer: SituationExplorer) -> Iterator[str]:
+    """Yield what a proof is limited to, of what this chart has."""
+    chart, most = explorer.chart, explorer.bounds.targets
+    states = chart.states.values()
+    fields = (field.type for mission in chart.missions.values() for field in mission.request.values())
+    if any(one.itinerary or one.for_each for one in states) or any(kind.kind == "list" for kind in fields):
+        yield f"lists of up to {most} element{'' if most == 1 else 's'}" if most else "empty lists"
+    if explorer.moves.cuts_waiting:
+        yield "one event of each kind that waits in a hold"
+    things = (*states, *chart.holds.values(), *chart.properties.values(), *chart.invariants.values())
+    if any(
+        root == "clock" for one in things for said in walk(one, DECIDING) for root, _ in reads(said.value)
+    ):
+        yield "06:00 as the robot's time of day"
+    if explorer.classes.left_out:
+        yield "the values that were tried"
+
+
+def _is_meant(chart: Chart, name: str) -> bool:
+    """Return whether a file names a built-in property, and one of the missions means it."""
+    rule = chart.properties.get(name)
+    return rule is not None and rule.built_in and any(map(rule.is_meant, chart.missions))
 
 
 def _elements(most: int) -> str:

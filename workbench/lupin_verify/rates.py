@@ -12,31 +12,37 @@
         do: [{value: {stop: true}}, {after: {between: [1 s, 5 min]}, value: {stop: false}}]
 
 Whatever the file does not mock answers as `default_rules` say; what ends is begun again (`around_the_clock`).
+A file that was learned from a robot (`learning`) says also what it was learned from (`learned`), how attempts
+differ by the hour of day (`hours`), and what live values lose (`drain`).
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
-from lupin_engine.chart import Chart, Findings, Input, Invoke, Map, Node, State, read, validate
+from lupin_engine.chart import Chart, Findings, Input, Invoke, Map, Node, State, Written, read, validate
 from lupin_engine.errors import ChartError
-from lupin_engine.plugin import MISSING, START, Operation
+from lupin_engine.plugin import MISSING, NUMBER, START, Operation
 from lupin_engine.runtime import make_world
 from lupin_engine.sim import (
+    OPERATION,
     AnyOf,
     Ask,
     Between,
+    Drain,
     Duration,
     Effect,
     Happen,
     Happening,
+    HourShare,
     Latency,
+    Measured,
     MockOutcome,
     OnCancel,
     Rule,
@@ -45,6 +51,7 @@ from lupin_engine.sim import (
     ScriptNode,
     ScriptReader,
     SetValue,
+    WallTime,
     WhenNode,
     check_names,
 )
@@ -72,6 +79,40 @@ class ChanceNode(Node):
     do: list[ChanceStepNode] = Field(description="what happens then, in order")
 
 
+class LearnedNode(Node):
+    """What a file was learned from."""
+
+    missions: int = Field(description="how many missions")
+    from_: WallTime = Field(alias="from", description="when the first began")
+    to: WallTime = Field(description="when the last ended")
+    parameters: dict[str, Any] = Field(default_factory=dict, description="settings of the newest mission")
+    values: dict[str, Any] = Field(default_factory=dict, description="live values with which missions began")
+    seen: Annotated[dict[str, dict[str, int]], OPERATION] = Field(
+        default_factory=dict, description="attempts of each operation at each target"
+    )
+
+
+class HourNode(Node):
+    """What attempts of an operation come to in an hour of the day, beside all hours."""
+
+    do: Annotated[str, OPERATION] = Field(description="operation, as plugin.name")
+    hour: int = Field(description="hour of the day, 0 to 23", ge=0, le=23)
+    seen: int = Field(0, description="how many attempts")
+    failed: int = Field(0, description="how many of them failed")
+    takes: Written = Field("100 %", description="how long they take, as a share of usual")
+    fails: Written = Field("100 %", description="how often they fail, as a share of usual")
+
+
+class DrainNode(Node):
+    """What a live value loses."""
+
+    value: str = Field(description="live value, as the plugin names it")
+    per_metre: Written = Field(0, description="what it loses with each metre that is driven")
+    per_minute: Written = Field(0, description="what it loses with each minute")
+    metres: float = Field(0, description="how many metres this was learned from")
+    minutes: float = Field(0, description="how many minutes this was learned from")
+
+
 class CampaignNode(ScriptNode):
     """Random worlds: how servers answer, and what happens, each by its rate."""
 
@@ -81,6 +122,9 @@ class CampaignNode(ScriptNode):
     defaults: bool = Field(
         True, description="whether requests, live values and events come at their default rates, too"
     )
+    learned: LearnedNode | None = Field(None, description="what the file was learned from")
+    hours: list[HourNode] = Field(default_factory=list, description="how attempts differ by the hour of day")
+    drain: list[DrainNode] = Field(default_factory=list, description="what live values lose")
 
 
 @dataclass(frozen=True)
@@ -93,13 +137,18 @@ class Chance:
 
 @dataclass(frozen=True)
 class Rates:
-    """The rates of random worlds. `targets` are the fewest and the most; None: as the request says."""
+    """The rates of random worlds. `targets` are the fewest and the most; None: as the request says.
+
+    `own` is what the file says, without defaults; `learned` what it was learned from.
+    """
 
     name: str
     script: Script
     chances: tuple[Chance, ...]
     targets: tuple[int, int] | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    own: Script = field(default_factory=lambda: Script(""))
+    learned: LearnedNode | None = None
 
 
 # -- without a file --------------------------------------------------------------------------------------
@@ -243,27 +292,49 @@ def read_rates(file: Path, chart: Chart) -> Rates:
     words = ScenarioNames(chart, findings)
     check_names(node, words)
     reader = ScriptReader(node, words)
-    script, parameters = reader.script(), reader.parameters()
+    measured = _measured(node, words)
+    began = tuple(Happening(SetValue(name, value)) for name, value in measured.values.items())
+    own = reader.script()
+    own = replace(own, happenings=(*began, *own.happenings), measured=measured)
+    known = node.learned.parameters if node.learned else {}
+    parameters = {name: value for name, value in known.items() if name in chart.parameters}
+    parameters |= reader.parameters()
     chances = tuple(chance for one in node.chance for chance in _chance(one, reader, words))
     usual = tuple(default_chances(chart)) if node.defaults else ()
     targets = _targets(node, words)
     if findings.errors:
         raise ChartError(findings.errors)
-    mocked = {rule.operation for rule in script.rules}
-    rules = (*script.rules, *(rule for rule in default_rules(chart) if rule.operation not in mocked))
-    happenings = (*script.happenings, *around_the_clock(chart))
-    limit = SHIFT if node.limit is None else script.limit
-    whole = Script(
-        script.mission,
-        script.request,
-        rules,
-        happenings,
-        limit,
-        script.starts,
-        script.seed,
-        clock=script.clock,
-    )
-    return Rates(node.campaign, whole, (*usual, *chances), targets, parameters)
+    mocked = {rule.operation for rule in own.rules}
+    rules = (*own.rules, *(rule for rule in default_rules(chart) if rule.operation not in mocked))
+    happenings = (*own.happenings, *around_the_clock(chart))
+    limit = SHIFT if node.limit is None else own.limit
+    whole = replace(own, rules=rules, happenings=happenings, limit=limit)
+    return Rates(node.campaign, whole, (*usual, *chances), targets, parameters, own, node.learned)
+
+
+def _measured(node: CampaignNode, words: ScenarioNames) -> Measured:
+    """Return what was measured of a robot."""
+
+    def share(holder: Node, key: str) -> float:
+        given = words.value(holder.at(key), key, getattr(holder, key), NUMBER)
+        if given is not None and given < 0.0:
+            words.wrong(holder.at(key), key, f"expected a share from 0 on, got {getattr(holder, key)}")
+        return given or 0.0
+
+    hours = tuple(HourShare(one.do, one.hour, share(one, "takes"), share(one, "fails")) for one in node.hours)
+    drains, values = list[Drain](), dict[str, Any]()
+    for drain in node.drain:
+        if words.known(drain.at("value"), "value", drain.value, words.catalog.values, "drain"):
+            drains.append(Drain(drain.value, share(drain, "per_metre"), share(drain, "per_minute")))
+    learned = node.learned
+    for name, value in (learned.values if learned else {}).items():
+        assert learned is not None, "it has values"
+        if words.known(learned.key_at("values", name), "value", name, words.catalog.values, "learned"):
+            kind = words.catalog.values[name].type
+            values[name] = words.value(
+                learned.value_at("values", name), f"learned.values.{name}", value, kind
+            )
+    return Measured(hours, tuple(drains), values)
 
 
 def _chance(node: ChanceNode, reader: ScriptReader, words: ScenarioNames) -> Iterator[Chance]:

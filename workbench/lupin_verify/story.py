@@ -6,18 +6,19 @@ and for a page of outcomes, which scenarios do not read.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.chart import Chart
+from lupin_engine.chart import Chart, State
 from lupin_engine.errors import LupinError
 from lupin_engine.machine import Step
 from lupin_engine.plugin import OWN_HOLDS, START
 from lupin_engine.properties import STANDSTILL
 from lupin_engine.replay import RunRecord, script_of, yaml_text
-from lupin_engine.runtime import History
+from lupin_engine.runtime import History, requests_of
 from lupin_engine.sim import (
     SUFFIX,
     Missions,
@@ -30,7 +31,7 @@ from lupin_engine.sim import (
 )
 from lupin_verify.outcomes import OUTCOMES
 from lupin_verify.proof import Proven
-from lupin_verify.situations.graph import NO_ZENO, SILENCE
+from lupin_verify.situations.graph import ABORT_STOPS, HOME_AGAIN, NO_LIVELOCK, NO_ZENO, SILENCE
 from lupin_verify.situations.relevance import invokes
 
 #: The digits of times: the first with which the scenario fails are taken.
@@ -41,6 +42,8 @@ _FOLLOW = 20
 _WAIT = "1 h"
 #: How long a mission may go on unreported in a scenario of silent servers.
 _SOON = "30 min"
+#: How often what could help is asked for, and how long after each other, in seconds.
+_ROUNDS, _PAUSE = 3, 60
 #: Times of a run and of its scenario differ by less, in seconds.
 _NEARLY = 1e-3
 
@@ -76,8 +79,9 @@ def failing_scenario(
 ) -> FailingScenario | None:
     """Return a scenario of a broken property; None where none was found that breaks it in a simulation.
 
-    A safety property is watched in every scenario. For one of the graph as a whole the scenario expects the
-    goal that cannot be reached, such as the mission's end.
+    It has what comes from outside and the property, and expects nothing else, so that it passes once the
+    mission is corrected. For a property of the graph as a whole it expects the goal that cannot be reached,
+    such as the mission's end, and asks for it.
 
     Args:
         broken: the property, with the steps that lead to where it is broken.
@@ -90,10 +94,11 @@ def failing_scenario(
     file = mission.with_name(f"{mission.stem}.{broken.name}{SUFFIX}")
     record = RunRecord(broken.steps, dict(parameters))
     chart = missions.chart(mission)
-    for digits in _DIGITS if not broken.of_the_graph else _DIGITS[-1:]:
-        parts = script_of(record, mission_name(mission, file, missions), broken.says, chart, digits)
+    tries = [(digits, _after) for digits in _DIGITS]
+    for digits, after in tries if not broken.of_the_graph else [(_DIGITS[-1], _after), (_DIGITS[-1], _ends)]:
+        parts = script_of(record, mission_name(mission, file, missions), broken.says, chart, digits, False)
         own = len(parts.get("mocks", ()))
-        parts |= _after(broken, chart, parts)
+        parts |= after(broken, chart, parts)
         text = yaml_text(parts)
         run = _failing(broken, text, file, missions)
         if run is not None and any(number >= own for number in run.unspent):
@@ -132,7 +137,7 @@ def _started(steps: Sequence[Step]) -> float:
 def why_none(broken: Proven) -> str:
     """Return why no scenario was written for a property that is broken."""
     if broken.steps is None:
-        return "no times were found for these moves in this order: perhaps it cannot happen"
+        return "no times were found at which these moves can happen in this order, so it may hold:"
     if broken.name == OUTCOMES:
         return "no scenario was written, because scenarios do not read the page; these moves lead to it:"
     return "no scenario was written: a simulation of these moves does not break the property"
@@ -140,29 +145,82 @@ def why_none(broken: Proven) -> str:
 
 def _after(broken: Proven, chart: Chart, parts: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parts of a scenario about the time after the steps of the counterexample."""
+    name = STANDSTILL if broken.name == NO_ZENO else broken.name
+    found: dict[str, Any] = {"expect": {"only": name}}
+    if broken.of_the_graph or broken.waits:
+        found["limit"] = _WAIT
     if not broken.of_the_graph or broken.name == NO_ZENO:
-        return {"limit": _WAIT, "expect": {}} if broken.waits or broken.of_the_graph else {"expect": {}}
+        return found
+    if broken.name in (SILENCE, NO_LIVELOCK):
+        found |= _comes("somebody_is_told", _reporting(chart))
     if broken.name == SILENCE:
         silent = dict.fromkeys(invoke.name for _, invoke in invokes(chart))
-        mocks = [*parts.get("mocks", ()), *({"do": name, "then": "never"} for name in silent)]
-        found = {"limit": _WAIT, "properties": _is_reported_property(chart), "expect": {}}
-        return {**found, "mocks": mocks} if mocks else found
+        found["mocks"] = [*parts.get("mocks", ()), *({"do": name, "then": "never"} for name in silent)]
+    if broken.name == HOME_AGAIN:
+        found |= _comes("comes_home", _home(chart))
+        found["when"] = [*parts.get("when", ()), *_asking(broken, chart, _helpful(chart))]
+    if broken.name == ABORT_STOPS:
+        at_the_end = {"at": "end", "expect": {"running": []}}
+        abort = f"operator.{chart.profile.abort}"
+        found["when"] = [*parts.get("when", ()), *_asking(broken, chart, [abort]), at_the_end]
+        found["expect"] = {"only": []}
+    return {key: part for key, part in found.items() if part}
+
+
+def _ends(_: Proven, chart: Chart, __: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parts of a scenario that expects the mission to end by itself."""
     ended = (*chart.profile.stages.ended, *chart.profile.stages.ready)
     labels = {state.label for state in chart.states.values()}
     final = next((label for label in ended if label in labels), "")
-    return {"limit": _WAIT, "expect": {"final": final} if final else {}}
+    return {"limit": _WAIT, "expect": {"only": [], "final": final} if final else {}}
 
 
-def _is_reported_property(chart: Chart) -> dict[str, Any]:
-    """Return the property that a mission soon reaches a state that shows that it waits or has ended."""
-    stages, states = chart.profile.stages, chart.states
-    labels = {*stages.over, *stages.ready, *stages.starting}
-    reporting = [one for one in states.values() if one.paused or one.ask is not None or one.label in labels]
-    outer = [one for one in reporting if one.parent is None or states[one.parent] not in reporting]
-    shown = [f"in_state('{short_name(chart, one.name)}')" for one in outer]
-    shown += [f"held({hold})" for hold in (*chart.holds, *OWN_HOLDS)]
-    some = " or ".join(shown)
-    return {"somebody_is_told": {"after": f"not ({some})", "eventually": some, "within": _SOON}}
+def _asking(broken: Proven, chart: Chart, requests: list[str]) -> Iterator[dict[str, Any]]:
+    """Yield requests after a counterexample, again and again; before them it undoes reports of values."""
+    assert broken.steps is not None, "a story has steps"
+    reports = [one.event.data["name"] for one in broken.steps if one.event.name == "value"]
+    usual = {one.value: one.initial for one in chart.inputs.values() if one.value in reports}
+    time = math.ceil(broken.ends)
+    for value, initial in usual.items() if broken.name == HOME_AGAIN else ():
+        if initial is not None:
+            yield {"at": f"{time + 1} s", "value": {value: initial}}
+    for number, request in enumerate(requests * _ROUNDS, 1):
+        yield {"at": f"{time + number * _PAUSE} s", "request": request}
+
+
+def _helpful(chart: Chart) -> list[str]:
+    """Return requests that may lead home: none that engages a hold or begins a mission, the abort last."""
+    engaging = {hold.engage for hold in chart.holds.values()} | {START}
+    names = dict.fromkeys(one.event.name for one in requests_of(chart))
+    abort = f"operator.{chart.profile.abort}"
+    return sorted((name for name in names if name not in engaging), key=lambda name: name == abort)
+
+
+def _comes(name: str, states: Sequence[str]) -> dict[str, Any]:
+    """Return the property that one of these conditions soon comes true, as what alone is expected."""
+    some = " or ".join(states)
+    rule = {"after": f"not ({some})", "eventually": some, "within": _SOON}
+    return {"properties": {name: rule}, "expect": {"only": name}}
+
+
+def _home(chart: Chart) -> list[str]:
+    """Return conditions for the states in which a mission could begin."""
+    stages = chart.profile.stages
+    return _in_one_of(chart, lambda one: one.label in (*stages.ended, *stages.ready))
+
+
+def _reporting(chart: Chart) -> list[str]:
+    """Return conditions for what shows that a mission waits for somebody, or has ended."""
+    labels = {*chart.profile.stages.over, *chart.profile.stages.ready, *chart.profile.stages.starting}
+    shown = _in_one_of(chart, lambda one: one.paused or one.ask is not None or one.label in labels)
+    return [*shown, *(f"held({hold})" for hold in (*chart.holds, *OWN_HOLDS))]
+
+
+def _in_one_of(chart: Chart, is_one: Callable[[State], bool]) -> list[str]:
+    """Return a condition for each outermost state that is one of those wanted."""
+    found = [one for one in chart.states.values() if is_one(one)]
+    outer = [one for one in found if one.parent is None or chart.states[one.parent] not in found]
+    return [f"in_state('{short_name(chart, one.name)}')" for one in outer]
 
 
 def _failing(broken: Proven, text: str, file: Path, missions: Missions) -> Run | None:

@@ -7,14 +7,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from lupin_engine.chart.compose.carried import Carried
 from lupin_engine.chart.compose.declare import NAME, check_code
 from lupin_engine.chart.documents import ActionNode, IfNode, RaiseNode
-from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value, never
+from lupin_engine.chart.expressions.evaluation import Constant, Value
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.units import with_article
 from lupin_engine.chart.expressions.values import (
     Signature,
     check_bound,
     read_arguments,
-    read_guard,
+    read_condition,
     read_under,
 )
 from lupin_engine.chart.findings import Findings
@@ -24,7 +24,7 @@ from lupin_engine.errors import Place, declared_as, nearest, or_else
 from lupin_engine.plugin.contract import Argument
 from lupin_engine.plugin.profile import Profile
 from lupin_engine.plugin.registry import RESERVED_EVENTS, Catalog
-from lupin_engine.plugin.types import ANY, BOOL, TEXT, Type
+from lupin_engine.plugin.types import ANY, TEXT, Type
 
 #: The engine's own actions whose arguments are no fixed list.
 STRUCTURED = (*WRITING, "raise", "if")
@@ -107,9 +107,7 @@ class ActionReader:
             hint = "write 'if: {guard: CONDITION, then: ACTIONS}'"
             self._findings.add(place, "missing-argument", path, "if has no guard and no actions", hint)
             return None
-        at = node.at("guard")
-        guard = read_guard(node.guard, at, scope, self._findings, f"{path}.guard")
-        guard = guard or Expression(str(node.guard), at, BOOL, never)
+        guard = read_condition(node, "guard", scope, self._findings, path)
         then = self.read(node.then, scope, f"{path}.then")
         otherwise = self.read(node.else_, scope, f"{path}.else")
         return ActionCall("if", {}, place, False, {}, guard, then, otherwise)

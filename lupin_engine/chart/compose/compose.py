@@ -372,7 +372,26 @@ class _Composer:
                         read = read_property(name, node, place, scope, self._findings, file.name)
                     if read is not None:
                         found[name] = read
+        for mission in self._requested:
+            self._not_meant(mission, found)
         return found
+
+    def _not_meant(self, mission: MissionNode, found: dict[str, TemporalProperty]) -> None:
+        """Note the inherited properties that a mission does not mean."""
+        inherited = [name for name in found if name not in mission.properties]
+        for name, why in mission.not_meant.items():
+            place, path = mission.key_at("not_meant", name), f"not_meant.{name}"
+            if name in mission.properties:
+                problem = f"the property {name!r} stands in this file"
+                self._findings.add(place, "conflicting-definition", path, problem, "remove one of the two")
+            elif name not in inherited:
+                self._findings.unknown(place, "unknown-property", path, "inherited property", name, inherited)
+            elif not (why or "").strip():
+                problem = f"there is no reason why {name!r} is not meant"
+                self._findings.add(place, "missing-key", path, problem, f"write '{name}: REASON'")
+            else:
+                known = found[name]
+                found[name] = replace(known, not_meant={**known.not_meant, mission.name: str(why)})
 
     def _is_new(
         self, what: str, name: str, place: Place, path: str, known: Mapping[str, Invariant | TemporalProperty]
@@ -390,7 +409,7 @@ class _Composer:
         """Yield the scope of such a condition, without values that differ between uses of its part."""
         usage = Usage()
         mission = file.name if isinstance(file, MissionNode) else ""
-        yield replace(timeless(self._scope_of(file, mission), what), usage=usage)
+        yield replace(timeless(self._scope_of(file, mission), what, self._catalog), usage=usage)
         for family in ("parameters", "functions", "inputs"):
             getattr(self._usage, family).update(getattr(usage, family))
         given = set().union(*self._bound.get(file.title, []))

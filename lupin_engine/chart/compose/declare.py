@@ -24,7 +24,13 @@ from lupin_engine.chart.documents import (
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.expressions.scope import BUILTIN_CALLS, ROOTS, WORDS, Scope, Usage
 from lupin_engine.chart.expressions.units import describe, in_lists, is_number, one, with_article
-from lupin_engine.chart.expressions.values import check_bound, read_constant, read_guard, read_key, read_value
+from lupin_engine.chart.expressions.values import (
+    check_bound,
+    read_condition,
+    read_constant,
+    read_key,
+    read_value,
+)
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Field, Hold, Input, Level, Variable
 from lupin_engine.chart.nodes import Node
@@ -163,6 +169,7 @@ class Declarer:
             "event": ("unknown-name", "nothing has happened yet where this is read"),
             "target": ("missing-itinerary", "no state around this one has an itinerary"),
             "itinerary": ("missing-itinerary", "no state around this one has an itinerary"),
+            "step": ("unknown-name", "only a property is about steps"),
         }
         known_functions = self._catalog.functions if functions else {}
         return Scope(names, known_functions, (), tuple(self.declared.holds), absent, {}, self._usage)
@@ -425,15 +432,13 @@ class Declarer:
             code = getattr(node, key)
             if code is not None:
                 check_code(code, node.at(key), path, codes, findings)
-        guards = {
-            key: read_guard(getattr(node, key), node.at(key), scope, findings, f"{path}.{key}")
-            for key in ("engage_guard", "release_guard")
-        }
-        if (
-            node.engage_guard is not None
-            and node.engage_code is None
-            and not node.engage.startswith("input.")
-        ):
+        if node.engage.startswith("input."):
+            for key in ("engage_guard", "engage_code"):
+                if getattr(node, key) is not None:
+                    problem = f"{key!r} has no effect: {node.engage} engages the hold whenever it is true"
+                    hint = "remove it; to engage the hold on a condition, let a request engage it"
+                    findings.warn(node.key_at(key), "level-with-guard", path, problem, hint)
+        elif node.engage_guard is not None and node.engage_code is None:
             problem = "a request that the guard refuses needs a reason"
             findings.add(node.place, "missing-key", path, problem, "write 'engage_code: ...'")
         return Hold(
@@ -442,9 +447,9 @@ class Declarer:
             tuple(node.release),
             node.code,
             place,
-            guards["engage_guard"],
+            read_condition(node, "engage_guard", scope, findings, path),
             node.engage_code,
-            guards["release_guard"],
+            read_condition(node, "release_guard", scope, findings, path),
         )
 
     def field(

@@ -14,8 +14,8 @@ from lupin_engine.chart.expressions.values import (
     PerElement,
     Signature,
     read_arguments,
+    read_condition,
     read_constant,
-    read_guard,
     read_key,
     read_list,
     read_per_element,
@@ -163,7 +163,7 @@ class InvokeReader:
             node, "key", PerElement(node.item, kind, ("text", "number")), inner, findings, path
         )
         limit = read_key(node, "limit", _SOME, around, findings, path)
-        when = read_guard(node.when, node.at("when"), inner, findings, f"{path}.when")
+        when = read_condition(node, "when", inner, findings, path)
         invoke = self.read(node.invoke, inner, f"{path}.invoke")
         done = self._end(node.on_done, inner.with_names(names_when_done(invoke)), f"{path}.on_done")
         error = self._end(node.on_error, inner.with_names(names_when_failed(invoke)), f"{path}.on_error")

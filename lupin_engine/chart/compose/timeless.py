@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 
 from lupin_engine.chart.compose.declare import CLOCK, input_type
@@ -15,7 +16,8 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.errors import Place
 from lupin_engine.plugin.contract import OWN_HOLDS
-from lupin_engine.plugin.types import DURATION, Type
+from lupin_engine.plugin.registry import Catalog
+from lupin_engine.plugin.types import BOOL, DURATION, TEXT, Type, list_of
 
 #: What such a condition does not see, because it is told of every moment.
 _MOMENTARY = ("event", "error", "request", "target", "itinerary")
@@ -26,20 +28,45 @@ WATCHED_ALWAYS = frozenset(
     | {"refusals_have_reasons", "time_goes_on", "no_exception", "resources_exclude", "outcomes"}
     | {"home_again", "silence_is_told", "abort_stops", "no_zeno", "no_livelock"}
 )
+#: The properties that are watched where a file names them: `NAME: {built_in: true}`.
+BUILT_IN_NAMES = frozenset(
+    {"good_at_its_target", "good_after_success", "nothing_after_close", "no_second_round"}
+    | {"resume_goes_on", "answers_lead_on", "success_ends", "failure_ends"}
+)
 _REQUEST = re.compile(r"(?<![\w.'\"])request\b")
 _KINDS = ("always", "never", "eventually")
+_MORE = ("within", "after", "until")
 
 
-def timeless(scope: Scope, what: str) -> Scope:
+def timeless(scope: Scope, what: str, catalog: Catalog) -> Scope:
     """Return a scope without temporary names, with the engine's own holds; `what` is written in it.
 
-    A property may read the request where there is one: it is about that mission's runs then.
+    A property sees the step. It may read the request where there is one: it is about that mission's runs.
     """
     verb = "holds at" if what == "invariant" else "is about"
     for name in _MOMENTARY:
         if (what, name) != ("property", "request") or name not in scope.names:
             scope = scope.without(name, f"{one(what)} {verb} every moment, with and without a mission")
-    return replace(scope, holds=(*scope.holds, *OWN_HOLDS))
+    scope = replace(scope, holds=(*scope.holds, *OWN_HOLDS))
+    return scope if what == "invariant" else scope.with_names({"step": _step(catalog, scope.holds)})
+
+
+def _step(catalog: Catalog, holds: Iterable[str]) -> Type:
+    """Return the type of what a property sees of a step; see `properties.authored`."""
+    operations = list_of(Type("text", "operation", values=tuple(catalog.operations)))
+    request = Type("text", "request", values=("", *catalog.profile.events))
+    fields = {
+        "accepted": request,
+        "refused": request,
+        "because": TEXT,
+        "released": list_of(Type("text", "hold", values=tuple(holds))),
+        "begun": operations,
+        "succeeded": operations,
+        "failed": operations,
+        "codes": list_of(TEXT),
+        "moving": BOOL,
+    }
+    return Type("record", "step", fields=fields)
 
 
 def scope_of(chart: Chart) -> Scope:
@@ -55,7 +82,9 @@ def scope_of(chart: Chart) -> Scope:
         fields = {name: field.type for name, field in mission.request.items()}
         names["request"] = Type("record", "request", fields=fields)
     states = tuple(name for name in chart.states if name)
-    return timeless(Scope(names, chart.catalog.functions, states, tuple(chart.holds)), "property")
+    return timeless(
+        Scope(names, chart.catalog.functions, states, tuple(chart.holds)), "property", chart.catalog
+    )
 
 
 def read_property(
@@ -63,7 +92,7 @@ def read_property(
 ) -> TemporalProperty | None:
     """Read a property, of a mission if there is one; None after findings."""
     path, known = f"properties.{name}", len(findings.errors)
-    _check_shape(node, path, findings)
+    _check_shape(name, node, path, findings)
     keys = (*_KINDS, "after", "until")
     said = {
         key: read_guard(getattr(node, key), node.at(key), scope, findings, f"{path}.{key}") for key in keys
@@ -73,11 +102,48 @@ def read_property(
         return None
     sources = [each.source for each in (*said.values(), within) if isinstance(each, Expression)]
     about = mission if any(map(_REQUEST.search, sources)) else ""
-    return TemporalProperty(name, place, within=within, summary=node.summary, mission=about, **said)
+    return TemporalProperty(
+        name,
+        place,
+        said["always"],
+        said["never"],
+        said["eventually"],
+        within,
+        said["after"],
+        said["until"],
+        node.summary,
+        about,
+        node.built_in,
+    )
 
 
-def _check_shape(node: PropertyNode, path: str, findings: Findings) -> None:
+def _check_built_in(name: str, node: PropertyNode, written: list[str], findings: Findings) -> None:
+    if name not in BUILT_IN_NAMES:
+        findings.unknown(
+            node.at("built_in"),
+            "unknown-property",
+            f"properties.{name}",
+            "built-in property",
+            name,
+            BUILT_IN_NAMES,
+        )
+    for key in written:
+        problem = f"{key!r} says something of {name!r}, which is built in"
+        findings.add(node.at(key), "wrong-shape", f"properties.{name}.{key}", problem, "leave it out")
+
+
+def _check_shape(name: str, node: PropertyNode, path: str, findings: Findings) -> None:
     kinds = [key for key in _KINDS if getattr(node, key) is not None]
+    if node.built_in:
+        _check_built_in(
+            name, node, [*kinds, *(key for key in _MORE if getattr(node, key) is not None)], findings
+        )
+        return
+    if name in BUILT_IN_NAMES:
+        problem = f"{name!r} is built in"
+        findings.add(
+            node.place, "conflicting-definition", path, problem, "write 'built_in: true', or rename it"
+        )
     if len(kinds) != 1:
         found = f"got {' and '.join(kinds)}" if kinds else "got none"
         problem, hint = f"expected one of always, never and eventually, {found}", "write two properties"

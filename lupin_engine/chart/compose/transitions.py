@@ -19,9 +19,8 @@ from lupin_engine.chart.documents import (
     StateNode,
     TransitionNode,
 )
-from lupin_engine.chart.expressions.evaluation import Expression, never
 from lupin_engine.chart.expressions.scope import Scope
-from lupin_engine.chart.expressions.values import read_guard, read_key
+from lupin_engine.chart.expressions.values import read_condition, read_key
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Invoke, Prompt, Transition
 from lupin_engine.chart.semantics import TIMERS
@@ -29,7 +28,7 @@ from lupin_engine.errors import Place, Severity, nearest
 from lupin_engine.plugin.contract import Code
 from lupin_engine.plugin.profile import ANSWER
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.plugin.types import ANY, BOOL, DURATION, TEXT, Type
+from lupin_engine.plugin.types import ANY, DURATION, TEXT, Type
 
 _START = Type("record", "event", fields={"mission_type": TEXT, "mission_id": TEXT})
 _ANSWER = Type("record", "event", fields={"by": Type("text", "text", values=("default", "operator"))})
@@ -274,7 +273,7 @@ class TransitionReader:
             site.source.name,
             node.place,
             resolved,
-            self._guard(node, scope, path) if node.guard is not None else None,
+            read_condition(node, "guard", scope, self._findings, path),
             self._actions.read(node.do, scope, f"{path}.do") if node.do else (),
             refuse,
             self._hold_names(node, "during", path) if node.during else _NO_HOLDS,
@@ -283,14 +282,6 @@ class TransitionReader:
             node.internal,
             None if node.detail is None else read_key(node, "detail", TEXT, scope, self._findings, path),
         )
-
-    def _guard(self, node: TransitionNode, scope: Scope, path: str) -> Expression | None:
-        """Read a guard; one with mistakes still counts as a guard for the rules that follow."""
-        if node.guard is None:
-            return None
-        place = node.at("guard")
-        found = read_guard(node.guard, place, scope, self._findings, f"{path}.guard")
-        return found or Expression(str(node.guard), place, BOOL, never)
 
     def _check_codes(self, node: TransitionNode, path: str) -> None:
         for word in ("refuse", "code"):
@@ -346,7 +337,7 @@ class TransitionReader:
                 self._findings.add(written.place, "missing-key", path, "'resume_at' names a child", hint)
                 continue
             target = self._forest.resolve_child(written.target, draft, written.at("target"), path)
-            guard = self._guard(written, scope, path)
+            guard = read_condition(written, "guard", scope, self._findings, path)
             found.append(
                 Transition(f"{path}.{index}", "resume", draft.name, written.place, target=target, guard=guard)
             )

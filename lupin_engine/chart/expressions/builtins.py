@@ -111,13 +111,26 @@ def _held(checker: ExpressionReader, node: ast.Call) -> Typed:
 
 
 def _in_state(checker: ExpressionReader, node: ast.Call) -> Typed:
-    name = _word(checker, node, "in_state", "a state")
+    states = _states(checker, node, "in_state")
+    return UNTYPED if states is None else Typed(BOOL, f"{environment_code('in_state')}({states!r})")
+
+
+def _was_in_state(checker: ExpressionReader, node: ast.Call) -> Typed:
+    if "step" not in checker.scope.names:
+        return checker.wrong(node, "unknown-name", "only a property asks what was active before a step")
+    states = _states(checker, node, "was_in_state")
+    return UNTYPED if states is None else Typed(BOOL, f"{environment_code('step')}['was_in']({states!r})")
+
+
+def _states(checker: ExpressionReader, node: ast.Call, function: str) -> tuple[str, ...] | None:
+    """Return the full names of the states that the argument names; None after a finding."""
+    name = _word(checker, node, function, "a state")
     if name is None:
-        return UNTYPED
+        return None
     states = [state for state in checker.scope.states if state == name or state.endswith(f".{name}")]
     if not states:
         _no_state(checker, node.args[0], name)
-    return Typed(BOOL, f"{environment_code('in_state')}({tuple(states)!r})")
+    return tuple(states)
 
 
 def _no_state(checker: ExpressionReader, node: ast.expr, name: str) -> None:
@@ -166,4 +179,5 @@ BUILTINS: Mapping[str, Callable[[ExpressionReader, ast.Call], Typed]] = {
     "known": _known,
     "held": _held,
     "in_state": _in_state,
+    "was_in_state": _was_in_state,
 }

@@ -10,9 +10,10 @@ from lupin_engine.chart.records import record
 from lupin_engine.errors import Place
 from lupin_engine.plugin.types import MAX_INTEGER, MAX_TEXT, UNITS, Type, in_base, in_unit
 
-#: What an expression sees: the records param, request, input, event, error, target, itinerary and clock;
-#: `item` (what a `for_each` is at); `context` (variables by name); and the callables `known(input)`,
-#: `held(hold)`, `in_state(full_names)` and, in `functions`, those of the plugins by full name.
+#: What an expression sees: the records param, request, input, event, error, target, itinerary, clock and, in
+#: properties, step; `item` (what a `for_each` is at); `context` (variables by name); and the callables
+#: `known(input)`, `held(hold)`, `in_state(full_names)` and, in `functions`, those of the plugins by full
+#: name.
 Environment = Mapping[str, Any]
 
 
@@ -205,6 +206,16 @@ class Expression:
     type: Type
     evaluate: Callable[[Environment], Any]
     parts: tuple[tuple[str, Callable[[Environment], Any]], ...] = ()
+
+    @property
+    def understood(self) -> bool:
+        """Whether it is without mistakes."""
+        return self.evaluate is not never
+
+    @property
+    def operands(self) -> tuple[tuple[str, Callable[[Environment], Any]], ...]:
+        """Its parts, or itself where it has none."""
+        return self.parts or ((self.source, self.evaluate),)
 
 
 @record(frozen=True)

@@ -104,17 +104,17 @@ class Fact:
 class Every:
     """All parts hold; without parts this is true."""
 
-    parts: tuple[Condition, ...] = ()
+    parts: tuple[Formula, ...] = ()
 
 
 @dataclass(frozen=True)
 class Some:
     """One of the parts holds; without parts this is false."""
 
-    parts: tuple[Condition, ...] = ()
+    parts: tuple[Formula, ...] = ()
 
 
-Condition = Fact | Every | Some
+Formula = Fact | Every | Some
 
 TRUE, FALSE = Every(), Some()
 
@@ -124,7 +124,7 @@ def fact(operand: str, value: Any) -> Fact:
     return Fact(operand, ValueSet(frozenset([value])))
 
 
-def possible(*conditions: Condition) -> bool:
+def possible(*conditions: Formula) -> bool:
     """Say whether conditions may hold together; False is certain, True is not."""
     if len(conditions) == 2:  # most are simple comparisons, and many pairs are asked for
         first, second = conditions
@@ -134,7 +134,7 @@ def possible(*conditions: Condition) -> bool:
     return _possible(list(conditions), {}, budget)
 
 
-def _possible(waiting: list[Condition], known: Mapping[str, ValueSet], budget: list[int]) -> bool:
+def _possible(waiting: list[Formula], known: Mapping[str, ValueSet], budget: list[int]) -> bool:
     """Search one way in which all waiting conditions hold, given the known facts of the operands."""
     budget[0] -= 1
     if budget[0] < 0:
@@ -157,22 +157,22 @@ def _possible(waiting: list[Condition], known: Mapping[str, ValueSet], budget: l
     return any(_possible([part, *rest], found, budget) for part in choice.parts)
 
 
-def exclusive(first: Condition, second: Condition) -> bool:
+def exclusive(first: Formula, second: Formula) -> bool:
     """Say whether two conditions can never hold at the same time."""
     return not possible(first, second)
 
 
-def implies(first: Condition, second: Condition) -> bool:
+def implies(first: Formula, second: Formula) -> bool:
     """Say whether the second condition certainly holds when the first does."""
     return not possible(first, negate(second))
 
 
-def total(conditions: Sequence[Condition], *given: Condition) -> bool:
+def total(conditions: Sequence[Formula], *given: Formula) -> bool:
     """Say whether one of the conditions certainly holds whenever all of `given` do."""
     return not possible(*given, *(negate(condition) for condition in conditions))
 
 
-def negate(condition: Condition) -> Condition:
+def negate(condition: Formula) -> Formula:
     """Return the condition that holds when this one does not."""
     if isinstance(condition, Every):
         return Some(tuple(negate(part) for part in condition.parts))
@@ -200,17 +200,17 @@ def _complement(values: ValueSet) -> ValueSet:
 
 
 @lru_cache(_CACHED)
-def condition_of(source: str) -> Condition:
+def formula_of(source: str) -> Formula:
     """Return the normal form of a condition."""
     tree = tree_of(source)
     return _opaque(source, True) if tree is None else _condition(tree, True)
 
 
-def _opaque(operand: str, wanted: bool) -> Condition:
+def _opaque(operand: str, wanted: bool) -> Formula:
     return Fact(operand, ValueSet(frozenset([wanted])))
 
 
-def _condition(node: ast.expr, wanted: bool) -> Condition:
+def _condition(node: ast.expr, wanted: bool) -> Formula:
     """Return the condition that an expression is true (or false, when that is `wanted`)."""
     if isinstance(node, ast.BoolOp):
         parts = tuple(_condition(value, wanted) for value in node.values)
@@ -225,7 +225,7 @@ def _condition(node: ast.expr, wanted: bool) -> Condition:
     return _opaque(ast.unparse(node), wanted)
 
 
-def _comparisons(node: ast.Compare, wanted: bool) -> Condition:
+def _comparisons(node: ast.Compare, wanted: bool) -> Formula:
     lefts = [node.left, *node.comparators]
     pairs = zip(lefts, node.ops, node.comparators, strict=False)
     parts = tuple(_comparison(left, type(op), right, wanted) for left, op, right in pairs)
@@ -234,7 +234,7 @@ def _comparisons(node: ast.Compare, wanted: bool) -> Condition:
     return Every(parts) if wanted else Some(parts)
 
 
-def _comparison(left: ast.expr, op: type[ast.cmpop], right: ast.expr, wanted: bool) -> Condition:
+def _comparison(left: ast.expr, op: type[ast.cmpop], right: ast.expr, wanted: bool) -> Formula:
     if op not in _OPPOSITE:
         return _opaque(ast.unparse(ast.Compare(left, [op()], [right])), wanted)
     op = op if wanted else _OPPOSITE[op]
@@ -252,14 +252,14 @@ def _comparison(left: ast.expr, op: type[ast.cmpop], right: ast.expr, wanted: bo
     return Fact(ast.unparse(left), values)
 
 
-def _relation(left: str, op: type[ast.cmpop], right: str) -> Condition:
+def _relation(left: str, op: type[ast.cmpop], right: str) -> Formula:
     """Return a comparison of two operands; written either way round, it is the same fact."""
     if left > right:
         left, right, op = right, left, _MIRRORED.get(op, op)
     return Fact(f"{left} ? {right}", ValueSet(_RELATIONS[op]))
 
 
-def _membership(left: ast.expr, right: ast.expr, wanted: bool) -> Condition:
+def _membership(left: ast.expr, right: ast.expr, wanted: bool) -> Formula:
     items = right.elts if isinstance(right, (ast.List, ast.Tuple)) else None
     values = None if items is None else [_constant(item) for item in items]
     if values is None or None in values:
@@ -322,7 +322,7 @@ def constant(source: str) -> bool | None:
     plain = all(pieces) and len(set(names)) == len(names) and _CONSTANTS.isdisjoint(names)
     if plain and "[]" not in source and "()" not in source:
         return None
-    condition = condition_of(source)
+    condition = formula_of(source)
     if not possible(condition):
         return False
     return None if possible(negate(condition)) else True

@@ -14,11 +14,11 @@ from lupin_engine.plugin.contract import Function
 from lupin_engine.plugin.types import Type
 
 #: Roots of the environment that are records of their own; every other name is a context variable.
-ROOTS = frozenset({"param", "request", "input", "event", "error", "target", "itinerary", "clock"})
+ROOTS = frozenset({"param", "request", "input", "event", "error", "target", "itinerary", "clock", "step"})
 #: Names that an expression may call besides the catalog's functions.
 BUILTIN_CALLS = (
     *("len", "min", "max", "sum", "abs", "round", "any", "all"),
-    *("first", "find", "sorted", "known", "held", "in_state"),
+    *("first", "find", "sorted", "known", "held", "in_state", "was_in_state"),
 )
 #: What `find` and `sorted` call the element that they look at.
 ELEMENT = "t"

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from lupin_engine.chart.expressions.checker import compile_expression
+from lupin_engine.chart.expressions.condition import FREE, Condition, mistaken
 from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
 from lupin_engine.chart.expressions.reader import capacity
 from lupin_engine.chart.expressions.scope import Fragment, Scope, fragment_of
@@ -215,6 +216,18 @@ def read_guard(raw: Any, place: Place, scope: Scope, findings: Findings, path: s
         findings.add(place, "partial-expression", path, "a condition has no ${ }", hint)
         return None
     return compile_expression(Fragment(str(text), text), scope, BOOL, findings, path)
+
+
+def read_condition(node: Node, key: str, scope: Scope, findings: Findings, path: str) -> Condition:
+    """Read the condition under a key; with findings it is `mistaken`, so that rules still know of it."""
+    raw = getattr(node, key)
+    if raw is None:
+        return FREE
+    place = node.at(key)
+    found = read_guard(raw, place, scope, findings, f"{path}.{key}")
+    if found is None:
+        return mistaken(raw, place)
+    return Condition(found.source, found.place, found.type, found.evaluate, found.parts)
 
 
 def read_constant(raw: Any, place: Place, wanted: Type, findings: Findings, path: str) -> Constant | None:

@@ -6,29 +6,19 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Constant
-from lupin_engine.chart.expressions.guards import (
-    Condition,
-    condition_of,
-    constant,
-    exclusive,
-    fact,
-    implies,
-    possible,
-    total,
-)
+from lupin_engine.chart.expressions.guards import Formula, exclusive, fact, implies, possible, total
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import ActionCall, Invoke, Kind, State, Transition
 from lupin_engine.chart.rules.index import (
     OF_ONE_STATE,
     Index,
     always_taken,
-    condition,
     event_name,
     groups_of,
     guard_of,
     line_of,
     local,
-    understood,
+    taken_when,
 )
 from lupin_engine.chart.semantics import FAULT, matches
 from lupin_engine.errors import Diagnostic
@@ -44,9 +34,8 @@ _NEVER = "this can never be taken"
 def _decided_beforehand(index: Index) -> Iterator[Diagnostic]:
     for call in index.calls:
         guard = guard_of(call.action)
-        known = constant(guard.source) if guard is not None and understood(guard) else None
-        if guard is not None and known is not None:
-            problem = f"the guard of this 'if' is {'always' if known else 'never'} true"
+        if guard and guard.understood and guard.constant is not None:
+            problem = f"the guard of this 'if' is {'always' if guard.constant else 'never'} true"
             hint = "mend the guard, or write the actions without 'if'"
             yield Diagnostic(guard.place, "never-wins", f"{call.path}.if", problem, hint)
 
@@ -55,7 +44,7 @@ def never_wins(index: Index) -> Iterator[Diagnostic]:
     """Find a transition whose turn never comes: its guard is never true, or another is always before it."""
     hint = "mend the guard, or remove the transition"
     for transition in index.guarded:
-        if _never_true(transition):
+        if guard_of(transition).constant is False:
             yield Diagnostic(transition.place, "never-wins", transition.id, "its guard is never true", hint)
     yield from _decided_beforehand(index)
     for group in index.groups:
@@ -83,11 +72,6 @@ def _hidden_by_deadline(index: Index, state: State) -> Iterator[Diagnostic]:
             yield warning(later.place, "never-wins", later.id, problem, "shorten it, or remove it")
 
 
-def _never_true(transition: Transition) -> bool:
-    guard = guard_of(transition)
-    return guard is not None and constant(guard.source) is False
-
-
 def _hidden_by_earlier(index: Index, group: Sequence[Transition]) -> Iterator[Diagnostic]:
     """Find those of a group that the ones before them leave nothing to do."""
     if len(group) > MAX_CHOICES:  # each is held against all before it
@@ -99,7 +83,7 @@ def _hidden_by_earlier(index: Index, group: Sequence[Transition]) -> Iterator[Di
     leaves_none = len(group) > 2 and total(_sure_conditions(index, group[:-1]))
     for at, later in enumerate(group):
         earlier = [other for other in group[:at] if _goes_before(other, later)]
-        if not earlier or _never_true(later):
+        if not earlier or guard_of(later).constant is False:
             continue
         problem = _why_hidden(index, earlier, later)
         if not problem and leaves_none:
@@ -126,18 +110,18 @@ def _why_hidden(index: Index, earlier: Sequence[Transition], later: Transition) 
     """Say which one before a transition is always taken instead; nothing when none is."""
     for other in earlier:
         line = line_of(other.place, later.place)
-        if guard_of(other) is None:
+        if not guard_of(other):
             return f"the one in {line} comes first and has no guard"
         if always_taken(other):
             return f"the guard of the one in {line} before it is always true"
-        if guard_of(later) is not None and _covered(index, other, later):
+        if guard_of(later) and _covered(index, other, later):
             return f"whenever its guard is true, that in {line} before it is too"
     return ""
 
 
 def _why_none_is_left(index: Index, earlier: Sequence[Transition], later: Transition) -> str:
     """Say which of those before a transition leave nothing over between them."""
-    covering = [t for t in earlier if not _never_true(t)]
+    covering = [t for t in earlier if guard_of(t).constant is not False]
     if not total(_sure_conditions(index, covering)):
         return ""
     # Two of them are often enough, and easier to understand.
@@ -149,26 +133,21 @@ def _why_none_is_left(index: Index, earlier: Sequence[Transition], later: Transi
 
 def _covered(index: Index, earlier: Transition, later: Transition) -> bool:
     first, second = guard_of(earlier), guard_of(later)
-    assert first is not None
-    assert second is not None
     if first.source == second.source:
         return True
-    if not index.is_sure(first) or not understood(second):
-        return False
-    return implies(condition_of(second.source), condition_of(first.source))
+    return index.is_sure(first) and second.understood and implies(second.formula, first.formula)
 
 
-def _sure_conditions(index: Index, transitions: Iterable[Transition]) -> list[Condition]:
+def _sure_conditions(index: Index, transitions: Iterable[Transition]) -> list[Formula]:
     """Return the conditions of those guards that are not also false for another reason."""
-    guards = map(guard_of, transitions)
-    return [condition_of(guard.source) for guard in guards if guard is not None and index.is_sure(guard)]
+    return [guard_of(t).formula for t in transitions if guard_of(t) and index.is_sure(guard_of(t))]
 
 
 def _hidden_by_inner(index: Index, state: State) -> Iterator[Diagnostic]:
     """Find transitions of an outer state whose event never gets past the states inside."""
     inner = _resting(index, state)
     for transition in state.transitions:
-        if transition.event.startswith(OF_ONE_STATE) or _never_true(transition):
+        if transition.event.startswith(OF_ONE_STATE) or guard_of(transition).constant is False:
             continue
         if inner and all(_answers(index, child, transition) for child in inner):
             how = f"answers {transition.event!r}" if transition.event else "is left by an 'always'"
@@ -206,8 +185,7 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
     """
     for group in index.groups:
         # Sometimes true and sometimes not, as far as it was understood.
-        guards = ((t, guard_of(t)) for t in group)
-        guarded = [t for t, guard in guards if guard and constant(guard.source) is None and understood(guard)]
+        guarded = [t for t in group if guard_of(t).constant is None and guard_of(t).understood]
         for at, later in enumerate(guarded):
             clash = next((t for t in guarded[:at] if _both_can_win(index, t, later)), None)
             if clash is not None:
@@ -221,14 +199,11 @@ def both_can_win(index: Index) -> Iterator[Diagnostic]:
 
 
 def _both_can_win(index: Index, earlier: Transition, later: Transition) -> bool:
-    first, second = guard_of(earlier), guard_of(later)
-    assert first is not None
-    assert second is not None
     if earlier.event == later.event:
         return False
     if earlier.refuse is not None or _effect(earlier) == _effect(later) or _covered(index, earlier, later):
         return False
-    return not exclusive(condition_of(first.source), condition_of(second.source))
+    return not exclusive(guard_of(earlier).formula, guard_of(later).formula)
 
 
 def _effect(transition: Transition) -> tuple[Any, ...]:
@@ -242,7 +217,7 @@ def _done(actions: Iterable[ActionCall]) -> tuple[Any, ...]:
         (
             call.name,
             tuple((name, _written(value)) for name, value in call.arguments.items()),
-            call.guard.source if call.guard is not None else "",
+            guard_of(call).source,
             _done(call.then),
             _done(call.otherwise),
         )
@@ -280,13 +255,13 @@ def _region(index: Index, transition: Transition, parallel: str) -> str:
 
 def _clashes(index: Index, parallel: str, group: Sequence[Transition]) -> Iterator[Diagnostic]:
     reported: set[str] = set()
-    group = [transition for transition in group if understood(guard_of(transition))]
+    group = [transition for transition in group if guard_of(transition).understood]
     for leaver in group:
         domain = index.semantics.domain(leaver, leaver.target or "")
         if leaver.id in reported or index.inside(domain, parallel):
             continue
         others = (t for t in group if _region(index, t, parallel) != _region(index, leaver, parallel))
-        other = next((t for t in others if not exclusive(condition(leaver), condition(t))), None)
+        other = next((t for t in others if not exclusive(taken_when(leaver), taken_when(t))), None)
         if other is not None:
             reported.add(other.id)
             problem = (
@@ -309,7 +284,7 @@ def unhandled_outcome(index: Index) -> Iterator[Diagnostic]:
         # Where nothing is invoked nothing fails, and answering that is told as such.
         for event in ("done",) if state.invoke is None else ("done", "error"):
             group = [t for t in state.transitions if t.event == event]
-            if group and not any(map(always_taken, group)) and understood(*map(guard_of, group)):
+            if group and not any(map(always_taken, group)) and all(guard_of(t).understood for t in group):
                 yield from _without_rest(index, state, event, group)
     yield from _unheard_finals(index)
     yield from _unheard_answers(index)
@@ -334,7 +309,7 @@ def _without_rest(
 ) -> Iterator[Diagnostic]:
     """Find ends that are handled under guards only, none of which may hold."""
     what = state.invoke.name if state.invoke is not None else state.local_name
-    guards = [condition(t) for t in group if t.guard is not None]
+    guards = [taken_when(t) for t in group if guard_of(t)]
     sure = _sure_conditions(index, group)
     hint = f"let the last of '{event_name(event)}' have no guard"
     codes = _codes(state.invoke) if event == "error" and state.invoke is not None else []

@@ -17,7 +17,7 @@ from lupin_engine.chart.expressions.evaluation import Constant, Expression
 from lupin_engine.chart.expressions.names import tree_of
 from lupin_engine.chart.model import Kind, State, Transition
 from lupin_engine.chart.records import COMPUTED, walk
-from lupin_engine.chart.rules.index import Index, always_taken, event_name, local, understood
+from lupin_engine.chart.rules.index import Index, always_taken, event_name, local
 from lupin_engine.chart.semantics import EXECUTION_ERROR
 from lupin_engine.errors import Diagnostic
 from lupin_engine.plugin.profile import ANSWER, START
@@ -45,7 +45,7 @@ def _missing(index: Index, expression: Expression, causes: Causes) -> Iterator[t
     """Yield the fields that are read of an event and that it may lack, with the transition it comes by."""
     for name in sorted(_fields_read(expression.source)):
         lacking = next((t for t in causes.values() if _lacks(index, t, name)), None)
-        if lacking is not None and understood(expression):
+        if lacking is not None and expression.understood:
             yield name, lacking
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 from lupin_engine.chart.compose.compose import Composed
-from lupin_engine.chart.expressions.evaluation import Expression, never
-from lupin_engine.chart.expressions.guards import TRUE, Condition, Every, condition_of, constant, fact
+from lupin_engine.chart.expressions.condition import Condition, mistaken
+from lupin_engine.chart.expressions.guards import Every, Formula, fact
 from lupin_engine.chart.expressions.names import may_ask, unknowns_read
 from lupin_engine.chart.model import ActionCall, Invoke, Kind, State, Transition
 from lupin_engine.chart.records import Role, own, parts_of
@@ -27,7 +27,6 @@ from lupin_engine.chart.rules.written import (
 )
 from lupin_engine.chart.semantics import FAULT, TIMERS, Semantics, matches
 from lupin_engine.errors import Diagnostic, Place
-from lupin_engine.plugin.types import BOOL
 
 #: Beginnings of events that only the state they belong to hears.
 OF_ONE_STATE = ("done", "error", "budget", *TIMERS)
@@ -81,7 +80,7 @@ class Index:
         answers = False
         for transition in state.transitions:
             guard = guard_of(transition)
-            if guard is not None and understood(guard):
+            if guard and guard.understood:
                 self.guarded.append(transition)
             event = transition.event
             if event == "" or event.startswith("input."):
@@ -189,9 +188,9 @@ class Index:
         inputs = self.chart.inputs.values()
         return frozenset(i.name for i in inputs if i.initial is None or i.freshness is not None)
 
-    def is_sure(self, guard: Expression) -> bool:
+    def is_sure(self, guard: Condition) -> bool:
         """Say whether a guard is false only by its condition, not by a mistake or an unknown input."""
-        if not understood(guard):
+        if not guard.understood:
             return False
         if not may_ask(guard.source):
             return True
@@ -232,18 +231,15 @@ class Index:
         return Texts([*((read.mission, read.expression.source) for read in self.reads), *handed])
 
 
-def guard_of(thing: Transition | ActionCall) -> Expression | None:
-    """Return the condition of a transition or an `if`.
-
-    With more conditions than the guard, their combination counts as not understood.
-    """
+def guard_of(thing: Transition | ActionCall) -> Condition:
+    """Return the guard of a transition or an `if`; with more conditions than that, one not understood."""
     kind: type = type(thing)
     if not _has_more(kind):
         return thing.guard
     said = own(thing, _CONDITIONS)
-    if said == [thing.guard] or not said:
+    if said in ([], [thing.guard]):
         return thing.guard
-    return Expression(f"? {', '.join(one.source for one in said)}", said[0].place, BOOL, never)
+    return mistaken(f"? {', '.join(one.source for one in said)}", said[0].place)
 
 
 _CONDITIONS = frozenset({Role.CONDITION})
@@ -254,21 +250,14 @@ def _has_more(kind: type) -> bool:
     return sum(part.role is Role.CONDITION for part in parts_of(kind)) > 1
 
 
-def understood(*guards: Expression | None) -> bool:
-    """Say whether guards are without mistakes, or missing."""
-    return all(guard is None or guard.evaluate is not never for guard in guards)
-
-
 def always_taken(transition: Transition) -> bool:
     """Say whether a transition is taken whenever its event occurs, as far as its guard goes."""
-    guard = guard_of(transition)
-    return guard is None or constant(guard.source) is True
+    return guard_of(transition).constant is True
 
 
-def condition(transition: Transition) -> Condition:
+def taken_when(transition: Transition) -> Formula:
     """Return when a transition is taken: its guard, and for a level that it is true."""
-    guard = guard_of(transition)
-    when = TRUE if guard is None else condition_of(guard.source)
+    when = guard_of(transition).formula
     return Every((fact(transition.event, True), when)) if transition.event.startswith("input.") else when
 
 

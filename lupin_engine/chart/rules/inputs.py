@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from lupin_engine.chart.expressions.names import may_ask, unknowns_asked, unknowns_read
+from lupin_engine.chart.expressions.names import may_ask, unknowns_read
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import ActionCall
-from lupin_engine.chart.rules.index import Index, understood
+from lupin_engine.chart.rules.index import Index
 from lupin_engine.chart.rules.written import Read
 from lupin_engine.errors import Diagnostic
 
@@ -24,7 +24,7 @@ def unknown_input_read(index: Index) -> Iterator[Diagnostic]:
     asked = dict(_asked(index))
     for read in index.reads:
         source = read.expression.source
-        if not may_ask(source) or not understood(read.expression):
+        if not may_ask(source) or not read.expression.understood:
             continue
         if read.words[-2:] in _MAY_WAIT:
             continue
@@ -40,9 +40,9 @@ def _asked(index: Index) -> Iterator[tuple[int, frozenset[str]]]:
         ends = (*each.on_done, *each.on_error) if each else ()
         yield from _given((*state.on_entry, *state.on_exit, *ends))
         for transition in state.transitions:
-            guard = transition.guard.source if transition.guard is not None else "true"
-            yield from _given(transition.actions, unknowns_asked(guard, True))
-            yield id(transition.detail), unknowns_asked(guard, True)
+            known = transition.guard.known_when(True)
+            yield from _given(transition.actions, known)
+            yield id(transition.detail), known
 
 
 def _given(
@@ -50,11 +50,9 @@ def _given(
 ) -> Iterator[tuple[int, frozenset[str]]]:
     for call in actions:
         yield from ((id(value), known) for value in (*call.arguments.values(), *call.data.values()))
-        if call.guard is not None:
-            source = call.guard.source
-            yield id(call.guard), known
-            yield from _given(call.then, known | unknowns_asked(source, True))
-            yield from _given(call.otherwise, known | unknowns_asked(source, False))
+        yield id(call.guard), known
+        yield from _given(call.then, known | call.guard.known_when(True))
+        yield from _given(call.otherwise, known | call.guard.known_when(False))
 
 
 def _finding(read: Read, name: str, why: str) -> Diagnostic:

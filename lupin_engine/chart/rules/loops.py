@@ -12,24 +12,16 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from lupin_engine.chart.expressions.evaluation import Constant
-from lupin_engine.chart.expressions.guards import (
-    TRUE,
-    Condition,
-    condition_of,
-    constant,
-    implies,
-    negate,
-    possible,
-)
+from lupin_engine.chart.expressions.guards import TRUE, Formula, formula_of, implies, negate, possible
 from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import WRITING, ActionCall, Kind, State, Transition, every_call
 from lupin_engine.chart.rules.graph import components, cycles
-from lupin_engine.chart.rules.index import Index, always_taken, condition, guard_of, local, understood
+from lupin_engine.chart.rules.index import Index, always_taken, guard_of, local, taken_when
 from lupin_engine.errors import Diagnostic
 
 #: Where this is asked, targets of the sweep are left.
-WITHIN_SWEEP = condition_of("itinerary.closed < itinerary.total")
+WITHIN_SWEEP = formula_of("itinerary.closed < itinerary.total")
 #: So many steps are spent on finding a circle among transitions that lead back to each other.
 MAX_STEPS = 500
 
@@ -124,8 +116,7 @@ class _Loops:
         passes = transition.during | transition.releases
         if transition.event and any(h.engage == transition.event and h.name not in passes for h in holds):
             return False
-        guard = guard_of(transition)
-        return guard is None or constant(guard.source) is not False
+        return guard_of(transition).constant is not False
 
     def _follow(self, transition: Transition) -> list[str]:
         """Return the transitions that may be taken right after one."""
@@ -172,24 +163,24 @@ class _Loops:
         With `walks`, advancing in an itinerary without end does not end one.
         """
         changed: set[str] = set()
-        conditions: list[Condition] = []
+        conditions: list[Formula] = []
         read: set[str] = set()
         for name, following in pairwise([*circle, circle[0]]):
             transition = self.by_id[name]
             changed |= self._changed(transition)
             asked = self._before[name, following]
-            conditions += [condition(self.by_id[following]), *(negate(condition(t)) for t in asked)]
-            guards = [guard_of(t) for t in (self.by_id[following], *asked)]
-            if not understood(*guards):
+            conditions += [taken_when(self.by_id[following]), *(negate(taken_when(t)) for t in asked)]
+            guards = [guard_of(t) for t in (self.by_id[following], *asked) if guard_of(t)]
+            if not all(guard.understood for guard in guards):
                 return False
-            read.update(*(names_read(guard.source) for guard in guards if guard is not None))
+            read.update(*(names_read(guard.source) for guard in guards))
         if walks and not self._walks_end(circle):
             changed.discard("itinerary")
         return changed.isdisjoint(read) and possible(TRUE, *conditions)
 
     def _walks_end(self, circle: Sequence[str]) -> bool:
         """Say whether the itineraries around a circle end, however often they are advanced."""
-        if any(implies(condition(self.by_id[name]), WITHIN_SWEEP) for name in circle):
+        if any(implies(taken_when(self.by_id[name]), WITHIN_SWEEP) for name in circle):
             return True  # with the sweep
         states = self._index.chart.states
         around = {name for one in circle for name in self._index.lineage[self.by_id[one].source]}

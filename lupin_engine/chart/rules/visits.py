@@ -15,18 +15,10 @@ from functools import lru_cache
 from itertools import takewhile
 
 from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
-from lupin_engine.chart.expressions.guards import Condition, Every, condition_of, fact, negate, possible
+from lupin_engine.chart.expressions.guards import Every, Formula, fact, negate, possible
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import ActionCall, Kind, State, Transition, every_call
-from lupin_engine.chart.rules.index import (
-    OF_ONE_STATE,
-    Index,
-    always_taken,
-    condition,
-    guard_of,
-    local,
-    understood,
-)
+from lupin_engine.chart.rules.index import OF_ONE_STATE, Index, always_taken, guard_of, local, taken_when
 from lupin_engine.chart.semantics import matches
 from lupin_engine.errors import Diagnostic
 
@@ -115,7 +107,7 @@ class _VisitStep:
     """
 
     transition: Transition
-    when: tuple[Condition, ...]
+    when: tuple[Formula, ...]
     calls: tuple[_VisitCall, ...]
     leaves: tuple[str, ...]
     vague: bool = False
@@ -142,7 +134,7 @@ class _VisitAnalysis:
         reported: set[int] = set()
         for leaf, visit in self._at.items():
             for step in self._steps[leaf]:
-                if not understood(guard_of(step.transition)):
+                if not guard_of(step.transition).understood:
                     continue
                 for call, before in self._along(step.calls, _those(visit, step.when))[0]:
                     if before == _REFUSED.get(call.action.name) and id(call.action) not in reported:
@@ -183,7 +175,7 @@ class _VisitAnalysis:
                 yield warning(said.value.place, "no-target", path, problem, hint)
                 return
 
-    def _at_once(self, given: Condition, visit: Visit) -> Iterator[tuple[str, list[_VisitStep]]]:
+    def _at_once(self, given: Formula, visit: Visit) -> Iterator[tuple[str, list[_VisitStep]]]:
         """Yield the atomic states that are entered at the itinerary's start, with the steps taken at once.
 
         It follows only conditions on the itinerary, and the visit stays as it is.
@@ -198,15 +190,14 @@ class _VisitAnalysis:
                 follow = (step for step in steps if self._along(step.calls, visit)[1] == visit)
                 waiting += [name for step in follow if not step.vague for name in step.leaves]
 
-    def _taken_at_once(self, leaf: str, given: Condition) -> list[_VisitStep] | None:
+    def _taken_at_once(self, leaf: str, given: Formula) -> list[_VisitStep] | None:
         """Return the steps without an event that may be the one taken; None where something else decides."""
         found, so_far = [], [given]
         for step in self._steps[leaf]:
-            asked = condition(step.transition)
+            asked = taken_when(step.transition)
             if step.transition.event or not possible(*so_far, asked):
                 continue
-            guard = guard_of(step.transition)
-            if guard is not None and _OTHER_NAMES.search(guard.source):
+            if _OTHER_NAMES.search(guard_of(step.transition).source):
                 return None
             found.append(step)
             so_far.append(negate(asked))
@@ -229,11 +220,10 @@ class _VisitAnalysis:
             if always_taken(transition) and not transition.event.startswith(OF_ONE_STATE):
                 sure.append(transition.event)
 
-    def _states_asked(self, leaf: State, transition: Transition) -> tuple[Condition, ...]:
+    def _states_asked(self, leaf: State, transition: Transition) -> tuple[Formula, ...]:
         """Return the values of `in_state` in an atomic state, as far as the guards of its transitions ask."""
-        guards = filter(None, map(guard_of, self._inside[transition.source].transitions))
-        found = []
-        for name in dict.fromkeys(asked for guard in guards for asked in _IN_STATE.findall(guard.source)):
+        beside, found = self._inside[transition.source].transitions, []
+        for name in dict.fromkeys(asked for t in beside for asked in _IN_STATE.findall(guard_of(t).source)):
             named = [full for full in self._index.chart.states if f".{full}".endswith(f".{name}")]
             around = self._index.lineage[leaf.name]
             if any(full in around for full in named):
@@ -274,13 +264,13 @@ class _VisitAnalysis:
 
     def _step(self, transition: Transition) -> _VisitStep:
         """Return the effect of a transition, from wherever inside its source it is taken."""
-        when = [condition(transition)] if _asks(transition) else []
+        when = [taken_when(transition)] if _asks(transition) else []
         own = self._inside[transition.source].transitions
         before = takewhile(lambda other: other is not transition, own)
         asked = [other for other in before if other.event == transition.event and _asks(other)]
-        when += [negate(condition(other)) for other in asked]
+        when += [negate(taken_when(other)) for other in asked]
         calls = list(_walking(f"{transition.id}.do", transition.actions))
-        vague = not understood(guard_of(transition))
+        vague = not guard_of(transition).understood
         if transition.target is None:
             return _VisitStep(transition, tuple(when), tuple(calls), (), vague)
         target = self._index.chart.states[transition.target]
@@ -328,14 +318,14 @@ class _VisitAnalysis:
         found: list[tuple[_VisitCall, Visit]] = []
         for call in calls if visit else ():
             guard = guard_of(call.action)
-            if guard is None:
+            if not guard:
                 found.append((call, visit))
                 visit = self._called(call, visit)
                 continue
-            if not understood(guard):
+            if not guard.understood:
                 visit = _EITHER
                 continue
-            asked = condition_of(guard.source) if "itinerary.open" in guard.source else None
+            asked = guard.formula if "itinerary.open" in guard.source else None
             then, after_then = self._along(
                 _walking(call.path, call.action.then), _those(visit, (asked,) if asked else ())
             )
@@ -392,10 +382,10 @@ class _VisitAnalysis:
 
     def _resumed_at(self, state: State) -> Iterator[tuple[str, Visit]]:
         """Yield the states in which a restored state resumes: by `resume_at`, else its initial ones."""
-        before: list[Condition] = []
+        before: list[Formula] = []
         for transition in state.resume_at:
-            visit = _those(_EITHER, (condition(transition), *map(negate, before)))
-            before.append(condition(transition))
+            visit = _those(_EITHER, (taken_when(transition), *map(negate, before)))
+            before.append(taken_when(transition))
             yield from self._entered(transition.target or "", visit)
         yield from self._entered(state.name, _those(_EITHER, tuple(map(negate, before))))
 
@@ -435,15 +425,14 @@ _REFUSED = {"itinerary.close": frozenset([CLOSED]), "itinerary.advance": frozens
 
 
 @lru_cache(256)
-def _those(visit: Visit, when: tuple[Condition, ...]) -> Visit:
+def _those(visit: Visit, when: tuple[Formula, ...]) -> Visit:
     """Return the possible visits that agree with conditions."""
     return frozenset(v for v in visit if not when or possible(fact("itinerary.open", v == OPEN), *when))
 
 
 def _asks(transition: Transition) -> bool:
     """Say whether a guard reads the visit or a state."""
-    guard = guard_of(transition)
-    return guard is not None and any(word in guard.source for word in _ASKED)
+    return any(word in guard_of(transition).source for word in _ASKED)
 
 
 def _walking(path: str, calls: Iterable[ActionCall]) -> Iterator[_VisitCall]:

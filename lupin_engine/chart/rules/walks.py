@@ -69,9 +69,7 @@ def _ends(index: Index, walker: State, transition: Transition) -> bool:
         return False
     if index.chart.states[target].mission != walker.mission:
         return False  # the lifecycle tells
-    guard = guard_of(transition)
-    asks = guard is not None and "itinerary." in guard.source
-    return not asks and not _calls(transition, "itinerary.close_rest")
+    return "itinerary." not in guard_of(transition).source and not _calls(transition, "itinerary.close_rest")
 
 
 def _closed_elsewhere(index: Index, walker: State) -> bool:

@@ -50,7 +50,10 @@ def _can_be_done(chart: Chart, state: State) -> bool:
 
 
 def waits_for_ever(index: Index) -> Iterator[Diagnostic]:
-    """Find an operation that has no timeout on purpose, and no other way out of its state either."""
+    """Find an operation that has no timeout on purpose, and no other way out of its state either.
+
+    A way out that only the lifecycle has, such as an abort, is a warning: nobody is told to take it.
+    """
     for work in index.works:
         node = index.composed.drafts[work.state.name].node
         if node is None or node.invoke is None or node.invoke.timeout != "never":
@@ -59,6 +62,20 @@ def waits_for_ever(index: Index) -> Iterator[Diagnostic]:
             problem = f"{work.invoke.name} may take for ever, and nothing else leaves this state"
             hint = "add an 'after', an 'always' or an answer to an event"
             yield Diagnostic(node.invoke.at("timeout"), "no-deadline", work.state.name, problem, hint)
+        elif work.state.mission and not _has_own_way_out(index, work.state):
+            problem = (
+                f"{work.invoke.name} may take for ever, and only the lifecycle leads out: nobody is told"
+            )
+            hint = "write 'timeout: {after: 30 s, code: CODE}', or add an 'after' or an 'on' here"
+            place = node.invoke.at("timeout")
+            yield Diagnostic(place, "no-deadline", work.state.name, problem, hint, Severity.WARN)
+
+
+def _has_own_way_out(index: Index, state: State) -> bool:
+    """Say whether a mission itself leaves a state otherwise than when its operation ends."""
+    around = (index.chart.states[name] for name in index.lineage[state.name])
+    ways = (t for one in around if one.mission for t in one.transitions)
+    return any(t.target is not None and t.event not in ("done", "error") for t in ways)
 
 
 def waits_for_the_world(index: Index) -> Iterator[Diagnostic]:

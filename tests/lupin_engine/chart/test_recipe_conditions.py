@@ -5,7 +5,7 @@ Proofs know that it decides, and the rules that they do not know what it says. N
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import field, fields, make_dataclass, replace
 from functools import cache
 from itertools import count
@@ -20,8 +20,7 @@ from lupin_engine.chart.expressions.evaluation import Compiled, Constant, Expres
 from lupin_engine.chart.records import Role, parts_of, said
 from lupin_engine.chart.rules import checks
 from lupin_engine.chart.rules.index import Index
-from lupin_engine.machine.requests import Requests
-from lupin_engine.machine.scope import CONTEXT, World
+from lupin_engine.machine.scope import CONTEXT, EvaluationScope, World
 from lupin_engine.machine.structure import LevelRules
 from lupin_engine.missions.folders import LIFECYCLE
 from lupin_engine.missions.load import check_chart, forget
@@ -161,14 +160,16 @@ def test_a_planted_condition_is_looked_at_again() -> None:
 
 def test_a_proof_finds_what_a_planted_condition_lets_through(monkeypatch: pytest.MonkeyPatch) -> None:
     """`barred_by: planted` keeps the first from being taken, until the other one makes that false."""
-    usual = Requests._is_enabled
+    usual = EvaluationScope.enabled
 
-    def is_enabled(self: Requests, rule: m.Transition, trigger: Any, step: Any) -> bool:
-        by = getattr(rule, "barred_by", None)
-        barred = by is not None and self._scope.check(by, rule.source, step, trigger)
-        return not barred and usual(self, rule, trigger, step)
+    def enabled(self: EvaluationScope, offered: Iterable[Any], *now: Any) -> list[m.Transition]:
+        def is_barred(rule: m.Transition) -> bool:
+            by = getattr(rule, "barred_by", None)
+            return by is not None and self.check(by, rule.source, *now)
 
-    monkeypatch.setattr(Requests, "_is_enabled", is_enabled)
+        return usual(self, [[rule for rule in rules if not is_barred(rule)] for rules in offered], *now)
+
+    monkeypatch.setattr(EvaluationScope, "enabled", enabled)
     states = {
         "A": {
             "on": {

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from lupin_engine.chart.expressions.condition import FREE, Condition
 from lupin_engine.chart.expressions.evaluation import Constant, Expression, Value
 from lupin_engine.chart.model import (
     ActionCall,
@@ -85,9 +86,9 @@ def value(given: Any) -> Value:
     return Constant(given, PLACE, ANY)
 
 
-def expression(function: Callable[[Any], Any], source: str = "guard") -> Expression:
-    """Return an expression that is a Python function of the environment."""
-    return Expression(source, PLACE, BOOL, function)
+def expression(function: Callable[[Any], Any], source: str = "guard") -> Condition:
+    """Return a condition that is a Python function of the environment."""
+    return Condition(source, PLACE, BOOL, function)
 
 
 def optional(fields: Mapping[str, Any], name: str) -> Value | None:
@@ -203,7 +204,7 @@ class Builder:
             source=source,
             place=PLACE,
             target=self._resolve(target, source) if target else None,
-            guard=guard if isinstance(guard, Expression) else expression(guard) if guard else None,
+            guard=guard if isinstance(guard, Condition) else expression(guard) if guard else FREE,
             actions=done,
             **fields,
         )
@@ -264,7 +265,7 @@ def _for_each(fields: Mapping[str, Any]) -> ForEach:
         invoke=_invoke({"with": {"item": lambda env: env["item"]}, **fields}),
         place=PLACE,
         limit=optional(fields, "limit"),
-        when=expression(fields["when"]) if "when" in fields else None,
+        when=expression(fields["when"]) if "when" in fields else FREE,
         on_done=actions(fields.get("on_done", ())),
         on_error=actions(fields.get("on_error", ())),
     )

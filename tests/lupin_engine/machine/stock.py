@@ -37,7 +37,7 @@ def stock_model(given: Chart) -> StockModel:
 def _as_stock(ours: ChartTransition) -> NestedTransition:
     guard = ours.rule.guard
     # The type hints of the library know no list of conditions, and no transition without a target.
-    conditions: Any = None if guard is None else [_condition(guard)]
+    conditions: Any = [_condition(guard)] if guard else None
     return NestedTransition(ours.source, cast(str, ours.dest), conditions)
 
 

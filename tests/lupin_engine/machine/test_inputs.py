@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from lupin_engine.chart.expressions.evaluation import Compiled, Expression
+from lupin_engine.chart.expressions.condition import Condition
+from lupin_engine.chart.expressions.evaluation import Compiled
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.types import BOOL, COUNT, NUMBER, POSE, TEXT, list_of
 from tests.lupin_engine.machine.charts import PLACE, Bench, chart, expression, fails
@@ -40,7 +41,7 @@ def test_a_value_that_grows_old_makes_a_step_at_that_time() -> None:
 
 def test_a_guard_that_is_watched_is_looked_at_when_its_input_grows_old() -> None:
     """Nothing that it reads has changed until then."""
-    lost = {"target": "LOST", "guard": Expression("...", PLACE, BOOL, Compiled("not env['known']('x')"))}
+    lost = {"target": "LOST", "guard": Condition("...", PLACE, BOOL, Compiled("not env['known']('x')"))}
     bench = Bench(chart({"A": {"always": lost}, "LOST": {}}, inputs={"x": {"initial": 1, "freshness": 5.0}}))
     bench.wait(4.9)
     assert bench.leaves == ["A"]

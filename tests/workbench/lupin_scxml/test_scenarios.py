@@ -87,7 +87,7 @@ class Watched(Machine):
         for rule in rules:
             if rule.event.startswith("input."):
                 told[rule.event] = scope.inputs.holds(rule.event)
-            if rule.guard is not None:
+            if rule.guard:
                 try:
                     holds = bool(rule.guard.evaluate(scope.at(rule.source, step.now, trigger)))
                 except Exception:  # unknown, or not in this state: false in both
@@ -105,7 +105,10 @@ class Watched(Machine):
         event = self._event(internal)
         if event:
             self._deal(event)
-        self._tell([rule for some in self._offered(internal) for rule in some], internal.trigger)
+        self._tell(
+            [rule for some in self._selection.offered(internal, self._active) for rule in some],
+            internal.trigger,
+        )
         super()._offer(internal)
 
     def _event(self, internal: InternalEvent) -> str:
@@ -202,7 +205,7 @@ def document(chart: Chart) -> tuple[Any, Sequence[str]]:
 def _conditions(chart: Chart) -> set[str]:
     rules = [rule for state in chart.states.values() for rule in (*state.transitions, *state.resume_at)]
     levels = {rule.event for rule in rules if rule.event.startswith("input.")}
-    guards = {said(rule.guard.source) for rule in rules if rule.guard is not None}
+    guards = {said(rule.guard.source) for rule in rules if rule.guard}
     return guards | levels | {f"held({name})" for name in chart.holds}
 
 

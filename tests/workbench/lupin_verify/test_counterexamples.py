@@ -285,3 +285,77 @@ def test_an_invariant_that_holds_again_at_the_end_of_its_step_is_broken(
     capsys.readouterr()
     assert main(["test", str(scenario)]) == 1
     assert "FAIL  mended.invariants: No invariant is broken." in capsys.readouterr().out
+
+
+DRIVE = '{do: nav.go_to, with: {pose: "${ param.dock_pose }"}, timeout: never}'
+#: What is corrected -> the property that is broken, the mission's states, and what is replaced by what.
+CORRECTED = {
+    "a state is removed": (
+        "never_n",
+        "A: {on: {operator.skip_current: B}, after: {9 s: done}},"
+        " B: {on: {operator.dock: {do: {set: {n: 2}}}}, after: {9 s: done}}",
+        "{on: {operator.skip_current: B}, after: {9 s: done}},"
+        " B: {on: {operator.dock: {do: {set: {n: 2}}}}, after: {9 s: done}}",
+        "{after: {9 s: done}}",
+    ),
+    "a request is refused": (
+        "never_n",
+        'A: {on: {operator.skip_current: {do: {set: {n: "${ min(n + 1, 2) }"}}}}, after: {9 s: done}}',
+        '{do: {set: {n: "${ min(n + 1, 2) }"}}}',
+        '[{refuse: late, guard: n > 0}, {do: {set: {n: "${ min(n + 1, 2) }"}}}]',
+    ),
+    "a state gets a way out": (
+        "home_again",
+        "A: {after: {1 s: B}, on: {operator.dock: done}},"
+        " B: {on: {operator.skip_current: {target: done, guard: n > 1}}}",
+        "guard: n > 1",
+        "guard: n == 0",
+    ),
+    "a drive gets a timeout": (
+        "silence_is_told",
+        f"GO: {{invoke: {DRIVE}, on_done: done, on_error: done, on: {{operator.skip_current: done}}}}",
+        "timeout: never",
+        "timeout: {after: 60 s, code: late}",
+    ),
+    "a circle ends": (
+        "no_livelock",
+        "A: {after: {9 s: B}, on: {operator.dock: done}}, B: {after: {9 s: A}}",
+        "{9 s: A}",
+        "{9 s: done}",
+    ),
+    "an abort ends a drive": (
+        "abort_stops",
+        f"GO: {{invoke: {DRIVE}, on_done: done, on_error: done,"
+        " on: {operator.abort: {target: done, guard: n > 1}}}",
+        "guard: n > 1",
+        "guard: n == 0",
+    ),
+    "a circle without time": (
+        "no_zeno",
+        "A: {after: {0 s: B}, on: {operator.dock: done}}, B: {after: {0 s: A}}",
+        "{0 s: A}",
+        "{1 s: A}",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CORRECTED)
+def test_a_scenario_holds_once_its_property_does(name: str, tmp_path: Path) -> None:
+    """It names no state of the mission, and requests may be refused: a correction may change both."""
+    broken, states, old, new = CORRECTED[name]
+    lifecycle = LIFECYCLE.read_text(encoding="utf-8").partition("    on:\n      operator.abort")[0]
+    (tmp_path / "lifecycle.yaml").write_text(lifecycle, encoding="utf-8")
+    mission = tmp_path / "planted.yaml"
+    text = (
+        "mission: Planted\nproperties: {never_n: {never: n > 1}}\n"
+        "context: {n: {type: count, default: 0}}\n"
+        f"initial: {states.partition(':')[0]}\nstates: {{{states}, done: {{type: final}}}}\n"
+    )
+    mission.write_text(text, encoding="utf-8")
+    prove_it = ["prove", str(mission), "--targets", "0", "--no-restarts", "--quiet"]
+    assert main(prove_it) == 1
+    scenario = tmp_path / f"planted.{broken}.scenario.yaml"
+    assert main(["test", str(scenario)]) == 1
+    assert "Planted" not in scenario.read_text(encoding="utf-8")
+    mission.write_text(text.replace(old, new), encoding="utf-8")
+    assert main(["test", str(scenario)]) == 0

@@ -31,7 +31,12 @@ from lupin_verify.situations import classes, levels
 from lupin_verify.situations.found import ExplorationProgress
 from lupin_verify.situations.levels import explore
 from lupin_verify.situations.moves import move_text
-from lupin_verify.situations.relevance import _distinguished_sweeps, distinguished_lengths, is_abandoned
+from lupin_verify.situations.relevance import (
+    _codes_named,
+    _distinguished_sweeps,
+    distinguished_lengths,
+    is_abandoned,
+)
 from lupin_verify.situations.situation import CLAIMS, Situation, TrackedMemory
 from lupin_verify.situations.timing import timed_run
 from lupin_verify.situations.worlds import in_order
@@ -510,6 +515,20 @@ def test_what_a_step_only_writes_is_not_read() -> None:
 def test_sweeps_are_counted_as_far_as_a_condition_tells_them_apart(source: str, most: float) -> None:
     """Beyond that a mission without end would have situations without end."""
     assert _distinguished_sweeps(source) == most
+
+
+@pytest.mark.parametrize(
+    ("source", "codes"),
+    [
+        ("error.code == 'late' or error.code in ['lost', 'gone']", {"late", "lost", "gone"}),
+        ("error.code in 'late or lost'", None),
+        ("error.code not in 'late'", None),
+        ("error.code == 'late' and error.detail in 'lost'", {"late"}),
+    ],
+)
+def test_a_code_within_a_text_is_no_comparison_with_one(source: str, codes: set[str] | None) -> None:
+    """`in` a text is true for every code that is a part of it: those must not be merged with the others."""
+    assert _codes_named(source) == codes
 
 
 def test_lists_are_as_long_as_a_condition_tells_them_apart(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.machine.holds import Holds
-from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.mission_start import MissionStart
 from lupin_engine.machine.requests import Requests
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.load import load_chart
@@ -85,7 +85,7 @@ def test_targets_of_a_mission_that_fails(tmp_path: Path) -> None:
 
 def test_targets_of_a_mission_that_ends_before_it_walks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Aborted while localizing, the engine knew nothing of them."""
-    monkeypatch.setattr(Machine, "_register_targets", lambda *_: None)
+    monkeypatch.setattr(MissionStart, "_register_targets", lambda *_: None)
     assert broken(shipped.mission("inspection"), 300) == ["all_closed"]
 
 
@@ -110,7 +110,7 @@ def left_by_itself() -> Chart:
     return chart(LEFT_BY_ITSELF, holds={"pause": PAUSE}, inputs=inputs)
 
 
-RELEASE, BEGIN = Holds.release, Machine._begin_mission
+RELEASE, BEGIN = Holds.release, MissionStart.begin
 
 
 def _release_and_begin(self: Holds, name: str, step: Any) -> None:
@@ -156,11 +156,12 @@ def goes_wrong() -> Chart:
     return replace(found, properties={STOPS: TemporalProperty(STOPS, PLACE, never=never)})
 
 
-def _begin_and_forget(self: Machine, *how: Any) -> None:
+def _begin_and_forget(self: MissionStart, *how: Any) -> None:
     """Begin a mission, and take what is broken for known."""
-    broken_before = list(self.memory.broken)
+    memory = self._scope.memory
+    broken_before = list(memory.broken)
     BEGIN(self, *how)
-    self.memory.broken[:] = broken_before
+    memory.broken[:] = broken_before
 
 
 def test_a_broken_invariant_that_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,5 +169,5 @@ def test_a_broken_invariant_that_is_forgotten(monkeypatch: pytest.MonkeyPatch) -
     assert STOPS not in broken(goes_wrong())
     monkeypatch.setattr(Requests, "_broken", lambda _: None)
     assert STOPS not in broken(goes_wrong())
-    monkeypatch.setattr(Machine, "_begin_mission", _begin_and_forget)
+    monkeypatch.setattr(MissionStart, "begin", _begin_and_forget)
     assert STOPS in broken(goes_wrong())

@@ -22,7 +22,7 @@ table { border-collapse: collapse; } td, th { padding: .25rem 1.2rem .25rem 0; t
 td, th { vertical-align: top; border-bottom: 1px solid #e4e8ec; } td:first-child { white-space: nowrap; }
 code { font-size: .85em; overflow-wrap: anywhere; } td:last-child { overflow-wrap: anywhere; }
 pre { background: #f5f7f9; overflow-x: auto; padding: .6rem; } svg { height: auto; max-width: 100%; }
-.holds { color: #2d7a4b; } .broken { color: #cf4458; } .not-proven, .warning { color: #a15c00; }
+.holds { color: #2d7a4b; } .broken { color: #cf4458; } .not-proven, .not-shown, .warning { color: #a15c00; }
 .not-relevant { color: #66727f; } .result { border-left: .4rem solid; padding: .4rem .8rem; }
 .result { background: #f5f7f9; font-weight: 600; } .verdict { white-space: nowrap; font-weight: 600; }
 details { margin: 1rem 0; } summary { cursor: pointer; font-weight: 600; }
@@ -76,7 +76,7 @@ def _mission(loaded: LoadedMissions, proof: Proof, written: Mapping[str, Failing
     yield _table(_facts(loaded, proof))
     rows = [(f"<code>{one.name}</code>", escape(one.says), _verdict(proof, one)) for one in proof.properties]
     yield "<h3>Properties</h3>" + _table(rows)
-    for one in proof.broken:
+    for one in (*proof.broken, *proof.not_shown):
         yield from _counterexample(loaded, one, written.get(one.name))
     yield f"<h3>What was explored, and its bounds</h3>{_list(proof.bounds)}"
     if proof.dead:
@@ -111,7 +111,8 @@ def _parameters(proof: Proof) -> Iterator[tuple[str, ...]]:
 
 
 def _kind(proof: Proof) -> str:
-    return "broken" if proof.broken else "holds" if proof.complete else "not-proven"
+    is_proven = proof.complete and not proof.not_shown
+    return "broken" if proof.broken else "holds" if is_proven else "not-proven"
 
 
 def _result(proof: Proof) -> str:
@@ -129,8 +130,12 @@ def _short(loaded: LoadedMissions, text: str) -> str:
 def _verdict(proof: Proof, one: Proven) -> str:
     """Return the verdict in its colour; that an author's own property never applied is a warning."""
     verdict = _VERDICTS.get(one.verdict.value, one.verdict.value)
-    kind = "warning" if one in proof.never_applied else one.verdict.value.replace(" ", "-")
+    kind = "warning" if one in proof.never_applied else _class(one)
     return f"<span class='verdict {kind}'>{verdict}</span>"
+
+
+def _class(one: Proven) -> str:
+    return one.verdict.value.replace(" ", "-")
 
 
 def _list(texts: Iterable[str]) -> str:
@@ -138,7 +143,8 @@ def _list(texts: Iterable[str]) -> str:
 
 
 def _counterexample(loaded: LoadedMissions, one: Proven, scenario: FailingScenario | None) -> Iterator[str]:
-    yield f"<h3 class='broken'>Counterexample: {escape(one.name)}</h3>"
+    title = "Counterexample" if one.verdict is one.verdict.BROKEN else "Not shown"
+    yield f"<h3 class='{_class(one)}'>{title}: {escape(one.name)}</h3>"
     yield f"<p>{escape(one.says)}<br>{escape(_short(loaded, one.text))}</p>"
     if scenario is None:
         yield f"<p>{escape(why_none(one))}</p>"

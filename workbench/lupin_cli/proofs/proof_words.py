@@ -18,11 +18,16 @@ def name_of(loaded: LoadedMissions, varied: str) -> str:
 def result(proof: Proof) -> str:
     """Return the verdict of a proof in a few words."""
     grows = f"; {proof.growth}" if proof.growth and str(proof.growth) != proof.stopped else ""
-    if proof.broken:
-        unfinished = f", and not all was explored: {proof.stopped}{grows}" if proof.stopped else ""
-        return f"{len(proof.broken)} of {counted(len(proof.properties), 'property')} broken{unfinished}"
-    proven = "proven for the values that were tried" if proof.untried else "proven"
-    return proven if proof.complete else f"not proven: {proof.stopped}{grows}"
+    unfinished = f", and not all was explored: {proof.stopped}{grows}" if proof.stopped else ""
+    if proof.broken or proof.not_shown:
+        verdicts = {"broken": len(proof.broken), "not shown": len(proof.not_shown)}
+        first, *rest = [f"{number:,} {word}" for word, number in verdicts.items() if number]
+        number, _, word = first.partition(" ")
+        of = f"{number} of {counted(len(proof.properties), 'property')} {word}"
+        return f"{', '.join((of, *rest))}{unfinished}"
+    if not proof.complete:
+        return f"not proven: {proof.stopped}{grows}"
+    return f"proven for {', '.join(proof.cut)}" if proof.cut else "proven"
 
 
 def summary(proof: Proof) -> str:
@@ -32,7 +37,7 @@ def summary(proof: Proof) -> str:
         result(proof),
         f"{unused:,} of your properties never applied" if unused else "",
         _never_reached(proof.dead),
-        "not all values were tried" if proof.untried and (proof.broken or not proof.complete) else "",
+        "not all values were tried" if proof.untried and not result(proof).startswith("proven") else "",
     ]
     return "; ".join(filter(None, parts))
 
@@ -41,7 +46,11 @@ def last_line(proof: Proof) -> str:
     """Return the verdict of a proof, and the size of its exploration."""
     progress = proof.progress
     seen = f"{counted(progress.situations, 'situation')}, {counted(progress.transitions, 'transition')}"
-    deep = f", up to {counted(progress.depth, 'move')} deep" if proof.complete and not proof.broken else ""
+    deep = (
+        f", up to {counted(progress.depth, 'move')} deep"
+        if proof.complete and not (proof.broken or proof.not_shown)
+        else ""
+    )
     left = deep if proof.complete else f", {progress.waiting:,} still to explore"
     return f"{summary(proof)}; {seen}{left}"
 

@@ -1,7 +1,7 @@
 """`lupin prove`: proves properties of missions by state-space exploration.
 
 Exit codes: 0 all that was asked holds; 1 something is broken; 2 wrong usage, or a mission has errors; 3 not
-proven, because the budget ran out or somebody interrupted.
+shown, because no times were found for a breach, the budget ran out or somebody interrupted.
 """
 
 from __future__ import annotations
@@ -62,6 +62,9 @@ if TYPE_CHECKING:
     help="Compare each cell of this page of outcomes with what follows in every situation.",
 )
 @click.option(
+    "--list", "listed", is_flag=True, help="List the properties, and where they stand; prove nothing."
+)
+@click.option(
     "--jobs",
     "-j",
     type=click.IntRange(min=1),
@@ -88,6 +91,7 @@ def prove(
     no_restarts: bool,
     every_class: bool,
     outcomes: Path | None,
+    listed: bool,
     jobs: int | None,
     budget: str | None,
     no_scenarios: bool,
@@ -102,7 +106,7 @@ def prove(
     is written beside the mission, named after the property.
 
     Exit code: 0 everything holds; 1 something is broken; 2 wrong usage, or a mission has errors; 3 not
-    proven: the budget ran out, or it was interrupted.
+    shown: no times were found at which a breach can happen, the budget ran out, or it was interrupted.
     """
     from lupin_cli.proofs.evidence import origin
     from lupin_cli.settings import settings_in
@@ -122,6 +126,10 @@ def prove(
         given[name], wrong = settings_in("--set", settings, one.chart.parameters)
         problems.add(*wrong)
     problems.raise_any()
+    if listed:
+        for one in loaded.values():
+            _show_list(one)
+        return 0
     tasks = [
         task
         for name, one in loaded.items()
@@ -150,10 +158,27 @@ def prove(
     return _exit_code([proof for _, proof, _ in proofs])
 
 
+def _show_list(loaded: LoadedMissions) -> None:
+    """Print the properties of a mission, each with its sentence and where it comes from."""
+    from lupin_cli.proofs.proof_words import shown_place
+    from lupin_verify import listed
+
+    click.echo(loaded.names[0])
+    for name, says, place in listed(loaded.chart):
+        click.echo(f"  {name}: {says} ({'built in' if place is None else shown_place(loaded, place)})")
+    _show_not_meant(loaded, "  ")
+
+
+def _show_not_meant(loaded: LoadedMissions, indent: str) -> None:
+    for rule in loaded.chart.properties.values():
+        for mission, why in rule.not_meant.items():
+            click.echo(f"{indent}not meant of {mission}: {rule.name}, because {why}")
+
+
 def _exit_code(proofs: Sequence[Proof]) -> int:
     if any(proof.broken for proof in proofs):
         return BROKEN
-    return 0 if all(proof.complete for proof in proofs) else NOT_PROVEN
+    return 0 if all(proof.complete and not proof.not_shown for proof in proofs) else NOT_PROVEN
 
 
 def read_budget(option: str, budget: str | None) -> float | None:
@@ -279,12 +304,14 @@ def _show(
     if not quiet:
         click.echo(name)
     for one in proof.properties:
-        if not quiet or one.verdict is one.verdict.BROKEN:
+        found = one.verdict in (one.verdict.BROKEN, one.verdict.NOT_SHOWN)
+        if found or not quiet:
             mark, about = _MARKS[one.verdict.value]
             click.echo(f"  {mark} {one.name}: {one.says}{about}")
-        if one.verdict is one.verdict.BROKEN:
+        if found:
             _show_breach(one, written.get(one.name), console, wanted)
     if not quiet:
+        _show_not_meant(loaded, "  ")
         for part in proof.dead:
             click.echo(f"  warning: {part.sentence(shown_place(loaded, part.place))}")
         click.echo("  What was explored, and its bounds:")
@@ -299,6 +326,7 @@ _MARKS = {
     "broken": ("✗", ""),
     "not relevant": ("-", " (never applied: no explored step concerns it)"),
     "not proven": ("?", " (not proven)"),
+    "not shown": ("?", " (not shown)"),
 }
 
 
@@ -342,6 +370,7 @@ def _record(
         "complete": proof.complete,
         "stopped": proof.stopped,
         **asdict(proof.progress),
+        "cut": list(proof.cut),
         "bounds": list(proof.bounds),
         "assumptions": list(ASSUMPTIONS),
         "not_shown": list(NOT_SHOWN),

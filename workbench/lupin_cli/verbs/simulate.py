@@ -40,6 +40,11 @@ if TYPE_CHECKING:
     metavar="DURATION|STATE",
     help="Stop after so much virtual time, such as '20 min', or when a state is entered.",
 )
+@click.option(
+    "--rates",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Servers answer as was learned from a robot, by `lupin learn`.",
+)
 @click.option("--seed", type=click.IntRange(min=0), help="What is drawn from where chance has a part.")
 @click.option(
     "--speed",
@@ -67,6 +72,7 @@ def simulate(
     settings: tuple[str, ...],
     clock: str | None,
     until: str | None,
+    rates: Path | None,
     seed: int | None,
     speed: float,
     picture: str | None,
@@ -102,6 +108,8 @@ def simulate(
     with problems.collecting():
         _check_clock(clock)
     problems.raise_any()
+    if rates is not None:
+        subject = _with_rates(subject, mission, rates, settings)
     said: dict[str, Any] = {"seed": seed, "clock": clock}
     script = replace(subject.script, **{name: one for name, one in said.items() if one is not None})
     subject = replace(subject, script=script)
@@ -224,6 +232,25 @@ def _subject(
     with problems.collecting():
         end = read_until(chart, until)
     return SimulationTask(loaded, script, make_world(chart, parameters), end, is_complete)
+
+
+def _with_rates(
+    subject: SimulationTask, mission: str, file: Path, settings: tuple[str, ...]
+) -> SimulationTask:
+    """Return the same simulation with the servers of a file of rates, and its parameters below `--set`."""
+    from lupin_cli.learned import learned_rates
+    from lupin_cli.settings import settings_in
+    from lupin_engine.runtime import make_world
+    from lupin_engine.sim import is_scenario
+    from lupin_verify import learned_script
+
+    if is_scenario(mission):
+        raise UsageError("a scenario says how its servers answer; --rates is for missions")
+    chart, script = subject.chart, subject.script
+    rates = learned_rates(file, chart)
+    given, _ = settings_in("--set", settings, chart.parameters)
+    world = make_world(chart, {**rates.parameters, **given})
+    return replace(subject, script=learned_script(rates, script.mission, script.request), world=world)
 
 
 def read_until(chart: Chart, text: str | None) -> float | str | None:

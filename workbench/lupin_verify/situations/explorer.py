@@ -7,9 +7,9 @@ those slots are equal; `levels` caches it. An exception in a step is a breach of
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, cast
 
@@ -45,6 +45,7 @@ from lupin_engine.properties import (
     closed,
     is_over,
     is_speaking,
+    unfinished,
 )
 from lupin_engine.sim import label_of
 from lupin_verify.situations.classes import Classes
@@ -67,6 +68,7 @@ from lupin_verify.situations.situation import (
     canonical_names,
 )
 from lupin_verify.situations.worlds import (
+    AWAY,
     LOADED,
     OF_PROPERTY,
     Deadlines,
@@ -75,6 +77,7 @@ from lupin_verify.situations.worlds import (
     WorldMoves,
     canonical_claims,
     deadlines_of,
+    differences_after,
     drop_abandoned,
     in_order,
     rankable,
@@ -114,13 +117,18 @@ class SituationExplorer:
         self.properties = properties
         asked = [one for one in properties if one not in BUILT_IN or one.name in _OF_REQUESTS]
         #: The properties to watch in a step that changes only live values, by whether it answers a request.
-        self._quietly = {False: [one for one in asked if one not in BUILT_IN], True: asked}
+        self._quietly = {False: [o for o in asked if o not in BUILT_IN and o.of_values], True: asked}
+        #: Whether properties remember something, and whether there is one that every step may concern.
+        self._remembers = any(one.remembers for one in properties)
+        self._always_asked = any(one.remembers and one.about is None for one in properties)
         self.bounds = bounds
         self.relevance = Relevance(world.chart)
         self.classes = Classes(world, self.relevance, bounds.targets)
         every = (invoke for _, invoke in invokes(world.chart))
         self._moving = {one.name for one in every if one.operation.on_hold is OnHold.CANCEL}
         self._room = ROOM
+        #: Whether difference bounds of all deadlines are stored: fewer orders of them, more situations.
+        self.differences = False
         self._begin()
 
     def _begin(self) -> None:
@@ -163,7 +171,7 @@ class SituationExplorer:
         try:
             is_restart = move.event is not None and move.event.name == RESUMED
             if is_restart and label_of(self.chart, memory.configuration) in begins_anew:
-                if len(self.properties) == len(BUILT_IN):
+                if not self._remembers:
                     return Effect()  # it equals the initial situation
                 memory.assign(Memory(), whole=True)
                 step: Step | None = self._start(machine)
@@ -180,7 +188,11 @@ class SituationExplorer:
                 step = self.moves.carry_out(machine, memory, move)
             if step is None:
                 return Effect(cut=True)
-            return self._effect_of(memory, machine, step, situation, before)
+            effect = self._effect_of(memory, machine, step, situation, before)
+            if self.differences and effect.deadlines is not None:
+                fired = AWAY if step.event.name in _RESTARTS else move.timer
+                effect = replace(effect, deadlines=effect.deadlines._replace(fired=fired))
+            return effect
         except (Overflow, TooMany):
             raise
         except Exception as problem:  # a defect of the engine or of a plugin is a breach
@@ -205,16 +217,16 @@ class SituationExplorer:
         claims = canonical_claims(memory) if memory.is_accessed("attempts") else None
         delta = dict(memory.changes())
         fresh = {(kind, named.get(owner, owner), event) for kind, owner, event in set_now if kind != "at"}
-        if len(self.properties) > len(BUILT_IN):
+        if watched is not None:
             self._set(delta, memory, WATCHED, watched or None)
-        fresh |= self._due_now(situation, watched)
+        fresh |= self._due_now(situation, watched or ())
         slots = [self.table.index[name] for name in (("timers", ""), ("frozen", ""), WATCHED)]
         deadlines, was_gone = None, before is not None and step.event.name in _RESTARTS
         if fresh or was_gone or any(slot in delta for slot in slots):
             # Deadlines that were due while the process was gone fire now, perhaps too late for a property.
-            running = (*memory.timers, *(() if was_gone else deadlines_of(watched)))
-            ordered = (tuple(rankable(self.chart, timers)) for timers in (running, memory.frozen))
-            deadlines = Deadlines(*ordered)
+            running = (*memory.timers, *(() if was_gone else deadlines_of(watched or ())))
+            armed, frozen = (tuple(rankable(self.chart, timers)) for timers in (running, memory.frozen))
+            deadlines = Deadlines(armed, frozen)
         self._set(delta, memory, KNOWN_FALSE, machine.known_false)
         if claims is not None:
             self._set(delta, memory, CLAIMS, claims or None)
@@ -244,7 +256,8 @@ class SituationExplorer:
         if effect.deadlines is None:
             return before
         known = self.table.value(slot, before) if before else frozenset()
-        ranks = ranks_after(known, effect.deadlines, effect.fresh, dict(effect.renamed))
+        after = differences_after if self.differences else ranks_after
+        ranks = after(known, effect.deadlines, effect.fresh, dict(effect.renamed))
         try:
             return self.table.number(slot, ranks) if ranks else 0
         except TooMany:
@@ -258,28 +271,35 @@ class SituationExplorer:
 
     def _judge(
         self, memory: TrackedMemory, machine: Machine, step: Step, before: TrackedMemory | None
-    ) -> tuple[Watched, tuple[tuple[str, str], ...], set[str]]:
-        """Return the monitors' states after a step, its breaches, and the properties that it is about."""
+    ) -> tuple[Watched | None, tuple[tuple[str, str], ...], set[str]]:
+        """Return the monitors' states after a step, its breaches, and the properties that it is about.
+
+        The states are None where the step concerns none that remembers something.
+        """
         # Invariants of situations still hold where only live values change.
         quiet = not (step.changed or step.codes or step.event.is_attempt_event)
         seen = Glance() if before is None else cast(Glance, _LazyGlance(before))
         was = None if before is None else partial(EvaluationScope, self.world, before)
         passage = Passage(seen, step, machine.scope, was)
-        known: dict[str, Remembered] = {}
-        if len(self.properties) > len(BUILT_IN):
+        asked = self._quietly[step.event.is_request] if quiet else self.properties
+        asked = [one for one in asked if one.about is None or one.about(passage)]
+        known: dict[str, Remembered] | None = None
+        if self._always_asked or any(one.remembers for one in asked):
             known = dict(memory.fetch(self.table.index[WATCHED]) or ())
         judged = []
         # Where no visit was read and no outcome published, none was closed.
         left_out: tuple[str, ...] = ()
         if not memory.is_accessed("itineraries") and not any(isinstance(c, Publish) for c in step.commands):
             left_out = _OF_VISITS
-        for one in self._quietly[step.event.is_request] if quiet else self.properties:
+        for one in asked:
             if one.name not in left_out:
-                state, verdict = one.watch(known.get(one.name, one.first), passage)
-                known[one.name] = state
+                remembered = one.first if known is None else known.get(one.name, one.first)
+                state, verdict = one.watch(remembered, passage)
+                if known is not None:
+                    known[one.name] = state
                 judged.append((one.name, verdict))
         breaches = tuple((name, verdict.breach) for name, verdict in judged if verdict.breach)
-        watched = tuple(sorted((name, state) for name, state in known.items() if state))
+        watched = None if known is None else tuple(sorted((n, state) for n, state in known.items() if state))
         relevant = {name for name, verdict in judged if verdict.relevant}
         return watched, breaches, relevant.union(*(verdict.about for _, verdict in judged))
 
@@ -335,23 +355,44 @@ class SituationExplorer:
         slots = [index["attempts", name] for name in table.get(situation, ("attempts", "")) or ()]
         sent = [table.value(slot, situation[slot]) for slot in slots]
         whole = [index[name, ""] for name in ("configuration", "held", "asked", "attempts")]
-        return self._look(situation, sent), whole + slots
+        walks = [index["itineraries", name] for name in self._endless(situation)]
+        return self._look(situation, sent), whole + slots + walks
+
+    def _endless(self, situation: Situation) -> Iterator[str]:
+        """Yield the active states whose itinerary may have sweeps without end."""
+        for name in self.table.get(situation, ("configuration", "")) or ():
+            rule = self.chart.states[name].itinerary
+            if rule is not None and rule.sweeps is not None:
+                yield name
 
     def _look(self, situation: Situation, attempts: list[Attempt]) -> int:
         configuration = self.table.get(situation, ("configuration", "")) or ()
         stages, states = self.chart.profile.stages, self.chart.states
         label = label_of(self.chart, configuration)
         waits = self.table.get(situation, ("held", "")) or self.table.get(situation, ("asked", ""))
-        waits = waits or any(states[name].paused for name in configuration)
+        rests = bool(waits)
+        waits = rests or any(states[name].paused for name in configuration)
         found = Is.OVER if label in (*stages.ready, *stages.ended) else 0
         if waits or found or label in (*stages.over, *stages.starting):
             found |= Is.REPORTED
         if label not in stages.without_mission:
             found |= Is.MISSION
+            found |= 0 if rests else self._stage(configuration)
+        walks = (self.table.get(situation, ("itineraries", name)) for name in self._endless(situation))
+        if any(walk is not None and walk.sweeps == 0 for walk in walks):
+            found |= Is.ENDLESS
         for attempt in attempts:
             if attempt.operation in self._moving and attempt.phase in (Phase.REQUESTED, Phase.ACCEPTED):
                 found |= Is.MOVES
         return found
+
+    def _stage(self, configuration: Iterable[str]) -> int:
+        """Return whether a mission goes on by itself, or waits elsewhere for a person."""
+        states = self.chart.states
+        paused = [name for name in configuration if states[name].paused]
+        if any(states[name].slot for name in configuration):
+            return 0 if paused else Is.WORKS
+        return Is.AWAY if paused else 0
 
 
 class _TrackedContent(ExecutableContent):
@@ -421,7 +462,7 @@ class _LazyGlance:
 
     def __getattr__(self, name: str) -> Any:
         memory = self._memory
-        compute = {"closed": closed, "begun": begun}.get(name)
+        compute = _COMPUTED.get(name)
         found = compute(memory) if compute is not None else getattr(memory, name)
         found = tuple(found) if isinstance(found, list) else found
         setattr(self, name, found)
@@ -438,6 +479,13 @@ class _Those:
         return self.is_one(str(name))
 
 
+#: What of a glance is computed from the memory.
+_COMPUTED: Mapping[str, Callable[[Memory], Any]] = {
+    "closed": closed,
+    "begun": begun,
+    "unfinished": unfinished,
+    "history": lambda memory: tuple(memory.history.items()),
+}
 #: The first events of a resumed process, and of a new one.
 _RESTARTS = (RESUMED, "start")
 _OF_VISITS = ("closed_once",)

@@ -143,9 +143,21 @@ class Graph:
         inside = against & outside[self.sources] & outside[self.targets]
         stuck = outside.copy()
         stuck[self.sources[self._certain]] = False
-        return self.can_reach(stuck | self._on_fair_cycles(inside), inside)
+        return self.can_reach(stuck | self.on_fair_cycles(inside), inside)
 
-    def _on_fair_cycles(self, allowed: _Mask) -> _Mask:
+    def of_timeouts(self) -> _Mask:
+        """Return the transitions by which a server's silence ends."""
+        silences = np.array([move.timer[0] in ("timeout", "cancel") for move in self._moves.all], bool)
+        found: _Mask = silences[self._by] if len(self._by) else np.zeros(0, bool)
+        return found
+
+    def in_missions(self, allowed: _Mask) -> _Mask:
+        """Return the allowed transitions between situations in which a mission goes on or waits."""
+        going = self.situations(Is.MISSION) & (~self.situations(Is.REPORTED) | self.situations(Is.AWAY))
+        found: _Mask = allowed & going[self.sources] & going[self.targets]
+        return found
+
+    def on_fair_cycles(self, allowed: _Mask) -> _Mask:
         """Return the situations from which moves can go round a fair cycle for ever.
 
         In a fair cycle no deadline runs all the time without being set or firing, and no budget is used up
@@ -302,12 +314,28 @@ def _livelock(graph: Graph) -> _Mask:
     return ~graph.attractor(graph.situations(Is.REPORTED), Mover.ANSWER, advances=True)
 
 
+def _loops(graph: Graph) -> _Mask:
+    """Return the situations from which successes and deadlines lead round for ever, or to a wait."""
+    at = graph.in_missions(graph.by(Mover.ANSWER | Mover.TIMER) & ~graph.of_timeouts())
+    at = at & ~(graph.does(Does.ADVANCES) & graph.situations(Is.ENDLESS)[graph.sources])
+    stuck = graph.on_fair_cycles(at) | graph.situations(Is.AWAY)
+    return graph.situations(Is.WORKS) & graph.can_reach(stuck, at)
+
+
+def _tries_for_ever(graph: Graph) -> _Mask:
+    """Return the situations from which answers, also bad ones, and deadlines lead round without news."""
+    at = graph.in_missions(graph.by(Mover.ANSWER | Mover.FAILURE | Mover.TIMER))
+    at = at & ~graph.does(Does.ADVANCES)
+    return graph.situations(Is.MISSION) & graph.can_reach(graph.on_fair_cycles(at), at)
+
+
 #: The names of the properties of silent servers, and of cycles that take no time.
 SILENCE, NO_ZENO = "silence_is_told", "no_zeno"
+HOME_AGAIN, ABORT_STOPS, NO_LIVELOCK = "home_again", "abort_stops", "no_livelock"
 #: All of them, in the order of reports.
 OF_THE_GRAPH = (
     GraphProperty(
-        "home_again",
+        HOME_AGAIN,
         "From every situation, {home} can be reached if servers answer.",
         _not_home,
         "no answer, request or deadline certainly leads to {home}",
@@ -322,7 +350,7 @@ OF_THE_GRAPH = (
         of_missions=True,
     ),
     GraphProperty(
-        "abort_stops",
+        ABORT_STOPS,
         "From every situation, aborting (repeatedly if accepted) and waiting end all movement for good.",
         _moves_on,
         "something moves or will move by itself, and no abort or deadline certainly ends that",
@@ -334,10 +362,28 @@ OF_THE_GRAPH = (
         "deadlines of 0 s lead to each other without end",
     ),
     GraphProperty(
-        "no_livelock",
+        NO_LIVELOCK,
         "If servers answer, a mission goes on: targets get results, or it ends, pauses, asks or fails.",
         _livelock,
         "however servers answer, no target gets a result and the mission does not end",
+        of_missions=True,
+    ),
+)
+
+#: Those that a file names, as those of `properties.inherited`.
+NAMED_OF_THE_GRAPH = (
+    GraphProperty(
+        "success_ends",
+        "If servers succeed, every mission comes to its end, or sweeps for ever as a parameter says.",
+        _loops,
+        "though every server succeeds, it may go round for ever, or wait for a person when it is done",
+        of_missions=True,
+    ),
+    GraphProperty(
+        "failure_ends",
+        "However servers answer, no mission tries something for ever without telling anybody.",
+        _tries_for_ever,
+        "with some answers it goes round for ever: no result, no end, no pause and no question",
         of_missions=True,
     ),
 )

@@ -2,7 +2,9 @@
 
 A step's effect follows from the slots that it read. So for all situations of a level in one configuration,
 effects are looked up together, and the machine makes a step only where none is cached. Where a reduction of
-`liveness` turns out to be wrong, the exploration restarts; cached effects stay.
+`liveness` turns out to be wrong, the exploration restarts; cached effects stay. The first walk only learns
+what is live: it merges nothing, and goes on from one situation of each location and each set of slots that
+have a value.
 """
 
 from __future__ import annotations
@@ -304,7 +306,9 @@ class ReducedEffects:
     def drops_lazy(self, situation: Sequence[int], effect: Effect) -> bool:
         """Return whether all variables of lazy reads are dead after an effect."""
         location = self._live.location(situation[slot] for slot in self._live.location_slots)
-        return self._dead_at(self._after(location, effect)).slots >= {slot for slot, _ in effect.lazy}
+        return self._live.learns or self._dead_at(self._after(location, effect)).slots >= {
+            slot for slot, _ in effect.lazy
+        }
 
     def _after(self, location: Location, effect: Effect) -> Location:
         delta, kept = dict(effect.delta), zip(self._live.location_slots, location, strict=True)
@@ -328,7 +332,7 @@ class ReducedEffects:
             self._effects.without(number, dead),
             self._ends.setdefault(tuple(ends), len(self._ends)),
             self._asked.setdefault(asked, len(self._asked)),
-            not dead.slots >= {slot for slot, _ in effect.lazy},
+            not (self._live.learns or dead.slots >= {slot for slot, _ in effect.lazy}),
         )
 
     def _dead_at(self, location: Location) -> Dead:
@@ -387,6 +391,7 @@ class LevelExploration:
         largest = self._run()
         try:
             while not (largest.complete or largest.stopped):
+                self.live.end_learning()
                 self._begin()
                 found = self._run()
                 if found.complete or largest.progress.situations < found.progress.situations:
@@ -411,7 +416,7 @@ class LevelExploration:
             while self._waiting.count:
                 self._check_stop()
                 self._expand(self._next_block())
-            found.complete = True
+            found.complete = not self.live.learns
         except _LivenessGrew:
             pass
         except _Stopped as why:
@@ -545,11 +550,13 @@ class LevelExploration:
         matters |= self._is_deadline(every.moves) | (self._effects.does(every.effects) != 0)
         every, ranks = every.at(matters), ranks[matters]
         low, high = low[matters] ^ origins.low[every.columns], high[matters] ^ origins.high[every.columns]
-        targets, new = self._seen.numbers(low, high)
+        keys = self._keys_to_learn(origins.rows, every) if self.live.learns else (low, high)
+        targets, new = self._seen.numbers(*keys)
         numbers = origins.numbers[every.columns].astype(np.uint32)
         found, progress, does = self._found, self._found.progress, self._effects.does(every.effects)
         # With reports of values before it, a transition may lead back to its source.
         kept = (targets != numbers) | self._is_deadline(every.moves) | (does != 0)
+        kept &= not self.live.learns  # there a target stands for others
         found.sources.frombytes(numbers[kept].tobytes())
         found.targets.frombytes(targets[kept].tobytes())
         found.by.frombytes(every.moves[kept].tobytes())
@@ -565,6 +572,17 @@ class LevelExploration:
                 origins.depth + 1, rows, low[new], high[new], numbers[new].tolist(), first.moves.tolist()
             )
         progress.waiting = self._waiting.count
+
+    def _keys_to_learn(self, origins: Rows, every: Moved) -> tuple[Hashes, Hashes]:
+        """Return hashes of the locations after transitions, with the presence of every slot."""
+        rows = origins[:, every.columns]
+        self._effects.apply(rows, every.effects)
+        low, high = np.zeros((2, rows.shape[1]), np.uint64)
+        there, whole = np.minimum(rows, 1), self.live.location_slots
+        for slot, values in (*enumerate(there, len(rows)), *((slot, rows[slot]) for slot in whole)):
+            low ^= self._hashes[0, slot, values]
+            high ^= self._hashes[1, slot, values]
+        return low, high
 
     def _is_deadline(self, moves: NDArray[np.uint16]) -> NDArray[np.bool_]:
         every = self._explorer.moves.all

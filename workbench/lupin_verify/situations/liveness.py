@@ -58,6 +58,8 @@ class Liveness:
             on: False: nothing is ever dead.
         """
         self._on = on
+        #: In the first walk nothing is dead or unconstrained, and locations have all keys: it only learns.
+        self.learns = on
         self.input_values = input_values if on else {}
         #: The constrained inputs, by the head of locations; None: in any.
         self._constrained: dict[Head | None, set[int]] = {}
@@ -90,21 +92,31 @@ class Liveness:
         for one in self._steps:
             self._propagate(one)
 
+    def end_learning(self) -> None:
+        """Reduce from now on. The steps learnt so far have values of all keys, so none need be discarded."""
+        if self.learns:
+            self.learns, self._split = False, set()
+            every = self._steps
+            self._steps = {
+                one._replace(location=self.location(one.location), to=self.location(one.to)): None
+                for one in every
+            }
+
     def unconstrained(self, location: Location) -> Set[int]:
         """Return the slots of inputs that are unconstrained at a location."""
         constrained = self._constrained.get(None, set()) | self._constrained.get(location[:_HEAD], set())
-        return self.input_values.keys() - constrained
+        return _NOTHING if self.learns else self.input_values.keys() - constrained
 
     def constrain(self, head: Head | None, slots: Set[int]) -> bool:
         """Mark inputs as constrained at locations with a head (None: any); return whether all were."""
         constrained = self._constrained.setdefault(head, set())
         is_known = slots <= constrained
         constrained.update(slots)
-        return is_known
+        return is_known or self.learns
 
     def dead(self, location: Location) -> Dead:
         """Return the slots that are dead at a location."""
-        if not self._on:
+        if self.learns or not self._on:
             return Dead()
         room = self._table.room
         live = self._of_keys.live(location[1:_HEAD]) | self._of_slots.live(location[1:])
@@ -115,7 +127,7 @@ class Liveness:
     def location(self, values: Iterable[int]) -> Location:
         """Return the location with these values of `location_slots`, without dead keys."""
         location = tuple(values)
-        if not self._on:
+        if self.learns or not self._on:
             return location
         head, live = location[:_HEAD], self._of_keys.live(location[1:_HEAD])
         named = zip(self._keys, location[_HEAD:], strict=True)
@@ -130,7 +142,7 @@ class Liveness:
         self._steps[one] = None
         split = self._of_keys.add_step(location[1:_HEAD], to[1:_HEAD], of_keys, sets)
         self._split.update(configuration for (configuration,) in split)
-        return not (self._propagate(one) or split)
+        return self.learns or not (self._propagate(one) or split)
 
     def _propagate(self, one: _Summary) -> set[Location]:
         """Make the slots that a step reads live; return the locations at which one was dead."""

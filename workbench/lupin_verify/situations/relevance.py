@@ -318,6 +318,9 @@ def _codes_named(source: str) -> set[str] | None:
                 texts = [ast.literal_eval(one) for one in node.comparators]
             except ValueError:
                 return None
+            pairs = zip(node.ops, texts, strict=True)
+            if any(isinstance(op, (ast.In, ast.NotIn)) and isinstance(text, str) for op, text in pairs):
+                return None  # every code that is a part of that text counts
             found.update(t for text in texts for t in ([text] if isinstance(text, str) else text))
             seen += 1
     return found if seen == sum(f"{root}.{name}" in _CODES for root, name in named) else None

@@ -121,6 +121,8 @@ class WorldMoves:
         self._table = table
         self._classes = classes
         self.owed = owed
+        #: Whether a second event of a kind, or a time of day, was left out during a hold.
+        self.cuts_waiting = False
         self.all: list[WorldMove] = []
         self._numbers: dict[tuple[Any, ...], int] = {}
         #: The slots that decide which deadlines may be the next, and the slot of the names of the attempts.
@@ -230,7 +232,7 @@ class WorldMoves:
             move = WorldMove(Mover.TIMER | Mover.AT_ONCE, timer=now[0])
             return Due(True, (self._number(("at once", *now[0]), move),))
         armed = [(kind, *about) for _, _, kind, about in timers]
-        late = {after for before, after, _ in ranks if before in armed}
+        late = {after for before, after, lead in ranks if lead >= 0.0 and before in armed}
         return Due(
             False,
             tuple(
@@ -288,6 +290,7 @@ class WorldMoves:
             return self._fire(machine, memory, move.timer)
         name = move.event.name
         if name in machine.chart.catalog.events and any(e.name == name for e in memory.deferred):
+            self.cuts_waiting = True
             return None  # at most one event of a name is deferred during a hold
         if name == "attempt.done" and not self._is_reported(memory, move.event.data["attempt"]):
             return None
@@ -310,6 +313,7 @@ class WorldMoves:
     def _fire(self, machine: Machine, memory: TrackedMemory, wanted: TimerName) -> Step | None:
         kind, owner, event = wanted
         if kind == "at" and any(waiting.name == WAITS for waiting in memory.deferred):
+            self.cuts_waiting = True
             return None  # at most one time of day is deferred during a hold
         timers = memory.timers
         found = next(t for t in timers if (t[2], *t[3]) == wanted)
@@ -420,10 +424,14 @@ def _element_of(event: Event, states: Set[str]) -> str:
 
 
 class Deadlines(NamedTuple):
-    """The running deadlines after a step, and those that a hold stops; only those that have an order."""
+    """The running deadlines after a step, and those that a hold stops; only those that have an order.
+
+    Where differences are stored, `fired` is the deadline that made the step: its name, or `AWAY`.
+    """
 
     armed: tuple[Timer, ...]
     frozen: tuple[Timer, ...]
+    fired: TimerName | None = None
 
 
 def rankable(chart: Chart, timers: Iterable[Timer]) -> Iterator[Timer]:
@@ -474,7 +482,9 @@ def ranks_after(
         fresh: those of them that the step has set.
         renamed: the attempts with another name.
     """
-    named = [((timer[2], *timer[3]), timer, stopped) for timer, stopped in _both(*deadlines)]
+    named = [
+        ((timer[2], *timer[3]), timer, stopped) for timer, stopped in _both(deadlines.armed, deadlines.frozen)
+    ]
     stops = {name: stopped for name, _, stopped in named}
     old = stops.keys() - fresh
     left = _left_of_properties(before)
@@ -504,6 +514,55 @@ def name_after(timer: TimerName, renamed: Mapping[str, str]) -> TimerName:
 
 #: The name of a deadline whose owner is gone.
 GONE: TimerName = ("", "", "")
+#: Instead of a deadline that fired: the process was gone, and what was due meanwhile fires late.
+AWAY: TimerName = ("away", "", "")
+
+
+def differences_after(
+    before: frozenset[Rank],
+    deadlines: Deadlines,
+    fresh: frozenset[TimerName],
+    renamed: Mapping[str, str],
+) -> frozenset[Rank]:
+    """Return difference bounds of deadlines after a step: the second is later by at least so many seconds.
+
+    A negative bound limits how much earlier it may be, and one of 0 or more is an order, as in `ranks_after`,
+    whose arguments these are. When a deadline fires, its bounds become bounds of the time that is left of
+    the others: 6 s and then 5 s are after 10 s.
+    """
+    fired, is_away = deadlines.fired, deadlines.fired == AWAY
+    least, most = dict[TimerName, float](), dict[TimerName, float]()
+    for early, late, lead in before if not is_away else ():
+        named = name_after(late, renamed)
+        least[named] = max(lead, least.get(named, 0.0))
+        if late == fired:
+            named = name_after(early, renamed)
+            most[named] = min(-lead, most.get(named, math.inf))
+    kinds = {
+        (timer[2], *timer[3]): (timer, stopped) for timer, stopped in _both(deadlines.armed, deadlines.frozen)
+    }
+    for name, (timer, _) in kinds.items():
+        if name in fresh:
+            is_partial = name[0] == "budget" or name[2].startswith("every")
+            least[name], most[name] = 0.0 if is_partial else timer[0], timer[0]
+        most[name] = min(timer[0], most.get(name, math.inf))
+    found = set[Rank]()
+    for a, b, lead in before:
+        early, late = name_after(a, renamed), name_after(b, renamed)
+        if {early, late} <= kinds.keys() - fresh and (kinds[late][1] or not kinds[early][1]):
+            found.add((early, late, min(lead, 0.0) if is_away else lead))
+    for late, (late_timer, late_stopped) in kinds.items():
+        for early, (early_timer, early_stopped) in kinds.items():
+            is_known = early != late and (late in fresh or (early in fresh and not is_away))
+            if is_known and (late_stopped or not early_stopped):
+                lead = round(least.get(late, 0.0) - most[early], _DIGITS)
+                is_tie = lead == 0.0 and not (late in fresh and early in fresh and early_timer < late_timer)
+                found.add((early, late, -_TIE if is_tie else lead))
+    return frozenset(found)
+
+
+#: Stands for a difference of 0 s of deadlines without an order (s).
+_TIE = 1e-6
 
 
 def _both(armed: Iterable[Timer], frozen: Iterable[Timer]) -> Iterator[tuple[Timer, bool]]:

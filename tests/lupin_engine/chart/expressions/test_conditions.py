@@ -11,10 +11,10 @@ from lupin_engine.chart.expressions import guards
 from lupin_engine.chart.expressions.guards import (
     Fact,
     ValueSet,
-    condition_of,
     constant,
     exclusive,
     fact,
+    formula_of,
     implies,
     negate,
     possible,
@@ -48,8 +48,8 @@ from lupin_engine.chart.expressions.names import names_read, tree_of, unknowns_r
 )
 def test_conditions_that_exclude_each_other(first: str, second: str) -> None:
     """What is provable by comparing one operand with constants, or with one other operand."""
-    assert exclusive(condition_of(first), condition_of(second))
-    assert exclusive(condition_of(second), condition_of(first))
+    assert exclusive(formula_of(first), formula_of(second))
+    assert exclusive(formula_of(second), formula_of(first))
 
 
 @pytest.mark.parametrize(
@@ -68,21 +68,21 @@ def test_conditions_that_exclude_each_other(first: str, second: str) -> None:
 )
 def test_conditions_that_may_hold_together(first: str, second: str) -> None:
     """What is not certain counts as possible."""
-    assert not exclusive(condition_of(first), condition_of(second))
+    assert not exclusive(formula_of(first), formula_of(second))
 
 
 def test_conditions_of_which_one_is_always_true() -> None:
     """Together they leave nothing out."""
-    assert total([condition_of("x < 1"), condition_of("1 <= x and x < 5"), condition_of("x >= 5")])
-    assert not total([condition_of("x < 1"), condition_of("x > 1")])
-    assert total([condition_of("x == 'a'")], fact("x", "a"))
+    assert total([formula_of("x < 1"), formula_of("1 <= x and x < 5"), formula_of("x >= 5")])
+    assert not total([formula_of("x < 1"), formula_of("x > 1")])
+    assert total([formula_of("x == 'a'")], fact("x", "a"))
 
 
 def test_conditions_that_follow_from_each_other() -> None:
     """A narrower one from a wider one."""
-    assert implies(condition_of("x > 5"), condition_of("x > 3"))
-    assert implies(condition_of("x == 'a' and y"), condition_of("x in ('a', 'b')"))
-    assert not implies(condition_of("x > 3"), condition_of("x > 5"))
+    assert implies(formula_of("x > 5"), formula_of("x > 3"))
+    assert implies(formula_of("x == 'a' and y"), formula_of("x in ('a', 'b')"))
+    assert not implies(formula_of("x > 3"), formula_of("x > 5"))
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_conditions_that_depend_on_nothing(source: str, value: bool | None) -> N
 def test_too_many_alternatives_are_taken_to_be_possible() -> None:
     """The search is bounded: a condition of any size costs milliseconds."""
     wide = " and ".join(f"(a{n} == 1 or a{n} == 2)" for n in range(30))
-    assert not exclusive(condition_of(wide), condition_of("b == 1 and b == b and c in (1, 2) or d"))
+    assert not exclusive(formula_of(wide), formula_of("b == 1 and b == b and c in (1, 2) or d"))
 
 
 @pytest.mark.parametrize(
@@ -209,9 +209,9 @@ def about(source: str) -> frozenset[str]:
 @pytest.mark.parametrize("first", ATOMS)
 def test_what_is_said_of_two_conditions_is_so(first: str) -> None:
     """As trying every value shows: exactly so for the same operands, and for others nothing too much."""
-    one = condition_of(first)
+    one = formula_of(first)
     for second in ATOMS:
-        other = condition_of(second)
+        other = formula_of(second)
         apart = HOLDS[first].isdisjoint(HOLDS[second])
         within = HOLDS[first] <= HOLDS[second]
         covering = HOLDS[first] | HOLDS[second] == frozenset(range(len(MOMENTS)))
@@ -229,7 +229,7 @@ def test_what_is_said_of_two_conditions_is_so(first: str) -> None:
 @pytest.mark.parametrize("source", ATOMS)
 def test_a_condition_and_its_opposite_leave_nothing_and_share_nothing(source: str) -> None:
     """Whatever it is made of."""
-    both = condition_of(source), negate(condition_of(source))
+    both = formula_of(source), negate(formula_of(source))
     assert exclusive(*both)
     assert total(both)
     assert possible(both[0]) is bool(HOLDS[source])
@@ -270,18 +270,18 @@ def test_what_two_sets_have_in_common() -> None:
 
 def test_a_bound_of_something_that_is_no_number_says_nothing() -> None:
     """It may be a date or a time of day: what is compared with the same text is the same fact, no more."""
-    assert condition_of("t < 'b'") == Fact("'b' ? t", ValueSet(frozenset(">")))
-    assert exclusive(condition_of("t < 'b'"), condition_of("t >= 'b'"))
-    assert not exclusive(condition_of("t < 'b'"), condition_of("t > 'c'"))
-    assert exclusive(condition_of("t == 'a'"), condition_of("t > 3"))
-    assert condition_of("t is 3") == fact("t is 3", True)
-    assert condition_of("not t is 3") == fact("t is 3", False)
-    assert condition_of("not even an expression") == fact("not even an expression", True)
+    assert formula_of("t < 'b'") == Fact("'b' ? t", ValueSet(frozenset(">")))
+    assert exclusive(formula_of("t < 'b'"), formula_of("t >= 'b'"))
+    assert not exclusive(formula_of("t < 'b'"), formula_of("t > 'c'"))
+    assert exclusive(formula_of("t == 'a'"), formula_of("t > 3"))
+    assert formula_of("t is 3") == fact("t is 3", True)
+    assert formula_of("not t is 3") == fact("t is 3", False)
+    assert formula_of("not even an expression") == fact("not even an expression", True)
 
 
 def test_how_many_alternatives_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every choice counts one, and the question itself; from then on conditions may hold together."""
-    first, second = condition_of("a == 1 or a == 2"), condition_of("a == 3")
+    first, second = formula_of("a == 1 or a == 2"), formula_of("a == 3")
     for limit, seen in ((2, False), (3, True)):
         monkeypatch.setattr(guards, "MAX_ALTERNATIVES", limit)
         assert exclusive(first, second) is seen

@@ -36,7 +36,12 @@ class Call:
 _MISSED = {"binding": 1, "question": 1}
 _PROVE = ("--budget", "200 ms", "--targets", "1", "--no-restarts", "-j", "1")
 
-_OF_A_JOURNAL = {"missions": ["missions"], "why": ["why", "tag", "12"], "replay": ["replay"]}
+_OF_A_JOURNAL = {
+    "learn": ["learn"],
+    "missions": ["missions"],
+    "why": ["why", "tag", "12"],
+    "replay": ["replay"],
+}
 
 #: What is called, by verb; of several calls each goes on with what the ones before have written.
 CALLS: Mapping[str, Sequence[Call]] = {
@@ -73,7 +78,8 @@ CALLS: Mapping[str, Sequence[Call]] = {
     "plugin": [Call(["plugin", "list"])],
     "twin": [Call(["twin", "missions"], (1,))],
     "schema": [Call(["schema"])],
-    # There is no journal yet.
+    # Nothing was learned yet, and there is no journal yet.
+    "expect": [Call(["expect", "inspection"], (2,))],
     **{verb: [Call(words, (2,))] for verb, words in _OF_A_JOURNAL.items()},
     "doctor": [Call(["doctor"], (0, 1))],
     "node": [Call(["node"])],
