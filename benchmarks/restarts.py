@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -76,10 +77,22 @@ class Timed:
         return timed
 
 
+class Loop:
+    """The loop of a journal: calls are run at once."""
+
+    def post(self, call: Callable[[], None]) -> None:
+        """Run a call."""
+        call()
+
+    def disk_changed(self, problem: str) -> None:
+        """Print why the disk fails."""
+        print(problem)
+
+
 def in_memory() -> tuple[Journal, MemoryWriter]:
     """Return a journal that keeps its file in memory, and that file."""
     writer = MemoryWriter()
-    return Journal(Path(), Keep(), lambda call: call(), print, writer=writer), writer
+    return Journal(Path(), Keep(), Loop(), writer=writer), writer
 
 
 def inspected(log: Any, journal: Journal) -> Simulation:
@@ -104,7 +117,7 @@ def inspected(log: Any, journal: Journal) -> Simulation:
 def measure_journal() -> None:
     """Print what a step costs, what an hour takes, and how fast it is replayed."""
     with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
-        disk = Journal(Path(folder), Keep(), lambda call: call(), print)
+        disk = Journal(Path(folder), Keep(), Loop())
         timed = Timed(disk)
         inspected(timed, disk)
         disk.close()

@@ -30,6 +30,7 @@ from lupin_perception.node import settings as perception
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.qos import Qos
 from lupin_ros.launch.nodes import nodes_of
+from lupin_ros.orchestrator import OWN_PARAMETERS
 from lupin_ros.orchestrator import node as orchestrator
 from lupin_sim.node import robot, senses
 from lupin_twin import node as twin
@@ -73,7 +74,7 @@ class Declared:
 
 def rates() -> Mapping[str, str]:
     """Return how often topics are told; the others when something happens."""
-    state = orchestrator.OWN_PARAMETERS["state_publish_rate_hz"].default
+    state = OWN_PARAMETERS["state_publish_rate_hz"].default
     battery = robot.HEARTBEAT_S * robot.BEATS_PER_BATTERY
     frames = f"{1 / robot.HEARTBEAT_S:g} Hz, and every {robot.LOOK_M:g} m while it drives"
     return {

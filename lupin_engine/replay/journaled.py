@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError, nearest
@@ -17,7 +17,6 @@ from lupin_engine.missions.load import LoadedMissions
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.profile import START
 from lupin_engine.plugin.registry import Catalog
-from lupin_engine.replay.reconstruction import RunRecord
 from lupin_engine.replay.why import GuardWitness, LivedStep
 from lupin_engine.runtime.history import History
 from lupin_engine.runtime.journal.journal import CHARTS, journal_files
@@ -32,7 +31,10 @@ from lupin_engine.runtime.journal.records import (
 )
 from lupin_engine.runtime.journal.replay import replay
 from lupin_engine.runtime.setup import make_world
-from lupin_engine.sim.simulation import Run, Script, simulate
+
+if TYPE_CHECKING:  # slow to import, and seldom used: imported where used
+    from lupin_engine.replay.reconstruction import RunRecord
+    from lupin_engine.sim.simulation import Run
 
 
 @dataclass(frozen=True)
@@ -192,6 +194,8 @@ def as_run(chart: Chart, lived: Iterable[LivedStep], machine: Machine) -> Run:
 
     Live values that changed nothing are left out: a journal has them all.
     """
+    from lupin_engine.sim.simulation import Run
+
     history = History()
     for each in lived:
         if each.step.event.name != "value" or each.step.changed or each.step.notes:
@@ -209,6 +213,9 @@ def recording_of(run: JournaledRun, chart: Chart, lived: Sequence[LivedStep]) ->
     Raises:
         JournalError: this was no mission.
     """
+    from lupin_engine.replay.reconstruction import RunRecord
+    from lupin_engine.sim.simulation import Script, simulate
+
     if not run.mission_id:
         raise JournalError("this was no mission: nothing was started in it")
     head = run.files[0].head

@@ -8,6 +8,7 @@ from .clock import Clock as Clock
 from .clock import calendar_of as calendar_of
 from .engine import Engine as Engine
 from .engine import EngineOutlet as EngineOutlet
+from .engine import Inbox as Inbox
 from .explanation import explanation as explanation
 from .history import History as History
 from .journal.journal import CHARTS as CHARTS

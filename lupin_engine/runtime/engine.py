@@ -331,10 +331,17 @@ class Engine:
             self.drivers[plugin].act(name, command.arguments)
 
 
+class Inbox(Protocol):
+    """The queue of a loop."""
+
+    def post(self, event: Event) -> None:
+        """Queue an event."""
+
+
 class EngineOutlet:
     """Where drivers report: every report becomes an event of the loop (see `plugin.contract.Outlet`)."""
 
-    def __init__(self, engine: Engine, wake: Callable[[], None]) -> None:
+    def __init__(self, engine: Inbox, wake: Callable[[], None]) -> None:
         """Make an outlet; `wake` is called after each report so that the owner of the loop drains."""
         self._engine = engine
         self._wake = wake

@@ -287,9 +287,14 @@ class _InMemory:
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self._writer = MemoryWriter()
-        self.journal = Journal(
-            Path(), Keep(), lambda call: call(), lambda _: None, self._wall_ns, self._writer
-        )
+        self.journal = Journal(Path(), Keep(), self, self._wall_ns, self._writer)
+
+    def post(self, call: Callable[[], None]) -> None:
+        """Run a call of the journal: at once."""
+        call()
+
+    def disk_changed(self, problem: str) -> None:
+        """There is no disk."""
 
     def _wall_ns(self) -> int:
         return round(self._simulation.wall * 1e9)

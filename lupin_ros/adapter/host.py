@@ -14,7 +14,14 @@ class TimerHandle(Protocol):
         """End it; cancelling twice does no harm."""
 
 
-class Host(Protocol):
+class Poster(Protocol):
+    """A node's thread."""
+
+    def post(self, callback: Callable[[], object]) -> None:
+        """Run `callback` on the node's thread."""
+
+
+class Host(Poster, Protocol):
     """The methods of `RosNode` that the adapter's parts use."""
 
     node: Any
@@ -22,9 +29,6 @@ class Host(Protocol):
 
     def guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
         """Return `callback` with its exceptions logged."""
-
-    def post(self, callback: Callable[[], object]) -> None:
-        """Run `callback` on the node's thread."""
 
     def steady_timer(self, period: float, callback: Callable[[], None]) -> TimerHandle:
         """Call `callback` every `period` seconds of real time."""
@@ -77,9 +81,9 @@ class Slices:
     The first `SLICE` are made at once, the rest in the following turns. After an exception the others follow.
     """
 
-    def __init__(self, post: Callable[[Callable[[], None]], None]) -> None:
-        """`post` makes a call in the next turn of the thread."""
-        self._post = post
+    def __init__(self, host: Poster) -> None:
+        """`host` makes a call in the next turn of its thread."""
+        self._host = host
         self._waiting: deque[Iterator[Callable[[], None]]] = deque()
         self._room = SLICE
         self._posted = False
@@ -93,7 +97,7 @@ class Slices:
         self._waiting.append(iter(acts))
         if not self._posted:
             self._posted = True
-            self._post(self._next_turn)
+            self._host.post(self._next_turn)
         self._go_on()
 
     @property
@@ -113,7 +117,7 @@ class Slices:
         finally:  # a call that raises is not repeated; the rest follows
             if self._waiting:
                 self._posted = True
-                self._post(self._next_turn)
+                self._host.post(self._next_turn)
 
     def _go_on(self) -> None:
         while self._room and (act := self._take()) is not None:

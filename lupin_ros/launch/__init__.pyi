@@ -29,6 +29,8 @@ from .nodes import nodes_of as nodes_of
 from .nodes import run_composed as run_composed
 from .operator import Answer as Answer
 from .operator import Attendant as Attendant
+from .published import Published as Published
+from .published import published_here as published_here
 from .requirements import prepare_ros as prepare_ros
 from .supervisor import Death as Death
 from .supervisor import Patience as Patience

@@ -105,6 +105,24 @@ class BringupSettings:
     compose: bool | None = None
 
 
+class _OperatorView:
+    """What an operator's node sees, until Ctrl-C."""
+
+    def __init__(self, operator: Operator, interrupts: Interrupts) -> None:
+        self._operator = operator
+        self._interrupts = interrupts
+
+    def spin(self) -> None:
+        self._operator.spin(TICK_S)
+        self._interrupts.check()
+
+    def look(self) -> PresentEndpoints:
+        return PresentEndpoints(self._operator.nodes(), self._operator.services(), self._operator.actions())
+
+    def strangers(self) -> int:
+        return self._operator.strangers()
+
+
 class Bringup:
     """Runs nodes and a mission; a context manager, so that no process survives an exception."""
 
@@ -145,7 +163,9 @@ class Bringup:
         if doors:
             self._observer.note(doors, Severity.WARN)
         self._observer.note("looking for nodes that run already")
-        self.description = self._describe(list(plugins), catalog, self._look_around())
+        self.description = self._describe(
+            list(plugins), catalog, settled(_OperatorView(self._operator, self._interrupts))
+        )
         if self.description.joined:
             self._observer.note(f"using what is there: {', '.join(self.description.joined)}")
         folder = self._settings.folder
@@ -218,18 +238,6 @@ class Bringup:
     def owns_orchestrator(self) -> bool:
         """Whether this bringup started the orchestrator."""
         return ORCHESTRATOR in self.description.starts
-
-    def _look_around(self) -> PresentEndpoints:
-        def look() -> PresentEndpoints:
-            return PresentEndpoints(
-                self._operator.nodes(), self._operator.services(), self._operator.actions()
-            )
-
-        return settled(self._spin, look, self._operator.strangers)
-
-    def _spin(self) -> None:
-        self._operator.spin(TICK_S)
-        self._interrupts.check()
 
     def _wait_for(self, missing: Callable[[], Sequence[str]], limit: float) -> None:
         """Wait until nothing is missing; report changes of the list of missing names."""

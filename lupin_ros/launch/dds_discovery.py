@@ -8,13 +8,13 @@ from its number (DDSI-RTPS 9.6.1.1), so the kernel's table gives the number of p
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from lupin_ros.launch.environment import current_domain, is_local_only
 
-_T = TypeVar("_T")
+_T = TypeVar("_T", covariant=True)
 
 TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 
@@ -31,24 +31,32 @@ QUIET_S, LOOK_S, LIMIT_S = 0.3, 2.0, 6.0
 QUIET_LOOKS = 6
 
 
-def settled(spin: Callable[[], None], look: Callable[[], _T], strangers: Callable[[], int]) -> _T:
+class NetworkView(Protocol[_T]):
+    """A node that observes the graph."""
+
+    def spin(self) -> None:
+        """Spin it for a moment."""
+
+    def look(self) -> _T:
+        """Return a snapshot of the graph."""
+
+    def strangers(self) -> int:
+        """Return the number of participants besides its own."""
+
+
+def settled(onlooker: NetworkView[_T]) -> _T:
     """Spin until all participants of this machine are known and nothing new appears, at most `LIMIT_S`.
 
     Return the last snapshot.
-
-    Args:
-        spin: spins the observing node for a moment.
-        look: returns a snapshot of the graph.
-        strangers: returns the number of participants besides the observing node's.
     """
     begin = changed = time.monotonic()
-    seen, looks = look(), 0
+    seen, looks = onlooker.look(), 0
     while (now := time.monotonic()) - begin < LIMIT_S:
         quiet = now - changed >= QUIET_S and looks >= QUIET_LOOKS
-        if quiet and _all_known(strangers(), now - begin):
+        if quiet and _all_known(onlooker.strangers(), now - begin):
             break
-        spin()
-        found, looks = look(), looks + 1
+        onlooker.spin()
+        found, looks = onlooker.look(), looks + 1
         if found != seen:
             seen, changed, looks = found, now, 0
     return seen

@@ -36,4 +36,4 @@ class _Onlooker:
 def network() -> tuple[Interface, ...]:
     """Return the graph after discovery of all participants on this machine: a second or two, 6 s at most."""
     with closing(_Onlooker()) as onlooker:
-        return settled(onlooker.spin, onlooker.look, onlooker.strangers)
+        return settled(onlooker)

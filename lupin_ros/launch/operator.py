@@ -12,12 +12,11 @@ import os
 import socket
 import time
 import uuid
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -28,6 +27,7 @@ from lupin_engine.runtime import APART_S, STALE
 from lupin_ros.adapter.network import Kind, interfaces, other_participants
 from lupin_ros.adapter.node import CallFailure, Qos, RosNode, ServiceCaller
 from lupin_ros.interfaces.definitions import interface_class
+from lupin_ros.launch.published import Published
 from lupin_ros.service.messages import read, wire_of, write
 from lupin_ros.service.names import (
     COMMAND_SERVICE,
@@ -37,13 +37,9 @@ from lupin_ros.service.names import (
     STEPS_TOPIC,
 )
 
-if TYPE_CHECKING:
-    from lupin_engine.runtime import OpenQuestion
-
 _START = "start"
-#: How long more of the last steps are waited for, in seconds, and how many are kept.
+#: How long more of the last steps are waited for, in seconds.
 SETTLE_S = 0.3
-MAX_STEPS = 50
 #: How long the orchestrator may take to be found, in seconds. Among ten participants that takes up to 3.5 s:
 #: what a peer says of its endpoints before it is known itself, it repeats once a second only.
 FOUND_S = 10.0
@@ -169,16 +165,12 @@ def _of_command(response: Any) -> Answer:
     return Answer(response.accepted, response.message, response.mission_id, code=response.code)
 
 
-class Attendant(Commander):
+class Attendant(Commander, Published):
     """A commander that also receives the orchestrator's steps, available requests and missions."""
 
     def __init__(self) -> None:
-        super().__init__()
-        #: The last steps, oldest first; the dry run of each request; the mission catalogue. Empty until
-        #: received.
-        self.steps: deque[dict[str, Any]] = deque(maxlen=MAX_STEPS)
-        self.possible: dict[str, Any] = {}
-        self.offer: dict[str, Any] = {}
+        Commander.__init__(self)
+        Published.__init__(self)
         self._ros.subscribe(String, STEPS_TOPIC, Qos.BACKLOG, self._take_step)
         self._ros.subscribe(String, POSSIBLE_TOPIC, Qos.LATCHED, self._take_possible)
         self._ros.subscribe(String, MISSIONS_TOPIC, Qos.LATCHED, self._take_missions)
@@ -194,11 +186,6 @@ class Attendant(Commander):
 
     def _take_missions(self, message: Any) -> None:
         self.offer = json.loads(message.data)
-
-    @property
-    def missions(self) -> list[dict[str, Any]]:
-        """The fields of each mission's request; empty until received."""
-        return list(self.offer.get("missions", ()))
 
     def hear(self) -> bool:
         """Wait for the orchestrator's last steps; return whether they came.
@@ -224,21 +211,6 @@ class Attendant(Commander):
     def is_there(self) -> bool:
         """Return whether an orchestrator is on the network; a killed one still is for some seconds."""
         return self.is_published(STEPS_TOPIC)
-
-    @property
-    def now(self) -> float:
-        """The time of the orchestrator's loop, as its deadlines have it; there must be a step.
-
-        It is computed by the wall clock, because simulated time is not received here.
-        """
-        newest = self.steps[-1]
-        return float(newest["time"]) + (time.time_ns() - int(newest["wall_ns"])) * 1e-9
-
-    def asked(self) -> list[OpenQuestion]:
-        """Return the open questions; there must be a step."""
-        from lupin_engine.runtime import open_questions  # a seventh of the time that a pause takes
-
-        return open_questions(self.steps[-1]["view"], self.now)
 
 
 class Operator(Commander):

@@ -1,1 +1,1 @@
-from .node import OWN_PARAMETERS as OWN_PARAMETERS
+from .missions import OWN_PARAMETERS as OWN_PARAMETERS

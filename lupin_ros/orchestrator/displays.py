@@ -15,11 +15,11 @@ from functools import partial
 from typing import Any
 
 from lupin_engine.errors import LupinError
-from lupin_engine.machine import Machine
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.runtime import Clock, explanation
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.interfaces.definitions import interface_class
+from lupin_ros.orchestrator.loop import Loop
 from lupin_ros.service import messages
 from lupin_ros.service.chart_record import check_chart
 from lupin_ros.service.names import DRAW_SERVICE, DRAW_TYPE, EXPLAIN_SERVICE, EXPLAIN_TYPE
@@ -33,17 +33,15 @@ _USUAL_INTERVAL = sys.getswitchinterval()
 
 
 class Displays:
-    """The services for displays; `current` returns the missions and the machine that run now.
+    """The services for displays of what runs in a loop.
 
     Requests beyond `MOST_WAITING` drawings are refused, and those for a drawing older than `STALE_AFTER_S`.
     """
 
-    def __init__(
-        self, ros: RosNode, clock: Clock, current: Callable[[], tuple[LoadedMissions, Machine]]
-    ) -> None:
+    def __init__(self, ros: RosNode, clock: Clock, loop: Loop) -> None:
         self._ros = ros
         self._clock = clock
-        self._current = current
+        self._loop = loop
         self._one_at_a_time = threading.Lock()
         self._waiting = 0
         try:
@@ -55,7 +53,7 @@ class Displays:
         ros.serve(explain, EXPLAIN_SERVICE, self._explain)
 
     def _explain(self, request: Any, response: Any) -> Any:
-        loaded, machine = self._current()
+        loaded, machine = self._loop.loaded, self._loop.machine
         response.chart = loaded.hash
         try:
             check_chart(request.chart, loaded)
@@ -65,7 +63,7 @@ class Displays:
         return messages.write(response, {"success": True, "explanation": json.dumps(explained, default=str)})
 
     def _draw(self, request: Any, response: Any, answer: Callable[[Any], None]) -> None:
-        loaded, _ = self._current()
+        loaded = self._loop.loaded
         response.chart = loaded.hash
         try:
             check_chart(request.chart, loaded)

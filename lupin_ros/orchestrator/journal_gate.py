@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from typing import Any, Protocol
 
 from lupin_engine import __version__
 from lupin_engine.machine import CODE_REPORTED, HELD_BACK, Event, Machine, Possibility, Refusal, Step, View
@@ -28,9 +29,10 @@ from lupin_engine.plugin import (
     Profile,
     Publish,
 )
-from lupin_engine.runtime import Journal, JournalHead, Keep, Leftover, Refusals, journal_folder
+from lupin_engine.runtime import Journal, JournalHead, Keep, Refusals, journal_folder
 from lupin_ros.adapter.host import Slices
 from lupin_ros.adapter.node import RosNode
+from lupin_ros.orchestrator.outlet import Worker
 from lupin_ros.orchestrator.recovery import Recovery
 from lupin_ros.service.commands import CommandMemory
 
@@ -59,17 +61,23 @@ WHAT_TO_DO = (
 RETRY_S = 5.0
 
 
-class JournalGate:
-    """Puts the journal between one orchestrator and the world; `work` drains the orchestrator's loop."""
+class Outcomes(Protocol):
+    """The channel of outcomes."""
 
-    def __init__(
-        self, ros: RosNode, boot: str, work: Callable[[], None], post_event: Callable[[Event], None]
-    ) -> None:
-        """Open the journal; `post_event` queues an event of the machine."""
+    def fields(self, outcome: Publish) -> Fields:
+        """Return the message about a target."""
+
+    def publish(self, fields: Fields) -> None:
+        """Publish a message."""
+
+
+class JournalGate:
+    """Puts the journal between one orchestrator and the world."""
+
+    def __init__(self, ros: RosNode, boot: str, loop: Worker) -> None:
         self._ros = ros
         self._boot = boot
-        self._work = work
-        self._post_event = post_event
+        self._loop = loop
         given = ros.parameters()
         self.required = bool(given["journal_required"] and not given["may_repeat_outcomes"])
         if not given["journal_required"]:
@@ -77,10 +85,10 @@ class JournalGate:
         self.folder = journal_folder(str(given["journal_path"] or ""))
         size = 1_000_000 * int(given["journal_megabytes"])
         keep = Keep(int(given["journal_missions"]), float(given["journal_days"]), size)
-        self.journal = Journal(self.folder, keep, self._post_and_work, ros.guarded(self._fault_changed))
-        self._refusals = Refusals(self.journal.refused)
+        self.journal = Journal(self.folder, keep, self)
+        self._refusals = Refusals(self.journal)
         #: Outcomes to write, and flushed ones to publish: some in each turn of the node's thread.
-        self._writes, self._slices = Slices(ros.post), Slices(ros.post)
+        self._writes, self._slices = Slices(ros), Slices(ros)
         #: Write unpublished outcomes again that a disk fault kept from being flushed.
         self._unflushed: list[Callable[[], None]] = []
         self._loaded: LoadedMissions | None = None
@@ -241,9 +249,7 @@ class JournalGate:
             self._loaded, self._part = loaded, found.left.file.head.part
             self.journal.go_on(found.left.file, shift, now, self._boot)
 
-    def republish(
-        self, found: Recovery, new: Iterable[tuple[Publish, Fields]], send: Callable[[Fields], None]
-    ) -> None:
+    def republish(self, found: Recovery, new: Iterable[tuple[Publish, Fields]], channel: Outcomes) -> None:
         """Publish the newest recorded outcomes again, published before or not, then new ones.
 
         A repeat is the same message. Fields that the message type does not take are logged and left out.
@@ -251,20 +257,26 @@ class JournalGate:
 
         def resend(fields: Fields) -> None:
             try:
-                send(fields)
+                channel.publish(fields)
             except Exception as problem:  # the journal has fields that are none of the message
                 self._ros.log.warning("an outcome cannot be published again", problem=str(problem))
 
         for number, fields in found.left.newest.items():
             self._send_when_flushed(number, fields, resend)
         for outcome, fields in new:
-            self.publish([outcome], partial(_given, fields), send)
+            self._writes.add(partial(self._write, outcome, channel, fields))
 
-    def restore_commands(self, left: Leftover, commands: CommandMemory) -> None:
-        """Restore the ids and answers of recorded commands, so that none is carried out twice."""
+    def commands_of(self, found: Recovery | None) -> CommandMemory:
+        """Return the commands with their answers, recorded ones too, so that none is carried out twice."""
+        commands = CommandMemory(self)
         ahead = self.journal.wall_ns() * 1e-9 - time.monotonic()
-        for command_id, kept in left.commands.items():
+        for command_id, kept in found.left.commands.items() if found is not None else ():
             commands.remember(command_id, kept.wall - ahead, kept.what, kept.answer)
+        return commands
+
+    def answered(self, command_id: str, what: str, answer: Mapping[str, Any]) -> None:
+        """Record the answer to a command; an exception is logged."""
+        self._ros.guarded(self.journal.answered)(command_id, what, answer)
 
     def record_closed(self, why: str) -> None:
         """Record that recovery closes the mission, and why."""
@@ -272,21 +284,17 @@ class JournalGate:
 
     # -- the outbox ---------------------------------------------------------------------------------------
 
-    def publish(
-        self,
-        outcomes: Iterable[Publish],
-        fields_of: Callable[[Publish], Fields],
-        send: Callable[[Fields], None],
-    ) -> None:
+    def publish(self, outcomes: Iterable[Publish], channel: Outcomes) -> None:
         """Record outcomes, publish each after its flush, and record that; many are spread over turns."""
-        self._writes.add_each(partial(self._write, outcome, fields_of, send) for outcome in outcomes)
+        self._writes.add_each(partial(self._write, outcome, channel) for outcome in outcomes)
 
-    def _write(
-        self, outcome: Publish, fields_of: Callable[[Publish], Fields], send: Callable[[Fields], None]
-    ) -> None:
-        fields = fields_of(outcome)
-        write_again = partial(self._write, outcome, partial(_given, fields), send)
-        self._send_when_flushed(self.journal.outcome(outcome, fields), fields, send, write_again)
+    def _write(self, outcome: Publish, channel: Outcomes, fields: Fields | None = None) -> None:
+        """Write an outcome with its message, or with `fields` that were its message."""
+        if fields is None:
+            fields = channel.fields(outcome)
+        write_again = partial(self._write, outcome, channel, fields)
+        number = self.journal.outcome(outcome, fields)
+        self._send_when_flushed(number, fields, channel.publish, write_again)
 
     def _send_when_flushed(
         self,
@@ -315,12 +323,18 @@ class JournalGate:
 
     # -- the disk -----------------------------------------------------------------------------------------
 
-    def _post_and_work(self, call: Callable[[], None]) -> None:
+    def post(self, call: Callable[[], None]) -> None:
+        """Run a call of the journal on the node's thread, and step what it has queued."""
+
         def run() -> None:
             call()
-            self._work()
+            self._loop.work()
 
         self._ros.post(run)
+
+    def disk_changed(self, problem: str) -> None:
+        """Report a disk fault or its end; an exception is logged."""
+        self._ros.guarded(self._fault_changed)(problem)
 
     def _fault_changed(self, problem: str) -> None:
         """Report a disk fault or its end; a fault holds the mission where required, unless it returns."""
@@ -328,17 +342,13 @@ class JournalGate:
         self._ros.trouble("journal", problem and f"the journal cannot be written: {where}")
         if not problem:
             self._ros.log.info("the journal is written again", folder=str(self.folder))
-            self._post_event(Event(CODE_REPORTED, {"code": RECORDED_CODE, "detail": ""}))
+            self._loop.post(Event(CODE_REPORTED, {"code": RECORDED_CODE, "detail": ""}))
             return
         self._ros.log.error("the journal cannot be written", problem=problem, folder=str(self.folder))
         self._retry_at = self._ros.elapsed() + RETRY_S
         head = self.journal.head
         if self.required and head is not None and head.mission_id and not self._is_returning:
-            self._post_event(Event(HELD_BACK, {"hold": UNRECORDED, "detail": where}))
+            self._loop.post(Event(HELD_BACK, {"hold": UNRECORDED, "detail": where}))
         else:
-            self._post_event(Event(CODE_REPORTED, {"code": UNRECORDED_CODE, "detail": where}))
-        self._work()  # before the waiting callbacks run
-
-
-def _given(fields: Fields, _: Publish) -> Fields:
-    return fields
+            self._loop.post(Event(CODE_REPORTED, {"code": UNRECORDED_CODE, "detail": where}))
+        self._loop.work()  # before the waiting callbacks run

@@ -9,211 +9,119 @@ in one callback is logged and keeps no other from running.
 from __future__ import annotations
 
 import time
-import uuid
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from std_srvs.srv import Trigger
-
-from lupin_engine.errors import LupinError, shortened
+from lupin_engine.errors import LupinError
 from lupin_engine.machine import (
     CODE_REPORTED,
-    NOTHING,
     RELEASED,
-    UNKNOWN_MISSION,
     Event,
     Machine,
-    Moment,
-    Refusal,
-    Report,
-    Step,
-    View,
     is_idle,
-    successor,
 )
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import (
-    ANSWER,
-    ANSWER_VERB,
-    BUILTIN,
     CLOSED_CODE,
-    EXECUTION_CODE,
-    NUMBER,
     RESTARTED,
-    START,
-    START_VERB,
-    TEXT,
-    Channel,
-    Driver,
-    Fields,
     Parameter,
-    Publish,
-    StartAnswer,
-    given_fields,
-    list_of,
     load_catalog,
-    make_client,
 )
 from lupin_engine.runtime import (
-    STALE,
-    STALE_AFTER_S,
-    ClientClocks,
     Engine,
-    JournalRecord,
     make_machine,
-    make_world,
-    outcomes_of,
     resumed,
     resumed_event,
 )
-from lupin_ros.adapter.node import Qos, RosNode, RosTimer
+from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.process import signals_call
-from lupin_ros.interfaces.definitions import interface_class
-from lupin_ros.orchestrator.binding_client import BoundClient
+from lupin_ros.adapter.status_socket import StatusSocket
+from lupin_ros.orchestrator.clients import PluginClients
 from lupin_ros.orchestrator.displays import Displays
-from lupin_ros.orchestrator.journal_gate import JOURNAL_PARAMETERS, JournalGate
+from lupin_ros.orchestrator.journal_gate import JournalGate
+from lupin_ros.orchestrator.loop import Loop
+from lupin_ros.orchestrator.missions import OWN_PARAMETERS, MissionSwitch
 from lupin_ros.orchestrator.outlet import NodeClock, RosOutlet
-from lupin_ros.orchestrator.readiness import Readiness
-from lupin_ros.orchestrator.records import LOG_PARAMETERS, RecordPublisher
+from lupin_ros.orchestrator.records import RecordPublisher
 from lupin_ros.orchestrator.recovery import (
     CONTINUE,
     HEARD_S,
     POLICY,
-    RESUME_PARAMETERS,
     Recovery,
     find_recovery,
 )
+from lupin_ros.orchestrator.requests import RequestServer
 from lupin_ros.orchestrator.single import other_orchestrator, watch_for_older_instance
-from lupin_ros.service import commands, messages
-from lupin_ros.service.commands import CommandAnswer, CommandMemory, CommandRequest
-from lupin_ros.service.folder import LOOK_PERIOD_S, FolderWatch, MissionsFolder
-from lupin_ros.service.names import ANSWER_SERVICE, COMMAND_SERVICE, COMMAND_TYPE, NODE
-from lupin_ros.service.reports import StateMessages
-
-#: Parameters of the node itself, beside those of the missions.
-OWN_PARAMETERS: Mapping[str, Parameter] = {
-    "missions": Parameter(
-        list_of(TEXT), [], "missions to offer, beside those added later; none: all there are"
-    ),
-    "missions_path": Parameter(
-        TEXT, "", "folder of the missions, or a bundle; empty: the ones that come with the engine"
-    ),
-    "require_signed": Parameter(
-        TEXT, "", "public key, or folder of some: only a bundle that one of them has signed is taken"
-    ),
-    "allow_bundles": Parameter(
-        list_of(TEXT),
-        [],
-        "signed bundles that are taken although a newer one, or only others, of their key were run here: "
-        "NAME, NAME@VERSION, or unnamed",
-    ),
-    "state_publish_rate_hz": Parameter(NUMBER, 5.0, "how often the state is repeated, in Hz", minimum=0.1),
-    "mission_id_prefix": Parameter(TEXT, "lupin", "what mission ids begin with"),
-    **JOURNAL_PARAMETERS,
-    **RESUME_PARAMETERS,
-    **LOG_PARAMETERS,
-}
+from lupin_ros.orchestrator.step_publisher import StepPublisher
+from lupin_ros.service import messages
+from lupin_ros.service.folder import LOOK_PERIOD_S, MissionsFolder
+from lupin_ros.service.names import NODE
 
 
 class Orchestrator:
     """Wires the parts of the node. Everything runs on the thread that spins `ros`."""
 
     def __init__(self, ros: RosNode, loaded: LoadedMissions, folder: MissionsFolder) -> None:
-        self._ros = ros
-        self._loaded = loaded
-        self._chart = chart = loaded.chart
-        self._folder = folder
-        self._watch = FolderWatch(folder, ros.post, lambda why: ros.log.error("missions", problem=why))
-        #: How many requests wait for a check of the folder; whether a periodic check is under way.
-        self._waiting, self._is_checking = 0, False
-        self._clock = NodeClock(ros)
         given = ros.parameters()
-        self._prefix = str(given["mission_id_prefix"])
-        drivers: dict[str, Driver] = {}
-        self._records = RecordPublisher(ros, self._clock, loaded)
-        self._gate = JournalGate(ros, self._records.boot, self._work, lambda e: self._engine.post(e))
-        recovery, lost = find_recovery(ros, self._gate.folder, loaded, given)
-        if recovery is not None and recovery.machine is not None:
-            machine = recovery.machine
-            ros.lineage = recovery.left.file.head.lineage or ros.lineage
-        else:
-            machine = make_machine(chart, {name: given[name] for name in chart.parameters})
+        clock = NodeClock(ros)
+        loop = Loop(ros, clock, loaded)
+        records = RecordPublisher(ros, clock, loaded)
+        gate = JournalGate(ros, records.boot, loop)
+        recovery, lost = find_recovery(ros, gate.folder, loaded, given)
+        machine = _first_machine(ros, loaded, recovery)
+        publisher = StepPublisher(ros, clock, loop, gate, records)
+        outlet = RosOutlet(loop, clock)
+        is_resumed = recovery is not None and recovery.machine is not None
+        clients = PluginClients(ros, loaded, outlet, machine.world.parameters, is_resumed)
+        drivers, journal = clients.drivers, gate.journal
+        engine = Engine(machine, clock, drivers, publisher.stepped, clock.wall, journal)
+        engine.failed = publisher.failed
+        loop.run(engine, gate, records)
+        missions = MissionSwitch(ros, folder, loop, records, gate, clients)
+        requests = RequestServer(ros, loop, gate, publisher, missions, gate.commands_of(recovery))
+        Displays(ros, clock, loop)
+        self._ros, self._clock, self._loop, self._engine = ros, clock, loop, engine
+        self._gate, self._publisher, self._records = gate, publisher, records
+        self._clients, self._missions, self._requests = clients, missions, requests
         #: When the policy may end the hold `restarted`, of the monotonic clock; once in a process.
         self._continues_at = time.monotonic() + HEARD_S if given[POLICY] == CONTINUE else None
-        self._engine = Engine(
-            machine,
-            self._clock,
-            drivers,
-            self._stepped,
-            self._clock.wall,
-            self._gate.journal,
-        )
-        self._engine.failed = self._failed
-        self._outlet = RosOutlet(self._engine, self._clock, self._work)
-        self._wire = messages.wire_of(chart.profile)
-        self._state = _Publisher(ros, self._wire.state)
-        ros.lifeline = ros.node.resolve_topic_name(self._wire.state.name)
-        self._outcomes = _Publisher(ros, self._wire.outcomes)
-        self._state_messages = StateMessages(self._wire, lambda: self._machine, self._clock.now, self._stamp)
-        self._deadline: tuple[float, RosTimer] | None = None
-        drivers.update(_clients(ros, loaded, chart.clients, self._outlet, machine.world.parameters))
-        drivers[BUILTIN] = Readiness(
-            lambda: [drivers[name] for name in self._chart.plugins if name in drivers],
-            self._outlet,
-            ros.steady_timer,
-            ros.now,
-            is_resumed=recovery is not None and recovery.machine is not None,
-        )
-        self._drivers = drivers
-        ros.on_stop(self._close)
-        #: The machine for new parameter values, until ROS has stored them.
-        self._prepared: Machine | None = None
-        ros.on_parameter(self._prepare_parameters, self._adopt_parameters)
-        self._answers: set[str] = set()
-        self._clients = ClientClocks()
-        self._commands = CommandMemory(ros.guarded(self._gate.journal.answered))
-        if recovery is not None:
-            self._gate.restore_commands(recovery.left, self._commands)
-        self._origin: tuple[Event | None, Mapping[str, str]] = (None, {})
-        self._serve()
-        Displays(ros, self._clock, lambda: (self._loaded, self._machine))
-        # In real time: the state is repeated also while simulated time stands still.
-        ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), self._repeat_state)
-        self._start_or_resume(recovery)
-        if lost:
-            self._engine.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": lost}))
-        self._work()
-        self._publish_missions()
-        self._records.publish_chart()
-        ros.steady_timer(LOOK_PERIOD_S, self._check)
+        self._is_checking = False
         #: The id of an older instance for which this one stands down; '' while there is none.
         self.older_boot = ""
-        watch_for_older_instance(ros, self._records.boot, self._stand_down)
+        self._begin(recovery, lost)
+        # In real time: the state is repeated also while simulated time stands still.
+        ros.steady_timer(1.0 / float(given["state_publish_rate_hz"]), publisher.repeat_state)
+        ros.steady_timer(LOOK_PERIOD_S, self._check)
+        watch_for_older_instance(ros, records.boot, self._stand_down)
+        for part in (clients, missions, gate, StatusSocket(ros, records)):
+            ros.on_stop(part.close)
 
-    @property
-    def _machine(self) -> Machine:
-        """The running machine."""
-        return self._engine.machine
+    def _begin(self, recovery: Recovery | None, lost: str) -> None:
+        """Start or resume the machine; publish what there is to be known about it."""
+        self._start_or_resume(recovery)
+        if lost:
+            self._loop.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": lost}))
+        self._loop.work()
+        self._missions.publish()
+        self._records.publish_chart()
 
     def _start_or_resume(self, recovery: Recovery | None) -> None:
         """Resume the last process's machine, or start a new one; publish outcomes that were not published."""
         now, wall = self._clock.now(), time.time()
         if recovery is not None:
-            self._gate.continue_file(recovery, self._loaded, recovery.left.shift(now, wall), now)
+            self._gate.continue_file(recovery, self._loop.loaded, recovery.left.shift(now, wall), now)
         is_resumed = recovery is not None and recovery.machine is not None
         if recovery is None or recovery.left.file.damaged or not (is_resumed or recovery.closing):
-            self._gate.begin(self._loaded, self._machine)
+            self._gate.begin(self._loop.loaded, self._engine.machine)
         if recovery is not None:
-            self._gate.republish(recovery, self._unpublished(recovery), self._outcomes.publish)
+            self._gate.republish(recovery, self._publisher.unpublished(recovery), self._publisher.outcomes)
         if recovery is None or recovery.machine is None:
             self._start_new(recovery.closing if recovery is not None else "", recovery)
             return
         machine = resumed(recovery.machine, recovery.left.shift(now, wall))
         started = machine.memory.started_at
         if started is not None:
-            self._state_messages.mission_started(self._stamp(self._ros.now() - (now - started)))
+            self._publisher.mission_resumed(now - started)
         self._engine.resume(machine, resumed_event(recovery.left, machine, wall))
 
     def _start_new(self, closing: str, recovery: Recovery | None) -> None:
@@ -223,216 +131,29 @@ class Orchestrator:
             return
         head, count = recovery.left.file.head, len(recovery.left_out)
         self._gate.record_closed(closing)
-        self._gate.begin(self._loaded, self._machine)
+        self._gate.begin(self._loop.loaded, self._engine.machine)
         self._engine.start()
         detail = f"{head.mission} {head.mission_id}: {closing}; left out: {count}"
-        self._engine.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": detail}))
-
-    def _unpublished(self, recovery: Recovery) -> list[tuple[Publish, Fields]]:
-        """Return outcomes of replayed steps that were not recorded, and those of a closed mission."""
-        old = recovery.recovered
-        found = []
-        for record, outcome in old.unreported if old is not None else ():
-            messages_then = self._messages_at(old.machine if old else self._machine, record)
-            found.append((outcome, messages_then.outcome(outcome)))
-        return found + [(outcome, self._state_messages.outcome(outcome)) for outcome in recovery.left_out]
-
-    def _messages_at(self, machine: Machine, record: JournalRecord) -> StateMessages:
-        """Return the messages about a replayed machine, with the times of a record."""
-        return StateMessages(
-            self._wire, lambda: machine, lambda: record.time, lambda: self._stamp(record.wall)
-        )
+        self._loop.post(Event(CODE_REPORTED, {"code": CLOSED_CODE, "detail": detail}))
 
     def _stand_down(self, older_boot: str) -> None:
         self.older_boot = older_boot
         self._ros.stop()
 
-    def _close(self) -> None:
-        for driver in self._drivers.values():
-            driver.close()
-        self._watch.close()
-        self._gate.close()
-
-    # -- requests ---------------------------------------------------------------------------------------
-
-    def _serve(self) -> None:
-        """Serve all ways in which something can be asked of the mission; all go through `_take`."""
-        start = self._wire.start
-        self._take(
-            _Way(
-                interface_class(start.type),
-                start.name,
-                lambda _: CommandRequest(START_VERB),
-                self._read_start,
-                self._write_start,
-            )
-        )
-        for name in self._chart.profile.requests:
-            self._take(_without_fields(self._wire.requests.format(name), name, Event(f"operator.{name}")))
-        self._serve_answers()
-        try:
-            kind = interface_class(COMMAND_TYPE)
-        except LupinError as problem:  # a workspace that was built before this type existed
-            self._ros.log.error("no commands can be taken", problem=str(problem))
-        else:
-            self._take(_Way(kind, COMMAND_SERVICE, _asked, self._read_command, _write_answer))
-
-    def _serve_answers(self) -> None:
-        """Serve the missions' answers to questions; the machine refuses those of removed missions."""
-        for event in self._chart.answers:
-            if event not in self._answers:
-                self._answers.add(event)
-                service = ANSWER_SERVICE.format(event.removeprefix(ANSWER))
-                self._take(_without_fields(service, ANSWER_VERB, Event(event)))
-
-    def _take(self, way: _Way) -> None:
-        """Serve a way in: each request is judged by its age, waits for its turn, and is carried out once.
-
-        Its answer leaves after its step is flushed, so it holds whatever happens then.
-        """
-
-        def later(request: Any, response: Any, answer: Callable[[Any], None]) -> None:
-            def act() -> None:
-                found = self._commands.once(
-                    way.asked(request),
-                    self._chart,
-                    time.monotonic(),
-                    lambda asked: self._carry_out(asked, way.event(request)),
-                )
-                written = way.write(response, found)
-                try:
-                    self._gate.when_flushed(lambda: answer(written))
-                except Exception:
-                    self._ros.log.exception("answered without the journal", service=way.name)
-                    answer(written)
-
-            self._in_turn(act, begins=way.asked(request).verb == START_VERB)
-
-        self._ros.serve_later(
-            way.kind,
-            way.name,
-            later,
-            stale_after=lambda request, sent: self._too_old(way.asked(request), sent),
-            refuse=lambda response, reason: way.write(response, CommandAnswer(False, STALE, reason)),
-        )
-
-    def _too_old(self, asked: CommandRequest, sent: float) -> float | None:
-        """Return the age of a request that is too old; None where it must be carried out.
-
-        No answer is: the machine accepts one only while its question is open.
-        """
-        now, event = time.monotonic(), commands.event_name(asked.verb, self._chart) or ""
-        age = self._clients.age(asked.by[: commands.MAX_WORD], sent, time.time_ns() * 1e-9, now)
-        if age <= STALE_AFTER_S or event == ANSWER or self._commands.knows(asked, now):
-            return None
-        return None if self._counts_however_late(event) else age
-
-    def _counts_however_late(self, event: str) -> bool:
-        """Return whether a request is carried out at any age.
-
-        One that would release a hold is not: the robot stands, and would begin to drive.
-        """
-        if not commands.counts_however_late(event, self._chart):
-            return False
-        self._work()
-        return not self._machine.dry_run(Event(event), self._clock.now(), skip_fields=True).releases
-
-    def _in_turn(self, act: Callable[[], None], begins: bool) -> None:
-        """Carry out requests in their order; one that begins a mission waits for a check of the folder."""
-
-        def looked(loaded: LoadedMissions | None) -> None:
-            self._waiting -= 1
-            self._adopt_missions(loaded)
-            act()
-
-        if self._waiting or (begins and is_idle(self._machine)):
-            self._waiting += 1
-            self._watch.look(self._loaded, looked)
-        else:
-            act()
-
-    def _read_command(self, request: Any) -> Event | Refusal:
-        return commands.read_command(_asked(request), self._chart, self._new_mission_id())
-
-    def _read_start(self, request: Any) -> Event:
-        asked = self._wire.start.read_request(messages.read(request))
-        named = {"mission_type": asked.mission, "mission_id": self._new_mission_id()}
-        return Event(START, {**named, **given_fields(asked.request)})
-
-    def _write_start(self, response: Any, answer: CommandAnswer) -> Any:
-        reason = "" if answer.accepted else answer.message
-        fields = self._wire.start.answer_fields(StartAnswer(answer.accepted, answer.mission_id, reason))
-        return messages.write(response, fields)
-
-    def _carry_out(self, asked: CommandRequest, event: Event | Refusal) -> CommandAnswer:
-        if isinstance(event, Refusal):
-            self._ros.log.info("command", verb=shortened(asked.verb), answer=event.text, **asked.origin)
-            return commands.refused(event)
-        step = self._ask(event, asked.origin)
-        answer = commands.answered(asked, step)
-        return replace(answer, message=answer.message + self._why_unknown(step))
-
-    def _new_mission_id(self) -> str:
-        return f"{self._prefix}-{uuid.uuid4().hex[:8]}"
-
-    def _why_unknown(self, step: Step) -> str:
-        """Return the problem of the missions' files where a step refused an unknown mission; else ''."""
-        is_unknown = step.refusal is not None and step.refusal.code == UNKNOWN_MISSION
-        problem = self._folder.problem if is_unknown else ""
-        return f"; what is new cannot be used: {problem}" if problem else ""
-
-    def _ask(self, event: Event, origin: Mapping[str, str] = NOTHING) -> Step:
-        self._origin = event, origin
-        self._work()
-        try:
-            refusal = self._gate.admit(event, self._machine, self._clock.now())
-        except Exception as problem:
-            self._ros.log.exception("request could not be judged", request=event.name)
-            # A request that stops the robot is carried out without a judgement.
-            stops = commands.counts_however_late(event.name, self._chart)
-            why = f"{event.name.rpartition('.')[2]} refused: {type(problem).__name__}: {problem}"
-            refusal = None if stops else Refusal(EXECUTION_CODE, why)
-        if refusal is None:
-            step = self._engine.request(event, origin)
-        else:
-            memory, now = self._machine.memory, self._clock.now()
-            step = Step(memory.sequence, now, event, memory.configuration, accepted=False, refusal=refusal)
-        self._work()
-        answer = "accepted" if step.accepted else step.refusal.text if step.refusal else "refused"
-        self._ros.guarded(
-            partial(self._ros.log.info, "request", request=event.name, answer=answer, **origin)
-        )()
-        return step
-
-    # -- missions that come and go ----------------------------------------------------------------------
+    # -- periodic work ----------------------------------------------------------------------------------
 
     def _check(self) -> None:
         """Check the clock, the disk, the resume policy and, while idle, the missions' folder; periodic."""
-        self._work()
-        self._gate.check_disk(self._machine)
+        self._loop.work()
+        self._gate.check_disk(self._engine.machine)
         self._continue()
-        if is_idle(self._machine) and not self._is_checking:
+        if is_idle(self._engine.machine) and not self._is_checking:
             self._is_checking = True
-            self._watch.look(self._loaded, self._folder_checked)
+            self._missions.look(self._folder_checked)
 
     def _folder_checked(self, loaded: LoadedMissions | None) -> None:
         self._is_checking = False
-        self._adopt_missions(loaded)
-
-    def _adopt_missions(self, loaded: LoadedMissions | None) -> None:
-        """Adopt changed missions, unless one has begun meanwhile; where that fails the old ones stay."""
-        if not is_idle(self._machine):
-            return
-        if loaded is not None and loaded.chart is not self._chart:
-            try:
-                self._switch_chart(loaded)
-                self._ros.log.info("missions loaded anew", missions=list(loaded.chart.missions))
-            except LupinError as problem:
-                self._folder.refuse(loaded, str(problem))
-            except Exception as problem:  # the client of a new plugin may raise anything
-                self._ros.log.exception("missions could not be loaded anew")
-                self._folder.refuse(loaded, f"{type(problem).__name__}: {problem}")
-        self._publish_missions()
+        self._requests.adopt(loaded)
 
     def _continue(self) -> None:
         """Release the hold `restarted` where the policy is `continue`, and no other hold.
@@ -440,253 +161,33 @@ class Orchestrator:
         It waits until all servers are there, no attempt of the last process is being cancelled, and every
         input that engages another hold has been reported to this process.
         """
-        memory = self._machine.memory
+        memory = self._engine.machine.memory
         due = self._continues_at is not None and time.monotonic() >= self._continues_at
         if not (due and RESTARTED in memory.held):
             return
-        ending = self._machine.view.cancelling
-        if not (ending or self._drivers[BUILTIN].missing() or self._unheard_holds()):
+        ending = self._engine.machine.view.cancelling
+        if not (ending or self._clients.readiness.missing() or self._unheard_holds()):
             self._continues_at = None
             self._ros.log.info("the hold restarted is released", by=POLICY)
             self._engine.request(Event(RELEASED, {"hold": RESTARTED}), {"by": POLICY})
-            self._work()
+            self._loop.work()
 
     def _unheard_holds(self) -> bool:
         """Return whether an input that engages a hold was reported before the restart, and not since."""
-        inputs = self._machine.memory.inputs
-        levels = [hold.engage.split(".") for hold in self._chart.holds.values()]
+        inputs = self._engine.machine.memory.inputs
+        levels = [hold.engage.split(".") for hold in self._loop.chart.holds.values()]
         engaging = {name for word, name, *_ in levels if word == "input" and name in inputs}
-        before = [self._chart.inputs[name].value for name in engaging if inputs[name].reported]
-        return not all(map(self._outlet.was_reported, before))
-
-    def _switch_chart(self, loaded: LoadedMissions) -> None:
-        """Switch to another chart; a failure changes nothing.
-
-        Clients of plugins that both charts use are kept with their state, unless their binding changed.
-
-        Raises:
-            LupinError: the profile is another, or a parameter or client does not fit.
-        """
-        chart = loaded.chart
-        declared = {**OWN_PARAMETERS, **chart.parameters}
-        if chart.profile is not self._chart.profile:
-            raise LupinError("another profile needs a new start")
-        values = self._ros.values_with(declared)
-        world = make_world(chart, {name: values[name] for name in chart.parameters})
-        machine = successor(self._machine, world)
-        before, now = self._loaded.bindings, {*chart.clients, BUILTIN}
-        changed = {n for n in chart.clients if before.get(n) is not loaded.bindings.get(n)}
-        new = [name for name in chart.clients if name not in self._drivers or name in changed]
-        clients = _clients(self._ros, loaded, new, self._outlet, world.parameters)
-        for name in [name for name in self._drivers if name not in now or name in changed]:
-            self._drivers.pop(name).close()
-        self._drivers.update(clients)
-        self._ros.declare_anew(declared)
-        self._loaded, self._chart = loaded, chart
-        self._records.switch_chart(loaded)
-        self._serve_answers()
-        self._switch_machine(machine)
-
-    def _switch_machine(self, machine: Machine) -> None:
-        """Switch to another machine of the chart, and report it the live values that it lacks."""
-        self._gate.begin(self._loaded, machine)
-        self._engine.go_on_with(machine)
-        heard = {name for name, found in machine.memory.inputs.items() if found.reported}
-        self._outlet.report_again(
-            spec.value for spec in self._chart.inputs.values() if spec.name not in heard
-        )
-        self._work()
-
-    def _prepare_parameters(self, values: Mapping[str, Any]) -> str | None:
-        """Make a machine for new values of the missions' parameters, or return why not."""
-        chart, self._prepared = self._chart, None
-        of_plugins = {name for plugin in chart.clients for name in chart.catalog.plugins[plugin].parameters}
-        fixed = [name for name in values if name not in chart.parameters or name in of_plugins]
-        if fixed:
-            return f"{', '.join(fixed)}: read at the start of the node only; restart it with -p"
-        if not is_idle(self._machine):
-            now = self._machine.view.lifecycle
-            return f"{', '.join(values)}: can be set where a mission can be started, which is not so in {now}"
-        try:
-            world = make_world(chart, {**self._machine.world.parameters, **values})
-            self._prepared = successor(self._machine, world)
-        except LupinError as problem:
-            return str(problem)
-        return None
-
-    def _adopt_parameters(self, _: Mapping[str, Any]) -> None:
-        """Switch to the prepared machine, after ROS has stored its values."""
-        machine, self._prepared = self._prepared, None
-        if machine is not None:
-            self._switch_machine(machine)
-            self._publish_missions()
-
-    def _publish_missions(self) -> None:
-        """Publish the mission catalogue, with the problems of the missions' files."""
-        if self._folder.warning:
-            self._ros.log.warning("missions", problem=self._folder.warning)
-        self._records.publish_missions(self._machine, self._folder.problem.splitlines())
-
-    # -- the loop ---------------------------------------------------------------------------------------
-
-    def _work(self) -> None:
-        """Step all queued and due events, then set the timer of the next deadline.
-
-        An exception in one part keeps no other from its turn, and no request from being carried out.
-        """
-        for part in (self._engine.drain, self._sleep, self._maintain_journal, self._publish_possible):
-            self._ros.guarded(part)()
-
-    def _maintain_journal(self) -> None:
-        self._gate.maintain(self._machine)
-
-    def _publish_possible(self) -> None:
-        self._records.publish_possible(self._machine)
-
-    def _failed(self, problem: Exception) -> None:
-        """Log an exception in the loop; the journal may lack a step, so a new file begins with a snapshot."""
-        self._ros.log.error("the loop failed", exc_info=problem)
-        self._gate.journal.discontinue(f"{type(problem).__name__}: {problem}")
-
-    def _sleep(self) -> None:
-        self._sleep_until(self._engine.next_deadline)
-
-    def _sleep_until(self, due: float | None) -> None:
-        if self._deadline is not None:
-            if self._deadline[0] == due:
-                return
-            self._deadline[1].cancel()
-            self._deadline = None
-        if due is not None:
-            self._deadline = due, self._ros.call_later(due - self._clock.now(), self._deadline_reached)
-
-    def _deadline_reached(self) -> None:
-        self._deadline = None
-        self._work()
-
-    def _stepped(self, step: Step) -> None:
-        """Publish and record a step; an exception in one part keeps no other from running."""
-        if step.event.name == START and step.accepted:
-            self._state_messages.mission_started()
-        view = self._machine.view
-        parts = _PARTS if self._records.is_news(step) else (Orchestrator._publish_state,)
-        for part in parts:
-            self._ros.guarded(part)(self, step, view)
-
-    def _publish_outcomes(self, step: Step, view: View) -> None:
-        if outcomes := outcomes_of(step):
-            self._gate.publish(outcomes, self._state_messages.outcome, self._outcomes.publish)
-
-    def _log_reports(self, step: Step, view: View) -> None:
-        for command in step.commands:
-            if isinstance(command, Report):
-                self._records.log_report(command, view)
-
-    def _publish_moments(self, step: Step, view: View) -> None:
-        for moment in step.trail[:-1]:
-            self._publish_if_changed(view, moment)
-
-    def _publish_state(self, step: Step, view: View) -> None:
-        self._publish_if_changed(view)
-
-    def _publish_step(self, step: Step, view: View) -> None:
-        asked, origin = self._origin
-        self._records.publish_step(step, view, origin if step.event is asked else NOTHING)
-
-    def _record_step(self, step: Step, view: View) -> None:
-        self._gate.after_step(step, view, self._machine)
-
-    # -- publishing -------------------------------------------------------------------------------------
-
-    def _publish_if_changed(self, view: View, moment: Moment | None = None) -> None:
-        """Publish the state at once where it has changed."""
-        fields = self._state_messages.news(view, moment)
-        if fields is not None:
-            self._state.publish(fields)
-
-    def _repeat_state(self) -> None:
-        self._state.publish(self._state_messages.fields(self._machine.view))
-        self._records.publish_possible(self._machine)  # time alone may have changed an answer
-
-    def _stamp(self, time: float | None = None) -> Fields:
-        if time is not None:
-            return {"sec": int(time), "nanosec": int(time % 1.0 * 1e9)}
-        stamp = self._ros.stamp()
-        return {"sec": stamp.sec, "nanosec": stamp.nanosec}
+        before = [self._loop.chart.inputs[name].value for name in engaging if inputs[name].reported]
+        return not all(map(self._clients.outlet.was_reported, before))
 
 
-#: The publications of a step that is news, in this order.
-_PARTS = (
-    Orchestrator._publish_outcomes,
-    Orchestrator._log_reports,
-    Orchestrator._publish_moments,
-    Orchestrator._publish_state,
-    Orchestrator._publish_step,
-    Orchestrator._record_step,
-)
-
-
-class _Publisher:
-    """Publishes fields on a channel of the profile."""
-
-    def __init__(self, ros: RosNode, channel: Channel) -> None:
-        self._make = interface_class(channel.type)
-        self._publisher = ros.publisher(self._make, channel.name, Qos[channel.qos])
-
-    def publish(self, fields: Fields) -> None:
-        self._publisher.publish(messages.write(self._make(), fields))
-
-
-@dataclass(frozen=True)
-class _Way:
-    """A service as a way of requests into the machine.
-
-    `asked` says of a request who asks for what, `event` what that is for the machine, or why it is refused,
-    when its turn has come; `write` writes the answer into a response.
-    """
-
-    kind: Any
-    name: str
-    asked: Callable[[Any], CommandRequest]
-    event: Callable[[Any], Event | Refusal]
-    write: Callable[[Any, CommandAnswer], Any]
-
-
-def _without_fields(service: str, verb: str, event: Event) -> _Way:
-    """Return the way of a request that says no more than its service's name."""
-
-    def write(response: Any, answer: CommandAnswer) -> Any:
-        response.success, response.message = answer.accepted, answer.message
-        return response
-
-    return _Way(Trigger, service, lambda _: CommandRequest(verb), lambda _: event, write)
-
-
-def _asked(request: Any) -> CommandRequest:
-    return CommandRequest(**messages.read(request))
-
-
-def _write_answer(response: Any, answer: CommandAnswer) -> Any:
-    return messages.write(response, asdict(answer))
-
-
-def _clients(
-    ros: RosNode,
-    loaded: LoadedMissions,
-    names: Iterable[str],
-    outlet: RosOutlet,
-    parameters: Mapping[str, Any],
-) -> dict[str, Driver]:
-    """Make the clients of the named plugins: a binding's, or the plugin's own where it has one."""
-    clients: dict[str, Driver] = {}
-    for name in names:
-        if name in loaded.bindings:
-            clients[name] = BoundClient(ros, loaded.bindings[name], outlet, parameters)
-            continue
-        plugin = loaded.chart.catalog.plugins[name]
-        if plugin.client:
-            clients[name] = make_client(plugin, ros, outlet, parameters)
-    return clients
+def _first_machine(ros: RosNode, loaded: LoadedMissions, recovery: Recovery | None) -> Machine:
+    """Return the machine of the last process where it goes on, else a new one."""
+    if recovery is not None and recovery.machine is not None:
+        ros.lineage = recovery.left.file.head.lineage or ros.lineage
+        return recovery.machine
+    given = ros.parameters()
+    return make_machine(loaded.chart, {name: given[name] for name in loaded.chart.parameters})
 
 
 def main(arguments: Sequence[str] = ()) -> int:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, Protocol
 
-from lupin_engine.runtime import Engine, EngineOutlet
+from lupin_engine.runtime import EngineOutlet, Inbox
 from lupin_ros.adapter.node import RosNode
 
 
@@ -29,11 +29,18 @@ class NodeClock:
         return round(self.now() - (self._ros.now() - stamp), 6)
 
 
+class Worker(Inbox, Protocol):
+    """The loop, for those who report to it."""
+
+    def work(self) -> None:
+        """Step what is queued."""
+
+
 class RosOutlet(EngineOutlet):
     """Queues reports of the clients; converts a value's stamp into the loop's clock, in the same order."""
 
-    def __init__(self, engine: Engine, clock: NodeClock, wake: Callable[[], None]) -> None:
-        super().__init__(engine, wake)
+    def __init__(self, loop: Worker, clock: NodeClock) -> None:
+        super().__init__(loop, loop.work)
         self._clock = clock
         self._last: dict[str, tuple[float, float, Any]] = {}
 

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 from lupin_engine.plugin import MISSING, Driver, Outlet
 from lupin_ros.adapter.host import TimerHandle
@@ -16,37 +16,47 @@ POLL_PERIOD_S = 0.2
 POLLS_UNTIL_GONE = 10
 
 
+class InUse(Protocol):
+    """Whose servers are waited for."""
+
+    def in_use(self) -> Iterable[Driver]:
+        """Return the drivers of the plugins that the missions use."""
+
+
+class PollHost(Protocol):
+    """What is used of the node."""
+
+    def steady_timer(self, period: float, callback: Callable[[], None]) -> TimerHandle:
+        """Call `callback` every `period` seconds."""
+
+    def now(self) -> float:
+        """Return the node's time."""
+
+
 class Readiness:
     """Polls the other drivers every `POLL_PERIOD_S`, also after the start: a server can go at any time.
 
     A missing server is in `plugins.missing` after `POLLS_UNTIL_GONE` polls in a row, a found one at once.
     """
 
-    def __init__(
-        self,
-        drivers: Callable[[], Iterable[Driver]],
-        outlet: Outlet,
-        every: Callable[[float, Callable[[], None]], TimerHandle],
-        now: Callable[[], float],
-        is_resumed: bool = False,
-    ) -> None:
-        """Poll the `drivers` of the plugins that the missions use.
+    def __init__(self, clients: InUse, outlet: Outlet, ros: PollHost, is_resumed: bool = False) -> None:
+        """Begin to poll.
 
-        `every(period, callback)` starts a repeating timer, `now` returns the node's time. Where the machine
-        `is_resumed`, its memory has the value of the last process: the first poll reports it in any case.
+        Where the machine `is_resumed`, its memory has the value of the last process: the first poll reports
+        it in any case.
         """
-        self._drivers = drivers
+        self._clients = clients
         self._outlet = outlet
-        self._now = now
+        self._ros = ros
         self._attempt = ""
         self._progress = ""
         self._polls = 0  # in a row that found something missing
         self._reported: list[str] | None = None if is_resumed else []  # the last report
-        self._timer = every(POLL_PERIOD_S, self._poll)
+        self._timer = ros.steady_timer(POLL_PERIOD_S, self._poll)
 
     def missing(self) -> list[str]:
         """Return the names of the servers that other plugins wait for."""
-        return sorted(name for driver in self._drivers() for name in driver.missing())
+        return sorted(name for driver in self._clients.in_use() for name in driver.missing())
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
         """Begin to wait."""
@@ -72,7 +82,7 @@ class Readiness:
         # An empty list is reported before `plugins.ready` is done: a chart that reads both would wait again.
         if missing != self._reported and (not missing or self._polls >= POLLS_UNTIL_GONE):
             self._reported = missing
-            self._outlet.value(MISSING, missing, self._now())
+            self._outlet.value(MISSING, missing, self._ros.now())
         if self._attempt:
             self._answer(", ".join(missing))
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import threading
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -48,9 +49,11 @@ class RecordPublisher:
         self._missions = ros.publisher(String, MISSIONS_TOPIC, Qos.LATCHED)
         self._possible = ros.publisher(String, POSSIBLE_TOPIC, Qos.LATCHED)
         self._chart = ros.publisher(String, CHART_TOPIC, Qos.LATCHED)
-        self._slices = Slices(ros.post)
+        self._slices = Slices(ros)
         self._open_log(ros.parameters())
-        self._last_missions = ""
+        #: What was published last, as text; as many steps as late readers get.
+        self._last_steps: deque[str] = deque(maxlen=self._steps.qos_profile.depth)
+        self._last_missions = self._last_possible = "{}"
         self._possible_news = PossibleNews(self.boot)
         self.is_news = StepNews().is_news
 
@@ -77,7 +80,9 @@ class RecordPublisher:
         self._log(step, view)
         at = StepMoment(self._clock.now(), self._ros.now(), time.time_ns())
         record = published_step(step, view, self._loaded, self.boot, at, origin)
-        self._steps.publish(_text(record))
+        text = _text(record)
+        self._last_steps.append(text.data)
+        self._steps.publish(text)
 
     def _log(self, step: Step, view: View) -> None:
         log, chart = self._ros.log, self._loaded.chart
@@ -123,7 +128,14 @@ class RecordPublisher:
         """
         found = self._possible_news.news(machine, self._loaded.hash, self._clock.now())
         if found is not None:
-            self._possible.publish(_text(found))
+            text = _text(found)
+            self._last_possible = text.data
+            self._possible.publish(text)
+
+    def status(self) -> str:
+        """Return the last steps, available requests and missions that were published, as a JSON object."""
+        steps = ", ".join(self._last_steps)
+        return f'{{"steps": [{steps}], "possible": {self._last_possible}, "missions": {self._last_missions}}}'
 
     # -- the chart --------------------------------------------------------------------------------------
 

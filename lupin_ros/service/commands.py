@@ -11,7 +11,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -75,13 +75,19 @@ def _answer_of(fields: Mapping[str, Any]) -> CommandAnswer:
         return _BROKEN_OFF
 
 
-class CommandMemory:
-    """The commands of the last minute, by id, each with its answer."""
+class AnswerLog(Protocol):
+    """Saves answers for the next process."""
 
-    def __init__(self, keep: Callable[[str, str, Mapping[str, Any]], None] = lambda *_: None) -> None:
-        """`keep` saves an answer, with the id and the command's digest, for the next process."""
+    def answered(self, command_id: str, what: str, answer: Mapping[str, Any]) -> None:
+        """Save an answer, with the id and the command's digest."""
+
+
+class CommandMemory:
+    """The commands of the last minute, by id, each with its answer, which a `log` saves."""
+
+    def __init__(self, log: AnswerLog | None = None) -> None:
         self._known: dict[str, tuple[float, str, CommandAnswer]] = {}
-        self._keep = keep
+        self._log = log
 
     def remember(self, command_id: str, when: float, what: str, answer: Mapping[str, Any]) -> None:
         """Restore a command of an earlier process; without an answer it counts as broken off."""
@@ -124,7 +130,8 @@ class CommandMemory:
         self._known[asked.command_id] = now, what, _BROKEN_OFF  # until there is an answer
         answer = carry_out(asked)
         self._known[asked.command_id] = now, what, answer
-        self._keep(asked.command_id, what, asdict(answer))
+        if self._log is not None:
+            self._log.answered(asked.command_id, what, asdict(answer))
         return answer
 
     def knows(self, asked: CommandRequest, now: float) -> bool:

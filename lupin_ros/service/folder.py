@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from lupin_engine.bindings import BINDINGS, check_definition, lupin_file
 from lupin_engine.chart import Findings
@@ -177,19 +177,21 @@ class MissionsFolder:
         self._refused, self.problem = loaded, reason
 
 
-class FolderWatch:
-    """Looks at a folder on a thread of its own, one look at a time."""
+class FolderHost(Protocol):
+    """The node that uses the missions."""
 
-    def __init__(
-        self,
-        folder: MissionsFolder,
-        post: Callable[[Callable[[], None]], None],
-        failed: Callable[[str], None],
-    ) -> None:
-        """`post` runs a call on the node's thread, in order; `failed` logs an exception there."""
+    log: Any
+
+    def post(self, callback: Callable[[], object]) -> None:
+        """Run `callback` on the node's thread, in order."""
+
+
+class FolderWatch:
+    """Looks at a folder on a thread of its own, one look at a time; the results come on the node's thread."""
+
+    def __init__(self, folder: MissionsFolder, ros: FolderHost) -> None:
         self._folder = folder
-        self._post = post
-        self._failed = failed
+        self._ros = ros
         self._pool = ThreadPoolExecutor(1, "missions")
 
     def look(self, current: LoadedMissions, then: Callable[[LoadedMissions | None], None]) -> None:
@@ -203,8 +205,8 @@ class FolderWatch:
             if loaded is not None:
                 dispatch_table(loaded.chart)  # kept for its machine: no step may take as long
         except Exception as problem:  # whoever waits must go on
-            self._post(partial(self._failed, repr(problem)))
-        self._post(partial(then, loaded))
+            self._ros.post(partial(self._ros.log.error, "missions", problem=repr(problem)))
+        self._ros.post(partial(then, loaded))
 
     def close(self) -> None:
         """Stop looking."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Protocol
 
 from lupin_engine.errors import LupinError
-from lupin_engine.machine import NOTHING, Event, Refusal, Step, World
+from lupin_engine.machine import NOTHING, Event, Machine, Refusal, Step, World
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import START, Fields, PageMessage, Publish, time_fields
 from lupin_engine.runtime import explanation, missions_record
@@ -20,6 +20,16 @@ from lupin_ros.service.drawn import drawn, shown
 from lupin_ros.service.reports import PossibleNews, StateMessages, StepMoment, StepNews, published_step
 
 
+class Audience(Protocol):
+    """Who hears an orchestrator."""
+
+    def take(self, message: PageMessage) -> None:
+        """Take a message that is published."""
+
+    def stepped(self, step: Step) -> None:
+        """A step was made, and its messages are published."""
+
+
 class VirtualOrchestrator:
     """A simulated orchestrator, in virtual time.
 
@@ -27,8 +37,7 @@ class VirtualOrchestrator:
         loaded: the missions, with the chart that is simulated.
         script: the scripted servers and events.
         world: of the chart and its parameters.
-        publish: is called with every message.
-        stepped: is called after every step, when its messages are published.
+        audience: of its messages and steps.
     """
 
     def __init__(
@@ -36,16 +45,14 @@ class VirtualOrchestrator:
         loaded: LoadedMissions,
         script: Script,
         world: World,
-        publish: Callable[[PageMessage], None],
-        stepped: Callable[[Step], None],
+        audience: Audience,
     ) -> None:
         self.boot = uuid.uuid4().hex
         #: How many steps were published.
         self.published = 0
         self._loaded = loaded
         self._wire = messages.wire_of(loaded.chart.profile)
-        self._publish = publish
-        self._listener = stepped
+        self._audience = audience
         self.simulation = Simulation(loaded.chart, script, {}, world, crashes=True)
         self.simulation.listener = self._stepped
         self._began_ms = self._published_at = self.simulation.wall * 1000.0
@@ -53,9 +60,7 @@ class VirtualOrchestrator:
         self._commands = CommandMemory()
         self._news, self._foreseen = StepNews(), PossibleNews(self.boot)
         self._offered: Any = None
-        self._state = StateMessages(
-            self._wire, lambda: self.simulation.machine, lambda: self.simulation.now, self._stamp
-        )
+        self._state = StateMessages(self._wire, self)
 
     @property
     def at(self) -> float:
@@ -129,7 +134,7 @@ class VirtualOrchestrator:
             self.published += 1
         else:
             self._publish_state(self._state.news(view))
-        self._listener(step)
+        self._audience.stepped(step)
 
     def publish_news(self) -> None:
         """Publish the available requests and the missions, where they have changed."""
@@ -155,7 +160,19 @@ class VirtualOrchestrator:
         self._publish_fields(topic, {"data": json.dumps(data, default=str)})
 
     def _publish_fields(self, topic: str, fields: Fields) -> None:
-        self._publish(PageMessage(topic, self._moment(), fields))
+        self._audience.take(PageMessage(topic, self._moment(), fields))
 
-    def _stamp(self) -> Fields:
+    # -- the present, for messages ----------------------------------------------------------------------
+
+    @property
+    def machine(self) -> Machine:
+        """The machine of the simulation."""
+        return self.simulation.machine
+
+    def now(self) -> float:
+        """Return the virtual time, in seconds."""
+        return self.simulation.now
+
+    def stamp(self) -> Fields:
+        """Return the time of the messages as the fields of a `builtin_interfaces/msg/Time`."""
         return time_fields(self.at / 1000.0)

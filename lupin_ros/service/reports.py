@@ -5,10 +5,10 @@ Pure: no ROS, and clocks are arguments. The orchestrator publishes them; a simul
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated, Any, TypedDict
+from typing import Annotated, Any, Protocol, TypedDict
 
 from lupin_engine.machine import Machine, Moment, Step, View
 from lupin_engine.missions import LoadedMissions
@@ -17,40 +17,41 @@ from lupin_engine.runtime import PossibleRecord, RequestPreview, step_record, vi
 from lupin_ros.service import messages
 
 
+class Present(Protocol):
+    """A machine at a moment."""
+
+    @property
+    def machine(self) -> Machine:
+        """The machine."""
+
+    def now(self) -> float:
+        """Return the time of the machine's clock, in seconds."""
+
+    def stamp(self) -> Fields:
+        """Return the same moment as the fields of a `builtin_interfaces/msg/Time`."""
+
+
 class StateMessages:
-    """The profile's messages about one mission after the other.
+    """The profile's messages, by its `wire`, about one mission after the other."""
 
-    Args:
-        wire: of the profile.
-        machine: returns the present machine.
-        now: the clock of the machine, in seconds.
-        stamp: the same moment as the fields of a `builtin_interfaces/msg/Time`.
-    """
-
-    def __init__(
-        self,
-        wire: Wire,
-        machine: Callable[[], Machine],
-        now: Callable[[], float],
-        stamp: Callable[[], Fields],
-    ) -> None:
+    def __init__(self, wire: Wire, present: Present) -> None:
         self._wire = wire
-        self._machine = machine
-        self._now = now
-        self._stamp = stamp
+        self._present = present
         self._started: Fields | None = None
         self._published: tuple[object, ...] = ()
 
     def mission_started(self, at: Fields | None = None) -> None:
         """Record that a mission was accepted, now or at another moment."""
-        self._started = at or self._stamp()
+        self._started = at or self._present.stamp()
 
     def fields(self, view: View) -> Fields:
         """Return the state message."""
-        machine = self._machine()
-        value, codes = partial(self._value, now=self._now()), machine.chart.codes
+        machine = self._present.machine
+        value, codes = partial(self._value, now=self._present.now()), machine.chart.codes
         return self._wire.state_fields(
-            messages.situation(view, codes, machine.memory.request, value, self._started, self._stamp())
+            messages.situation(
+                view, codes, machine.memory.request, value, self._started, self._present.stamp()
+            )
         )
 
     def news(self, view: View, moment: Moment | None = None) -> Fields | None:
@@ -71,10 +72,12 @@ class StateMessages:
 
     def outcome(self, published: Publish) -> Fields:
         """Return the message about a target."""
-        return self._wire.outcome_fields(published, partial(self._value, now=self._now()), self._stamp())
+        return self._wire.outcome_fields(
+            published, partial(self._value, now=self._present.now()), self._present.stamp()
+        )
 
     def _value(self, name: str, now: float) -> Any:
-        machine = self._machine()
+        machine = self._present.machine
         if name in machine.chart.profile.projections:
             return machine.memory.projected.get(name)
         known = name in machine.chart.inputs

@@ -332,7 +332,7 @@ class SimulatedPages:
         self._begin()
 
     def _made(self) -> VirtualOrchestrator:
-        return VirtualOrchestrator(self._loaded, self._script, self._world, self._keep, self._stepped)
+        return VirtualOrchestrator(self._loaded, self._script, self._world, self)
 
     def _begin(self) -> None:
         self._orchestrator.begin(self._picture)
@@ -343,13 +343,15 @@ class SimulatedPages:
             self.stop(True)
         self._publish_news(in_any_case=True)
 
-    def _stepped(self, step: Step) -> None:
+    def stepped(self, step: Step) -> None:
+        """See `Audience`."""
         if self._until and any(is_named(name, self._until) for name in step.entered):
             self._stand(f"{self._until} was entered")
 
     # -- published messages ---------------------------------------------------------------------------------
 
-    def _keep(self, message: PageMessage) -> None:
+    def take(self, message: PageMessage) -> None:
+        """See `Audience`."""
         self._kept.append(message)
         self._page(message)
 

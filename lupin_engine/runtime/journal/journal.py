@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from lupin_engine.machine.event import Event
 from lupin_engine.machine.machine import Machine
@@ -75,6 +75,16 @@ class Keep:
     size: int = 1_000_000_000
 
 
+class JournalOwner(Protocol):
+    """The loop whose inputs are recorded."""
+
+    def post(self, call: Callable[[], None]) -> None:
+        """Run a call on the loop's thread."""
+
+    def disk_changed(self, problem: str) -> None:
+        """The disk fails, then waiting calls proceed; or it works again, where `problem` is ''."""
+
+
 class Journal:
     """Writes the journal of one domain into `folder`; a `runtime.engine.InputLog`."""
 
@@ -82,8 +92,7 @@ class Journal:
         self,
         folder: Path,
         keep: Keep,
-        post: Callable[[Callable[[], None]], None],
-        changed: Callable[[str], None],
+        owner: JournalOwner,
         wall_ns: Callable[[], int] = time.time_ns,
         writer: FrameWriter | None = None,
     ) -> None:
@@ -92,18 +101,16 @@ class Journal:
         Args:
             folder: of the domain; made where it is missing.
             keep: limits; files beyond them are deleted when another one begins.
-            post: runs a call on the loop's thread.
-            changed: called with the reason when the disk fails, then waiting calls proceed; and with '' when
-                it works again.
+            owner: runs calls on its thread, and hears the reason when the disk fails, then waiting calls
+                proceed; and '' when it works again.
             wall_ns: the wall clock.
             writer: receives the frames, instead of the disk.
         """
         self.folder = folder
         self._keep = keep
-        self._post = post
-        self._changed = changed
+        self._owner = owner
         self.wall_ns = wall_ns
-        self._writer = writer or JournalWriter(post, self._on_failure)
+        self._writer = writer or JournalWriter(self)
         self.head: JournalHead | None = None
         #: Why the disk fails; '' when it does not.
         self.problem = ""
@@ -265,30 +272,35 @@ class Journal:
     def check_disk(self) -> None:
         """Detect a disk that does not answer; to be called periodically."""
         if self._writer.waits > PATIENCE_S and not self.problem:
-            self._on_failure(f"the disk has not answered for {PATIENCE_S:g} s", self._writer.give_up())
+            self.failed(f"the disk has not answered for {PATIENCE_S:g} s", self._writer.give_up())
 
     def discontinue(self, reason: str) -> None:
         """Stop writing this file, because a replay of it would not lead to the machine's state."""
         self.problem = reason
-        self._post(partial(self._on_failure, reason, []))  # not in the midst of a step
+        self.post(partial(self.failed, reason, []))  # not in the midst of a step
 
     @property
     def failing(self) -> str:
         """The reason for the disk's failure, until records are durable again; '' where there is none."""
         return self.problem or self._reported
 
-    def _on_failure(self, reason: str, waiting: list[Callable[[], None]]) -> None:
+    def post(self, call: Callable[[], None]) -> None:
+        """Run a call on the loop's thread; for the writer."""
+        self._owner.post(call)
+
+    def failed(self, reason: str, waiting: list[Callable[[], None]]) -> None:
+        """Report once that the disk fails, and let the calls proceed that waited; for the writer."""
         self.problem = reason
         if not self._reported:
             self._reported = reason
-            self._changed(reason)
+            self._owner.disk_changed(reason)
         for then in waiting:
             if then != self._is_back:
                 then()
 
     def _is_back(self) -> None:
         self._reported = ""
-        self._changed("")
+        self._owner.disk_changed("")
 
     def _input(self, record: tuple[Any, ...], now: float, urgent: bool = True) -> None:
         head = self.head

@@ -6,8 +6,8 @@ machine, and the journal of a flood stays small.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from lupin_engine.machine.event import Event
 from lupin_engine.plugin.profile import ANSWER
@@ -26,11 +26,18 @@ class _Alike:
     more: int = 0
 
 
-class Refusals:
-    """Counts requests that are not recorded; `report` gets the request's name, its code, and their number."""
+class RefusalLog(Protocol):
+    """Where the numbers are recorded."""
 
-    def __init__(self, report: Callable[[str, str, int], None]) -> None:
-        self._report = report
+    def refused(self, request: str, code: str, more: int) -> None:
+        """Record how many more requests of a name were refused with a code."""
+
+
+class Refusals:
+    """Counts requests that are not recorded, and records their numbers."""
+
+    def __init__(self, log: RefusalLog) -> None:
+        self._log = log
         self._alike: dict[tuple[str, str], _Alike] = {}
 
     def is_one_more(self, request: Event, code: str, now: float) -> bool:
@@ -63,4 +70,4 @@ class Refusals:
     def _end(self, key: tuple[str, str]) -> None:
         more = self._alike.pop(key).more
         if more:
-            self._report(*key, more)
+            self._log.refused(*key, more)

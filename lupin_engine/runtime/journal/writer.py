@@ -24,8 +24,6 @@ LAZY_S = 0.5
 #: How often it is looked whether the file is still there, at least, in seconds.
 CHECK_S = 0.5
 
-#: Called with what went wrong, and the calls that waited.
-Failed = Callable[[str, list[Callable[[], None]]], None]
 #: In every folder that is written to: who holds it is the only one that does.
 LOCK = "lock"
 
@@ -86,17 +84,25 @@ class MemoryWriter:
         """Nothing is held."""
 
 
+class WriterOwner(Protocol):
+    """Whose frames are written."""
+
+    def post(self, call: Callable[[], None]) -> None:
+        """Run a call on the loop's thread."""
+
+    def failed(self, reason: str, waiting: list[Callable[[], None]]) -> None:
+        """The disk fails, and the calls that wait for it are returned; on the loop's thread."""
+
+
 class JournalWriter:
-    """Writes frames to one file after the other. `post` runs a call on the loop's thread."""
+    """Writes frames to one file after the other."""
 
     def __init__(
         self,
-        post: Callable[[Callable[[], None]], None],
-        failed: Failed,
+        owner: WriterOwner,
         sync: Callable[[int], None] = os.fdatasync,
     ) -> None:
-        self._post = post
-        self._failed = failed
+        self._owner = owner
         self._sync = sync
         self._ready = threading.Condition()
         self._queue: list[bytes | Callable[[], None]] = []
@@ -192,7 +198,7 @@ class JournalWriter:
             return
         with self._ready:
             self._since = time.monotonic() if self._waiting else None
-        self._post(partial(_call, waiting))
+        self._owner.post(partial(_call, waiting))
 
     def _fail(self, reason: str, waiting: list[Callable[[], None]]) -> None:
         self._close_file()
@@ -202,7 +208,7 @@ class JournalWriter:
                 self._path.unlink()
         with self._ready:
             self._since = None
-        self._post(lambda: self._failed(reason, waiting))
+        self._owner.post(lambda: self._owner.failed(reason, waiting))
 
     def _write(self, queue: list[bytes | Callable[[], None]], wait: bool) -> None:
         if self._file is not None and not self._path.exists():

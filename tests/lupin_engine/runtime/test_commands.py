@@ -247,9 +247,13 @@ def test_the_memory_is_bounded() -> None:
 
 def test_the_next_process_knows_what_was_commanded() -> None:
     """With its answer; what was broken off is not done again either, whatever is commanded under its id."""
-    kept: dict[str, tuple[str, Mapping[str, Any]]] = {}
-    first, desk = Desk(), Desk()
-    first.memory = CommandMemory(lambda name, what, answer: kept.update({name: (what, answer)}))
+
+    class Kept(dict[str, tuple[str, Mapping[str, Any]]]):
+        def answered(self, command_id: str, what: str, answer: Mapping[str, Any]) -> None:
+            self[command_id] = what, answer
+
+    kept, first, desk = Kept(), Desk(), Desk()
+    first.memory = CommandMemory(kept)
     first.ask(0.0, "a")
     first.ask(1.0, "", "dock")
     assert list(kept) == ["a"]

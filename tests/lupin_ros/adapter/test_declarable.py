@@ -17,7 +17,7 @@ from lupin_engine.plugin.parameters import RESERVED, carried_as
 from lupin_engine.plugin.types import MAX_INTEGER
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.parameters import _ROS_OWN
-from lupin_ros.orchestrator.node import OWN_PARAMETERS
+from lupin_ros.orchestrator.missions import OWN_PARAMETERS
 from tests import shipped
 
 ROOT = Path(__file__).parents[3]

@@ -34,6 +34,10 @@ class Network:
             late = {node: max(at, self.now + TICK_S) for node, at in self._appear.items() if at > before}
             self._appear |= late
 
+    def strangers(self) -> int:
+        """Return how many have appeared."""
+        return len(self.look())
+
     def look(self) -> frozenset[str]:
         """Return the nodes that have appeared."""
         return frozenset(node for node, at in self._appear.items() if at <= self.now)
@@ -44,7 +48,7 @@ def seen(network: Network, monkeypatch: pytest.MonkeyPatch, there: int) -> froze
     monkeypatch.setattr(dds_discovery, "time", network)
     monkeypatch.setattr(dds_discovery, "participants", lambda domain: there)
     monkeypatch.setattr(dds_discovery, "is_local_only", lambda: True)
-    return settled(network.spin, network.look, lambda: len(network.look()))
+    return settled(network)
 
 
 def test_nothing_new_for_a_moment_is_everybody(monkeypatch: pytest.MonkeyPatch) -> None:

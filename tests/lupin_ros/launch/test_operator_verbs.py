@@ -19,6 +19,7 @@ from lupin_engine_msgs.srv import Command
 from lupin_harness.domains import claimed_domain
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.launch import operator as operators
+from lupin_ros.launch import published_here
 from lupin_ros.launch.operator import Commander, operator_name
 from lupin_ros.service.names import COMMAND_SERVICE, STEPS_TOPIC
 from tests.lupin_ros.world import Operator, World
@@ -133,6 +134,64 @@ def test_the_state_is_followed(operator: Operator, lupin: Say) -> None:
         assert next(one for one in seen if one["lifecycle"] == "DONE")["counts"]["skipped"] == 1
         watching.send_signal(signal.SIGINT)
         assert watching.wait(60.0) == 0
+
+
+def _looked(*words: str) -> tuple[str, bool]:
+    """Run a verb in a process of its own; return what it says, and whether it used ROS."""
+    program = f"import sys; from lupin_cli.main import main; main({words!r}); print('rclpy' in sys.modules)"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    *said, used = (done.stderr + done.stdout).splitlines()
+    return "\n".join(said), used == "True"
+
+
+@pytest.mark.core
+def test_to_look_takes_no_ros(operator: Operator) -> None:
+    """What is shown is as new as over ROS, after each of several commands at once."""
+    operator.until(lambda: operator.state.lifecycle_state in ("READY", "DONE"), "rest")
+    assert _looked("answer") == ("nothing is asked", False)
+    operator.hit(9, "stall")
+    assert operator.start("1").accepted
+    for request, paused in (("pause", True), ("resume", False), ("pause", True)):
+        assert operator.ask(request).success
+        said, used = _looked("state", "--json")
+        assert (json.loads(said)["paused"], used) == (paused, False)
+    assert operator.ask("abort").success
+    operator.hit(0, "none")
+    operator.in_state("DONE")
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP, signal.SIGINT])
+def test_an_orchestrator_that_is_gone_is_not_shown(
+    how: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not as it was last, whatever became of it; and the next one is shown."""
+    with claimed_domain() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+        world, there = World(tmp_path), Operator()
+        try:
+            _is_gone(how, world, there, domain)
+        finally:
+            there.ros.close()
+            killed = world.stop()
+        assert killed == []
+
+
+def _is_gone(how: signal.Signals, world: World, there: Operator, domain: int) -> None:
+    process = world.start("mission_orchestrator")
+    there.until(lambda: there.states, "a state")
+    there.until(lambda: published_here() is not None, "an answer")
+    process.send_signal(how)
+    if how == signal.SIGSTOP:  # over ROS the middleware of others may still have it
+        assert published_here() is None
+        process.send_signal(signal.SIGKILL)
+    process.wait(60.0)
+    nobody = f"lupin: no orchestrator speaks in ROS domain {domain}; give --domain, or `lupin up`"
+    assert _looked("state") == (nobody, True)
+    world.start("mission_orchestrator")
+    there.until(lambda: published_here() is not None, "an answer of the next one")
+    assert _looked("state")[1] is False
 
 
 @pytest.mark.core

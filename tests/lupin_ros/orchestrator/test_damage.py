@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -39,7 +40,7 @@ class BrokenOff:
         self.folder, self.loaded = folder, loaded
         self.told: list[str] = []
         self.node = Node(journal_path=str(folder))
-        self._gate = JournalGate(self.node, "boot", lambda: None, lambda _: None)  # type: ignore[arg-type]
+        self._gate = JournalGate(self.node, "boot", Mock())  # type: ignore[arg-type]
         script = Script("InspectionMission", {"tag_sequence": TARGETS}, happenings=POSES)
         self._run = Simulation(loaded.chart, script, {}, log=self._gate.journal)
         self.node.elapsed = lambda: self._run.now  # type: ignore[method-assign]
@@ -57,7 +58,8 @@ class BrokenOff:
         def send(fields: Mapping[str, Any]) -> None:
             self.told.append(fields["tag"])
 
-        self._gate.publish(outcomes_of(step), lambda told: {"tag": told.target}, send)
+        channel = Mock(fields=lambda told: {"tag": told.target}, publish=send)
+        self._gate.publish(outcomes_of(step), channel)
         self._gate.after_step(step, self._run.machine.view, self._run.machine)
 
     def _settle(self) -> None:
@@ -180,7 +182,7 @@ def test_what_is_in_the_journal_and_no_outcome_is_not_published(broken: BrokenOf
     """The rest is: a message that cannot be made of its fields ends nothing."""
     back = broken.with_data(broken.data)
     assert back is not None
-    gate = JournalGate(Node(journal_path=str(broken.folder)), "boot", lambda: None, lambda _: None)  # type: ignore[arg-type]
+    gate = JournalGate(Node(journal_path=str(broken.folder)), "boot", Mock())  # type: ignore[arg-type]
     sent: list[Any] = []
 
     def send(fields: Mapping[str, Any]) -> None:
@@ -188,7 +190,7 @@ def test_what_is_in_the_journal_and_no_outcome_is_not_published(broken: BrokenOf
             raise TypeError("no such field")
         sent.append(fields["tag"])
 
-    gate.republish(back, [], send)
+    gate.republish(back, [], Mock(publish=send))
     gate.close()
     assert sent == broken.told[1:]
 

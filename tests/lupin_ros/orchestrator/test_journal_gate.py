@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -71,7 +72,7 @@ def test_what_the_disk_does_not_take_is_published_when_it_does(
     node = Node(journal_path=str(tmp_path), **given)
     loaded = load_missions(["inspection"], shipped.catalog())
     machine = make_machine(loaded.chart, {})
-    gate = JournalGate(node, "boot", lambda: None, lambda _: None)  # type: ignore[arg-type]
+    gate = JournalGate(node, "boot", Mock())  # type: ignore[arg-type]
     sent: list[int] = []
 
     def full(_: int) -> None:
@@ -79,7 +80,8 @@ def test_what_the_disk_does_not_take_is_published_when_it_does(
 
     gate.begin(loaded, machine)
     gate.journal._writer._sync = full  # type: ignore[attr-defined]
-    gate.publish([Publish("M", "m", "7", "OK")], lambda _: {"status": 0}, lambda fields: sent.append(1))
+    channel = Mock(fields=lambda _: {"status": 0}, publish=lambda fields: sent.append(1))
+    gate.publish([Publish("M", "m", "7", "OK")], channel)
     node.work_until(lambda: bool(gate.journal.problem))
     while not node.posted.empty():
         node.posted.get()()

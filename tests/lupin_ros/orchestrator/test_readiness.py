@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -58,10 +58,18 @@ class Bench:
     def __init__(self, is_resumed: bool = False) -> None:
         self.nav, self.bridge, self.heard = Neighbour(), Neighbour(), Heard()
         self.period, self.running, self.time = 0.0, True, 100.0
-        drivers: dict[str, Any] = {"nav": self.nav, "bridge": self.bridge}
-        self.readiness = Readiness(drivers.values, self.heard, self._every, lambda: self.time, is_resumed)
+        self.readiness = Readiness(self, cast(Any, self.heard), self, is_resumed)
 
-    def _every(self, period: float, callback: Callable[[], None]) -> Bench:
+    def in_use(self) -> list[Any]:
+        """Return the neighbours."""
+        return [self.nav, self.bridge]
+
+    def now(self) -> float:
+        """Return the time."""
+        return self.time
+
+    def steady_timer(self, period: float, callback: Callable[[], None]) -> Bench:
+        """Keep the callback."""
         self.period, self._callback = period, callback
         return self
 

@@ -13,7 +13,8 @@ from lupin_engine.machine.event import observed
 from lupin_engine.plugin.contract import Parameter
 from lupin_engine.plugin.registry import load_catalog
 from lupin_ros.adapter.node import RosNode
-from lupin_ros.orchestrator.node import OWN_PARAMETERS, Orchestrator
+from lupin_ros.orchestrator.missions import OWN_PARAMETERS
+from lupin_ros.orchestrator.node import Orchestrator
 from lupin_ros.orchestrator.records import RecordPublisher
 from lupin_ros.service.folder import MissionsFolder
 from lupin_ros.service.names import NODE
@@ -74,7 +75,7 @@ def test_a_machine_that_cannot_go_on_changes_nothing(
     def fails(*_: Any) -> Any:
         raise ZeroDivisionError("a plugin")
 
-    monkeypatch.setattr("lupin_ros.orchestrator.node.make_world", fails)
+    monkeypatch.setattr("lupin_ros.orchestrator.missions.make_world", fails)
     assert running.set(0.6).reason == f"{NAME}: a plugin"
     assert running.threshold == (0.2, 0.2)
     assert running.engine.machine is before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from unittest.mock import Mock
 
 from lupin_ros.adapter.host import SLICE, Slices
 
@@ -11,7 +12,7 @@ from lupin_ros.adapter.host import SLICE, Slices
 def test_what_is_too_much_for_a_turn_is_done_in_the_next_ones_in_order() -> None:
     posted: list[Callable[[], None]] = []
     done: list[int] = []
-    slices = Slices(posted.append)
+    slices = Slices(Mock(post=posted.append))
     for number in range(2 * SLICE + 1):
         slices.add(partial(done.append, number))
     assert done == list(range(SLICE))
@@ -30,7 +31,7 @@ def test_what_is_too_much_for_a_turn_is_done_in_the_next_ones_in_order() -> None
 def test_a_few_are_done_at_once() -> None:
     posted: list[Callable[[], None]] = []
     done: list[int] = []
-    slices = Slices(posted.append)
+    slices = Slices(Mock(post=posted.append))
     for number in range(SLICE):
         slices.add(partial(done.append, number))
     assert done == list(range(SLICE))
@@ -51,7 +52,7 @@ def test_what_is_to_be_done_is_made_when_its_turn_comes() -> None:
             made.append(number)
             yield partial(done.append, number)
 
-    slices = Slices(posted.append)
+    slices = Slices(Mock(post=posted.append))
     slices.add_each(acts())
     slices.add(partial(done.append, -1))
     assert made == done == list(range(SLICE))
@@ -63,7 +64,7 @@ def test_what_is_to_be_done_is_made_when_its_turn_comes() -> None:
 
 def test_the_end_waits_for_no_turn() -> None:
     done: list[int] = []
-    slices = Slices(lambda _: None)
+    slices = Slices(Mock())
     for number in range(2 * SLICE):
         slices.add(partial(done.append, number))
     slices.finish()

@@ -10,10 +10,10 @@ import click
 
 from lupin_cli.exit_codes import ACCEPTED, REFUSED
 from lupin_engine.errors import Problems, UsageError
-from lupin_ros.launch import close_the_doors, current_domain
+from lupin_ros.launch import close_the_doors, current_domain, published_here
 
 if TYPE_CHECKING:
-    from lupin_ros.launch import Answer, Attendant
+    from lupin_ros.launch import Answer, Attendant, Published
 
 
 @contextlib.contextmanager
@@ -38,6 +38,22 @@ def attendant(domain: int | None) -> Iterator[Attendant]:
         yield found
     finally:
         found.close()
+
+
+def last_published(domain: int | None) -> Published:
+    """Return what the orchestrator has published last; ROS is used only where none of this machine answers.
+
+    Raises:
+        UsageError: nobody is there, or see `attendant`.
+    """
+    with contextlib.suppress(UsageError):  # `attendant` says that again, with what else is wrong
+        close_the_doors(domain)
+        if found := published_here():
+            return found
+    with attendant(domain) as orchestrator:
+        if not orchestrator.hear():
+            raise nobody()
+        return orchestrator
 
 
 def nobody() -> UsageError:

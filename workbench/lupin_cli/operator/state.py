@@ -12,11 +12,11 @@ import click
 
 from lupin_cli import options
 from lupin_cli.exit_codes import ACCEPTED
-from lupin_cli.operator.network import attendant, nobody
+from lupin_cli.operator.network import attendant, last_published, nobody
 from lupin_engine.plugin import Profile, load_profiles
 
 if TYPE_CHECKING:
-    from lupin_ros.launch import Attendant
+    from lupin_ros.launch import Attendant, Published
 
 #: How often what is watched is looked at, in seconds.
 WATCH_PERIOD_S = 0.25
@@ -31,14 +31,14 @@ def state(watch: bool, as_json: bool, domain: int | None) -> int:
 
     Exit code: 0 shown; 2 nobody is there.
     """
+    if not watch:
+        found = _look(last_published(domain))
+        click.echo(json.dumps(found, indent=2) if as_json else _text(found))
+        return ACCEPTED
     with attendant(domain) as orchestrator:
         if not orchestrator.hear():
             raise nobody()
-        if not watch:
-            found = _look(orchestrator)
-            click.echo(json.dumps(found, indent=2) if as_json else _text(found))
-        else:
-            _watch(orchestrator, as_json)
+        _watch(orchestrator, as_json)
     return ACCEPTED
 
 
@@ -47,10 +47,10 @@ def _profiles() -> list[Profile]:
     return load_profiles()
 
 
-def _look(orchestrator: Attendant) -> dict[str, Any]:
+def _look(published: Published) -> dict[str, Any]:
     from lupin_cli.operator.look import look
 
-    return look(orchestrator.steps, orchestrator.possible, orchestrator.offer, orchestrator.now)
+    return look(published.steps, published.possible, published.offer, published.now)
 
 
 def _text(found: Mapping[str, Any]) -> str:

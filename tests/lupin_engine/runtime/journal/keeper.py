@@ -20,7 +20,15 @@ class Keeper:
         self.calls: queue.Queue[Callable[[], None]] = queue.Queue()
         self.problems: list[str] = []
         self.clock = clock
-        self.journal = Journal(folder, keep or Keep(), self.calls.put, self.problems.append, self._wall_ns)
+        self.journal = Journal(folder, keep or Keep(), self, self._wall_ns)
+
+    def post(self, call: Callable[[], None]) -> None:
+        """Keep a call for `settle`."""
+        self.calls.put(call)
+
+    def disk_changed(self, problem: str) -> None:
+        """Keep what is wrong."""
+        self.problems.append(problem)
 
     def _wall_ns(self) -> int:
         return round(self.clock.wall() * 1e9)

@@ -23,9 +23,17 @@ LONG = {"mission_type": "x" * 5000, "tag_sequence": ["y" * 500] * 20, "mission_i
 START = Event("mission.start", LONG)
 
 
+class Told(list[tuple[str, str, int]]):
+    """What is recorded."""
+
+    def refused(self, request: str, code: str, more: int) -> None:
+        """Keep it."""
+        self.append((request, code, more))
+
+
 def test_some_of_each_kind_are_written_and_the_others_are_counted() -> None:
-    told: list[tuple[str, str, int]] = []
-    refusals = Refusals(lambda *more: told.append(more))
+    told = Told()
+    refusals = Refusals(told)
     counted = [refusals.is_one_more(START, "unknown_mission", 0.003 * number) for number in range(477)]
     assert counted == [False] * 4 + [True] * 473
     assert not refusals.is_one_more(START, "not_possible", 1.5)
@@ -38,8 +46,8 @@ def test_some_of_each_kind_are_written_and_the_others_are_counted() -> None:
 
 
 def test_answers_that_nobody_asked_for_are_alike_whatever_they_are_called() -> None:
-    told: list[tuple[str, str, int]] = []
-    refusals = Refusals(lambda *more: told.append(more))
+    told = Told()
+    refusals = Refusals(told)
     names = [f"answer.{number:0100}" for number in range(2000)]
     counted = [refusals.is_one_more(Event(name), "not_possible", 1.0) for name in names]
     assert 400 < counted.count(False) < WINDOW_BYTES // 100
@@ -48,8 +56,8 @@ def test_answers_that_nobody_asked_for_are_alike_whatever_they_are_called() -> N
 
 
 def test_a_request_that_is_too_large_to_be_written_is_counted() -> None:
-    told: list[tuple[str, str, int]] = []
-    refusals = Refusals(lambda *more: told.append(more))
+    told = Told()
+    refusals = Refusals(told)
     assert refusals.is_one_more(Event("mission.start", {"tags": ["1"] * 40_000}), "bad_request", 0.0)
     refusals.report_all()
     assert told == [("mission.start", "bad_request", 1)]
@@ -64,7 +72,7 @@ def test_a_run_with_a_flood_in_it_is_the_same_when_it_is_replayed(tmp_path: Path
     engine = Engine(machine, clock, {}, lambda step: None, log=keeper.journal)
     keeper.begin(machine)
     engine.start()
-    refusals, sent = Refusals(keeper.journal.refused), 0
+    refusals, sent = Refusals(keeper.journal), 0
     for number in range(477):
         clock.move_to(0.003 * number)
         foreseen = machine.dry_run(START, clock.now()).refusal

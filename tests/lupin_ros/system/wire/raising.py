@@ -18,23 +18,23 @@ from typing import Any
 from lupin_nav.client import NavClient
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.adapter.vitals import CountedPublisher
-from lupin_ros.orchestrator import journal_gate, records
+from lupin_ros.orchestrator import journal_gate, missions, records, requests, step_publisher
 from lupin_ros.orchestrator import node as orchestrator
+from lupin_ros.orchestrator.loop import Loop
 
 #: Where the rest of it comes from: what is built of other people's modules is left out.
 OURS = ("lupin_ros.", "lupin_engine.runtime.journal.", "lupin_engine.runtime.client_clocks")
 #: Not called by a step but what a step is taken by: without a clock or a thread of the node there is none.
 NO_CALLBACKS = {
-    "ClientClocks", "Executor", "NodeClock", "NodeLog", "Orchestrator", "RosNode", "RosOutlet", "RosTimer",
+    "ClientClocks", "PluginClients", "Executor", "Loop", "MissionSwitch", "NodeClock", "NodeLog",
+    "Orchestrator", "RequestServer", "RosNode", "RosOutlet", "RosTimer",
 }  # fmt: skip
 #: Runs on the thread of the disk: no step calls it.
-OF_THE_DISK = ("JournalGate._post_and_work",)
+OF_THE_DISK = ("JournalGate.post", "JournalGate.disk_changed", "Journal.post")
 #: What of those is a callback all the same.
 BESIDES = (
-    (
-        orchestrator.Orchestrator,
-        ("_stepped", "_publish_if_changed", "_sleep_until", "_stamp", "_why_unknown"),
-    ),
+    (Loop, ("_sleep_until",)),
+    (missions.MissionSwitch, ("why_unknown",)),
     (RosNode, ("call_later", "trouble")),
     (CountedPublisher, ("publish",)),
     (NavClient, ("_go_to",)),
@@ -43,7 +43,8 @@ BESIDES = (
 
 def callbacks() -> Iterator[tuple[type, str]]:
     """Yield the class and the name of every method that may raise."""
-    found = [value for module in (orchestrator, journal_gate, records) for value in vars(module).values()]
+    modules = (orchestrator, journal_gate, records, step_publisher, missions, requests)
+    found = [value for module in modules for value in vars(module).values()]
     for each in dict.fromkeys(filter(inspect.isclass, found)):
         if each.__module__.startswith(OURS) and each.__name__ not in NO_CALLBACKS:
             names = [name for name, made in vars(each).items() if isinstance(made, FunctionType)]

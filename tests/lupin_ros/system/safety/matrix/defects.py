@@ -240,7 +240,7 @@ DEFECTS = (
         "the orchestrator resumes in a person's name, as `resume_policy: continue` did",
         "lupin_ros.orchestrator.node",
         "Orchestrator._continue = lambda self: "
-        "self._machine.memory.held and self._ask(Event('operator.resume'))",
+        "self._loop.machine.memory.held and self._requests.ask(Event('operator.resume'))",
         "resume_policy",
         "e_stop_state",
         BEFORE,
