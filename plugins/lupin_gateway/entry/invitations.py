@@ -56,7 +56,7 @@ class GatewayAddress:
 
 
 class Invitations:
-    """The codes of one gateway, each a file, good for `GOOD_FOR_S`; using one removes it: none works twice."""
+    """The codes of one gateway, each a file, good for `GOOD_FOR_S`; using one removes it, so once."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "invitations"

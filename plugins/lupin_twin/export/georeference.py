@@ -72,7 +72,7 @@ class Georeference:
         return [round(number, DIGITS) for number in found]
 
     def point(self, x: float, y: float) -> dict[str, Any] | None:
-        """Return a place on the map as a GeoJSON point; None where it is not finite or beyond `FARTHEST_M`."""
+        """Return a place on the map as a GeoJSON point; None if it is not finite or beyond `FARTHEST_M`."""
         if not is_near(x, y):
             return None
         return {"type": "Point", "coordinates": self.position(x, y)}
