@@ -305,7 +305,7 @@ ROOT_TEXTS: Mapping[str, str] = {
     "target": "the element of the itinerary that is being visited",
     "clock": "the robot's clock ([Time of day](#time-of-day)): `clock.today`, such as '2026-11-22', and "
     "`clock.time`, such as '06:30'",
-    "step": "in properties, the step that was made: the request that it `.accepted` or `.refused` "
+    "this_step": "in properties, the step that was made: the request that it `.accepted` or `.refused` "
     "('' for none) and `.because` of which code; the holds that it `.released`; the operations that it has "
     "`.begun`, and whose end it took as `.succeeded` or `.failed`; the `.codes` that it reports; whether "
     "something is `.moving` after it",

@@ -403,7 +403,7 @@ class TemporalProperty:
     until: Expression | None = field(default=None, metadata=said(Role.CONDITION, "until"))
     summary: str = field(default="", metadata=said(Role.PLAIN, "summary"))
     mission: str = ""
-    built_in: bool = False
+    built_in: bool = field(default=False, metadata=said(Role.PLAIN, "built_in"))
     not_meant: Mapping[str, str] = field(default_factory=dict)
 
     def is_meant(self, mission: str) -> bool:

@@ -54,7 +54,7 @@ def watched(rule: TemporalProperty) -> Property:
         if (rule.mission or rule.not_meant) and not rule.is_meant(passage.after.mission):
             return (), NOT_ABOUT
         env, now = passage.scope.at("", passage.step.time), passage.step.time
-        passage.scope["step"] = StepView(passage)
+        passage.scope["this_step"] = StepView(passage)
         if rule.eventually is not None:
             return _comes(rule, rule.eventually, state, env, now)
         return _stays(rule, state, env)
@@ -66,7 +66,7 @@ def watched(rule: TemporalProperty) -> Property:
 
     remembers = rule.after is not None or rule.eventually is not None
     of_values = remembers or not any(
-        "step" in names_read(one.source) for one in (rule.always, rule.never) if one
+        "this_step" in names_read(one.source) for one in (rule.always, rule.never) if one
     )
     return Property(rule.name, rule.summary or sentence(rule), watch, (), end, remembers, of_values)
 
@@ -105,7 +105,7 @@ def _ended(passage: Passage, event: str) -> list[str]:
     return [state.invoke.name for state in states if state.invoke is not None]
 
 
-#: The fields of `step`, and what `was_in_state` asks.
+#: The fields of `this_step`, and what `was_in_state` asks.
 _OF_A_STEP: Mapping[str, Callable[[Passage], Any]] = {
     "accepted": lambda one: one.step.event.name if one.step.accepted else "",
     "refused": lambda one: one.step.event.name if one.step.accepted is False else "",

@@ -72,7 +72,7 @@ ROOTS: Mapping[str, str] = MappingProxyType(
         "error": "Why the operation failed: `code` and `detail`; `result`, if it was cut short.",
         "target": "The element of the itinerary that is visited now.",
         "clock": "What the robot's clock shows in the zone `param.time_zone`: `today` and `time`.",
-        "step": "In properties: the step that was made, with what it accepted, released, began and ended.",
+        "this_step": "In properties: the step, with what it accepted, released, began and ended.",
         "itinerary": "How far the itinerary is: `open`, `remaining`, `total`, `closed`, `sweep`.",
     }
 )

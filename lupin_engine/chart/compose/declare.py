@@ -169,7 +169,7 @@ class Declarer:
             "event": ("unknown-name", "nothing has happened yet where this is read"),
             "target": ("missing-itinerary", "no state around this one has an itinerary"),
             "itinerary": ("missing-itinerary", "no state around this one has an itinerary"),
-            "step": ("unknown-name", "only a property is about steps"),
+            "this_step": ("unknown-name", "only a property is about steps"),
         }
         known_functions = self._catalog.functions if functions else {}
         return Scope(names, known_functions, (), tuple(self.declared.holds), absent, {}, self._usage)

@@ -49,7 +49,7 @@ def timeless(scope: Scope, what: str, catalog: Catalog) -> Scope:
         if (what, name) != ("property", "request") or name not in scope.names:
             scope = scope.without(name, f"{one(what)} {verb} every moment, with and without a mission")
     scope = replace(scope, holds=(*scope.holds, *OWN_HOLDS))
-    return scope if what == "invariant" else scope.with_names({"step": _step(catalog, scope.holds)})
+    return scope if what == "invariant" else scope.with_names({"this_step": _step(catalog, scope.holds)})
 
 
 def _step(catalog: Catalog, holds: Iterable[str]) -> Type:
@@ -67,7 +67,7 @@ def _step(catalog: Catalog, holds: Iterable[str]) -> Type:
         "codes": list_of(TEXT),
         "moving": BOOL,
     }
-    return Type("record", "step", fields=fields)
+    return Type("record", "this_step", fields=fields)
 
 
 def scope_of(chart: Chart) -> Scope:

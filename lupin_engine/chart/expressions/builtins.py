@@ -116,10 +116,12 @@ def _in_state(checker: ExpressionReader, node: ast.Call) -> Typed:
 
 
 def _was_in_state(checker: ExpressionReader, node: ast.Call) -> Typed:
-    if "step" not in checker.scope.names:
+    if "this_step" not in checker.scope.names:
         return checker.wrong(node, "unknown-name", "only a property asks what was active before a step")
     states = _states(checker, node, "was_in_state")
-    return UNTYPED if states is None else Typed(BOOL, f"{environment_code('step')}['was_in']({states!r})")
+    return (
+        UNTYPED if states is None else Typed(BOOL, f"{environment_code('this_step')}['was_in']({states!r})")
+    )
 
 
 def _states(checker: ExpressionReader, node: ast.Call, function: str) -> tuple[str, ...] | None:

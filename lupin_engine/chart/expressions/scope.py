@@ -14,7 +14,9 @@ from lupin_engine.plugin.contract import Function
 from lupin_engine.plugin.types import Type
 
 #: Roots of the environment that are records of their own; every other name is a context variable.
-ROOTS = frozenset({"param", "request", "input", "event", "error", "target", "itinerary", "clock", "step"})
+ROOTS = frozenset(
+    {"param", "request", "input", "event", "error", "target", "itinerary", "clock", "this_step"}
+)
 #: Names that an expression may call besides the catalog's functions.
 BUILTIN_CALLS = (
     *("len", "min", "max", "sum", "abs", "round", "any", "all"),

@@ -35,7 +35,7 @@ WIRE = Type("any", "any", unit="*")
 MAX_POWER = 9
 _POWER = re.compile(r"(\D+)(\d?)")
 #: Records that are not called by a type's name.
-_ROOTS = frozenset({"param", "request", "input", "event", "error", "itinerary", "clock", "step"})
+_ROOTS = frozenset({"param", "request", "input", "event", "error", "itinerary", "clock", "this_step"})
 _EXAMPLES: Mapping[str, str] = {
     "s": "'5 s'",
     "m": "'0.5 m'",

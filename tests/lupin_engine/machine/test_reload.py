@@ -235,6 +235,8 @@ def test_a_chart_without_the_hold_that_is_engaged_is_refused(load: Callable[...,
         ("  estop:      ", "  stop:       "),
         ("during: estop", "during: stop"),
         ("pause, estop]", "pause, stop]"),
+        ("held(estop)", "held(stop)"),
+        ("'estop' in", "'stop' in"),
     )
     other = load(*renamed, patrol=True, inspection=False)
     with pytest.raises(SnapshotError, match="there is no hold 'estop'"):

@@ -58,7 +58,7 @@ WRONG = {
     " 'ends_at_home' is not meant; write 'ends_at_home: REASON' [missing-key]",
     "properties: {good_at_target: {built_in: true}}": "2:41: error: properties.good_at_target: unknown"
     " built-in property 'good_at_target'; did you mean 'good_at_its_target'? [unknown-property]",
-    "properties: {p: {never: step.accepted == 'operator.abrot'}}": "abrot",
+    "properties: {p: {never: this_step.accepted == 'operator.abrot'}}": "abrot",
     "properties: {p: {never: was_in_state('STANDNG')}}": "STANDNG",
 }
 
@@ -72,8 +72,8 @@ def test_what_is_wrong_is_told(more: str, tmp_path: Path) -> None:
 
 def test_step_belongs_to_properties(tmp_path: Path) -> None:
     """A guard does not see it."""
-    text = "on: {operator.skip_current: {refuse: x, guard: step.moving}}\ncodes: {x: {label: no}}"
-    assert "there is no 'step' here: only a property is about steps" in checked(tmp_path, text)[0][0]
+    text = "on: {operator.skip_current: {refuse: x, guard: this_step.moving}}\ncodes: {x: {label: no}}"
+    assert "there is no 'this_step' here: only a property is about steps" in checked(tmp_path, text)[0][0]
 
 
 def test_all_are_listed_and_watched() -> None:

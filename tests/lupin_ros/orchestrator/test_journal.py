@@ -97,7 +97,7 @@ def test_a_full_disk_is_reported_and_the_mission_goes_on_where_outcomes_may_be_r
     """Files may not grow beyond a limit; that a code says, and the robot finds its way all the same."""
     world.start("greenhouse_bridge")
     world.start("lupin_sim", speed=10.0)
-    limited(world, "-p", parameter)
+    limited(world, operator, "-p", parameter)
     health: list[str] = []
     operator.ros.subscribe(
         DiagnosticArray,
@@ -124,7 +124,7 @@ def test_a_full_disk_holds_the_mission_and_the_way_home_is_open(
     """Nothing moves; what stops or ends the mission is taken, and the robot comes home."""
     world.start("greenhouse_bridge")
     world.start("lupin_sim", speed=10.0)
-    limited(world)
+    limited(world, operator)
     operator.in_state("READY")
     operator.until(lambda: operator.start("1", "5", "12", "21").accepted, "the journal works for a moment")
     operator.until(lambda: operator.state.paused, "the mission is held")
@@ -148,7 +148,7 @@ def test_a_full_disk_and_a_kill_repeat_no_outcome(world: World, operator: Operat
     tags = ("1", "5", "12", "3", "7", "20", "9", "14")
     world.start("greenhouse_bridge")
     world.start("lupin_sim", speed=10.0)
-    limited(world)
+    limited(world, operator)
     operator.in_state("READY")
     assert operator.start(*tags).accepted
     operator.until(lambda: "journal_failed" in operator.state.last_error, "the disk is full")
@@ -168,8 +168,12 @@ def end(world: World) -> None:
     assert process.wait(30.0) == 0
 
 
-def limited(world: World, *parameters: str) -> None:
-    """Start an orchestrator whose files may have 10 kB."""
+def limited(world: World, operator: Operator, *parameters: str) -> None:
+    """Start an orchestrator whose files may have 10 kB, after one without a limit, which keeps the chart."""
+    world.start("mission_orchestrator")
+    operator.in_state("READY")
+    end(world)
+    operator.states.clear()
     lupin = shlex.quote(str(Path(sys.executable).with_name("lupin")))
     given = " ".join(["--ros-args", "-p", "estop_timeout_s:=10.0", *parameters])
     command = f"ulimit -f 10; exec {lupin} node mission_orchestrator {given} > /dev/null 2> >(cat >&2)"

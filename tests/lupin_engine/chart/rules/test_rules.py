@@ -211,6 +211,7 @@ RIGHT = {
   A:
     invoke: {do: nav.localize, with: {max_variance: 1}, timeout: never}
     on_done: done
+    after: {1 h: done}
   done: {type: final}
 """,
     "both-can-win: the same effect, written twice": """\
