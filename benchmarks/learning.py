@@ -16,7 +16,7 @@ import argparse
 import math
 import random
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from functools import cache
@@ -64,6 +64,16 @@ class Played(NamedTuple):
     missed: int
 
 
+class _Owner:
+    """The loop of a journal in one thread; its disk does not fail."""
+
+    def post(self, call: Callable[[], None]) -> None:
+        call()
+
+    def disk_changed(self, problem: str) -> None:
+        raise AssertionError(problem)
+
+
 @dataclass
 class HiddenRobot:
     """A robot whose parameters only it knows; `slow` are tags with the share of time that drives take."""
@@ -109,9 +119,7 @@ class HiddenRobot:
         script = Script(LOADED.names[0], request, clock=f"{began:%Y-%m-%d %H:%M}")
         self.place, self.until, self.pace, charge, reported = HOME, 0.0, 0.0, 1.0, 0.0
         writer = FileWriter()
-        journal = Journal(
-            folder or Path(), Keep(), lambda call: call(), print, lambda: round(sim.wall * 1e9), writer
-        )
+        journal = Journal(folder or Path(), Keep(), _Owner(), lambda: round(sim.wall * 1e9), writer)
         with patch.object(Stage, "_choose", lambda *given: self.outcome(*given)):
             sim = Simulation(LOADED.chart, script, {}, WORLD, log=journal)
             journal.begin(_head(sim, request["mission_id"]))

@@ -39,7 +39,7 @@ QUANTILES, QUANTILES_OF_SLOW = 9, 4
 CHARGED, STANDING = 0.02, 0.1
 
 
-class Seen(NamedTuple):
+class ObservedAttempt(NamedTuple):
     """One attempt: `code` is '' for done, TIMED_OUT, or that of its failure; `wall` when it began."""
 
     operation: str
@@ -51,7 +51,7 @@ class Seen(NamedTuple):
     code: str
 
 
-class Place(NamedTuple):
+class RateKey(NamedTuple):
     """What a row is about; '' and None: any target, any distance."""
 
     operation: str
@@ -85,7 +85,7 @@ class Drained:
 class Evidence:
     """All that was read from a journal; `left_out` are the files and missions that were not used, and why."""
 
-    seen: list[Seen] = field(default_factory=list)
+    seen: list[ObservedAttempt] = field(default_factory=list)
     drained: dict[str, Drained] = field(default_factory=lambda: defaultdict(Drained))
     missions: int = 0
     first: str = ""
@@ -114,13 +114,13 @@ def gather(folder: Path, catalog: Catalog, report: Callable[[str], object] = lam
             if not damaged:
                 key = run.files[0].head.chart
                 charts[key] = charts.get(key) or chart_of(run, catalog).chart
-                _Reading(found, run, charts[key]).take(replay_run(run, charts[key])[0])
+                _MissionReader(found, run, charts[key]).take(replay_run(run, charts[key])[0])
         except LupinError as problem:
             found.left_out.append(f"{run.mission} {run.mission_id}: {problem}".splitlines()[0])
     return found
 
 
-class _Reading:
+class _MissionReader:
     """Adds one mission to the evidence."""
 
     def __init__(self, found: Evidence, run: JournaledRun, chart: Chart) -> None:
@@ -192,7 +192,7 @@ class _Reading:
             code = codes.get(outcome, history.TIMED_OUT)
             wall = self._run.began + attempt.started
             hour, seconds = self._calendar.hour(wall), attempt.over - attempt.started
-            found.seen.append(Seen(attempt.operation, target, metres, hour, wall, seconds, code))
+            found.seen.append(ObservedAttempt(attempt.operation, target, metres, hour, wall, seconds, code))
         for value in self._levels.keys() - self._charged:
             self._drain(value, drives, minutes)
         found.missions += 1
@@ -221,29 +221,29 @@ class _Reading:
 # -- rows ------------------------------------------------------------------------------------------------
 
 
-def places(one: Seen) -> Iterator[Place]:
+def places(one: ObservedAttempt) -> Iterator[RateKey]:
     """Yield the rows that an attempt belongs to, the finest first."""
     metres = None
     if one.metres is not None:
         after = bisect_right(CLASSES, one.metres)
         metres = CLASSES[after - 1], CLASSES[after] if after < len(CLASSES) else math.inf
     if one.target:
-        yield Place(one.operation, one.target, metres)
+        yield RateKey(one.operation, one.target, metres)
     if metres is not None:
-        yield Place(one.operation, "", metres)
-    yield Place(one.operation)
+        yield RateKey(one.operation, "", metres)
+    yield RateKey(one.operation)
 
 
-def rows_of(seen: Iterable[Seen]) -> dict[Place, list[Seen]]:
+def rows_of(seen: Iterable[ObservedAttempt]) -> dict[RateKey, list[ObservedAttempt]]:
     """Return the attempts of each row that has enough."""
-    rows = defaultdict[Place, list[Seen]](list)
+    rows = defaultdict[RateKey, list[ObservedAttempt]](list)
     for one in seen:
         for place in places(one):
             rows[place].append(one)
     return {place: row for place, row in rows.items() if sum(not one.code for one in row) >= ENOUGH}
 
 
-def shares_of(seen: Sequence[Seen], at_target: bool = True) -> list[float]:
+def shares_of(seen: Sequence[ObservedAttempt], at_target: bool = True) -> list[float]:
     """Return how long each attempt took, as a share of the median of its row; of a failure, infinity.
 
     Args:
@@ -272,7 +272,7 @@ class Hour:
     fails: float = 1.0
 
 
-def hours_of(seen: Sequence[Seen]) -> list[Hour]:
+def hours_of(seen: Sequence[ObservedAttempt]) -> list[Hour]:
     """Return what each hour of the day is like, beside the others."""
     shares = defaultdict[str, dict[int, list[float]]](lambda: defaultdict(list))
     for one, share in zip(seen, shares_of(seen), strict=True):
@@ -330,16 +330,16 @@ class Failures(NamedTuple):
     by_code: Mapping[str, Sequence[float]]
 
 
-def failures_of(seen: Sequence[Seen]) -> dict[tuple[str, str], Failures]:
+def failures_of(seen: Sequence[ObservedAttempt]) -> dict[tuple[str, str], Failures]:
     """Return the failures at each target of each operation, and under '' those of all that are like others.
 
     A few attempts say how long they take, but not how often they fail: what does not differ is pooled.
     """
-    by_place, totals = defaultdict[tuple[str, str], list[Seen]](list), Counter[tuple[str, bool]]()
+    by_place, totals = defaultdict[tuple[str, str], list[ObservedAttempt]](list), Counter[tuple[str, bool]]()
     for one in seen:
         by_place[one.operation, one.target].append(one)
         totals[one.operation, bool(one.code)] += 1
-    found, pools = dict[tuple[str, str], Failures](), defaultdict[str, list[Seen]](list)
+    found, pools = dict[tuple[str, str], Failures](), defaultdict[str, list[ObservedAttempt]](list)
     for (operation, target), row in by_place.items():
         failed = sum(1 for one in row if one.code)
         elsewhere = totals[operation, True] - failed
@@ -352,7 +352,7 @@ def failures_of(seen: Sequence[Seen]) -> dict[tuple[str, str], Failures]:
     return found
 
 
-def _failures(row: Iterable[Seen]) -> Failures:
+def _failures(row: Iterable[ObservedAttempt]) -> Failures:
     by_code, done = defaultdict[str, list[float]](list), 0
     for one in row:
         done += not one.code
@@ -384,7 +384,7 @@ def table(found: Evidence) -> dict[str, Any]:
     for operation, target in failures:
         if target:  # also where it was never reached from so far, or never at all
             here = [one for one in seen if (one.operation, one.target) == (operation, target)]
-            rows.setdefault(Place(operation, target), here)
+            rows.setdefault(RateKey(operation, target), here)
     return {
         "campaign": f"learned from {found.missions} missions, {found.first[:10]} to {found.last[:10]}",
         "defaults": False,
@@ -399,13 +399,15 @@ def _by_number(item: tuple[str, Any]) -> tuple[int, str]:
     return (int(item[0]) if item[0].isdecimal() else 10**9, item[0])
 
 
-def _finest_first(item: tuple[Place, Any]) -> tuple[Any, ...]:
+def _finest_first(item: tuple[RateKey, Any]) -> tuple[Any, ...]:
     place = item[0]
     whole = (not place.target, place.metres is None)
     return (place.operation, *whole, *_by_number((place.target, 0)), place.metres or (0.0, 0.0))
 
 
-def _mock(place: Place, row: Sequence[Seen], failures: Mapping[tuple[str, str], Failures]) -> dict[str, Any]:
+def _mock(
+    place: RateKey, row: Sequence[ObservedAttempt], failures: Mapping[tuple[str, str], Failures]
+) -> dict[str, Any]:
     said: dict[str, Any] = {"do": place.operation}
     if place.target:
         said["target"] = place.target
@@ -509,7 +511,7 @@ class Drift:
     failed: int = 0
 
 
-def drifts(seen: Sequence[Seen]) -> list[Drift]:
+def drifts(seen: Sequence[ObservedAttempt]) -> list[Drift]:
     """Return the targets at which the newest attempts take longer than chance explains, or fail."""
     rows, by_target = rows_of(seen), defaultdict[tuple[str, str], list[tuple[float, float]]](list)
     coarse = defaultdict[tuple[str, str], list[float]](list)

@@ -19,7 +19,7 @@ from lupin_verify.expecting import expect, learned_script
 from lupin_verify.learning import (
     Drained,
     Evidence,
-    Seen,
+    ObservedAttempt,
     bands,
     drifts,
     fail_more,
@@ -43,12 +43,14 @@ def robots(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 def drives(
     target: str, took: list[float], metres: float = 2.2, hour: int = 9, begin: float = 0.0
-) -> list[Seen]:
+) -> list[ObservedAttempt]:
     """Return drives to a target, one an hour; infinity is a failure."""
     return [
-        Seen("nav.go_to", target, metres, hour, begin + 3600.0 * number, min(one, 3.0), "nav_status_6")
+        ObservedAttempt(
+            "nav.go_to", target, metres, hour, begin + 3600.0 * number, min(one, 3.0), "nav_status_6"
+        )
         if math.isinf(one)
-        else Seen("nav.go_to", target, metres, hour, begin + 3600.0 * number, one, "")
+        else ObservedAttempt("nav.go_to", target, metres, hour, begin + 3600.0 * number, one, "")
         for number, one in enumerate(took)
     ]
 
@@ -59,7 +61,7 @@ def noisy(count: int, seconds: float = 10.0, seed: int = 1) -> list[float]:
     return [seconds * dice.lognormvariate(0.0, 0.1) for _ in range(count)]
 
 
-def rates_of(seen: list[Seen], folder: Path, **more: object) -> Rates:
+def rates_of(seen: list[ObservedAttempt], folder: Path, **more: object) -> Rates:
     """Return what was learned, written to a file and read back."""
     file = folder / "learned.yaml"
     found = Evidence(seen, missions=3, first="2026-03-01 08:00", last="2026-03-02 09:00")
@@ -108,7 +110,7 @@ def test_failures_are_pooled_but_for_a_target_that_fails_more(tmp_path: Path) ->
 
 
 def test_a_timeout_is_learned_as_a_server_that_falls_silent(tmp_path: Path) -> None:
-    seen = [*drives("1", [4.0] * 9), Seen("nav.go_to", "1", 2.2, 9, 0.0, 60.0, TIMED_OUT)]
+    seen = [*drives("1", [4.0] * 9), ObservedAttempt("nav.go_to", "1", 2.2, 9, 0.0, 60.0, TIMED_OUT)]
     outcome = rates_of(seen, tmp_path).own.rules[0].outcomes[0]
     assert isinstance(outcome, AnyOf)
     assert outcome.outcomes[1] == MockOutcome(never=True)

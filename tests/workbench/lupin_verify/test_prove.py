@@ -114,7 +114,8 @@ def test_inspection_is_proven() -> None:
     assert len(estimates) >= 3
     assert all(0.5 <= found / proof.progress.situations <= 2.0 for found in estimates), estimates
     assert proof.broken == []
-    assert {one.name for one in proof.properties if one.verdict is not ProofVerdict.HOLDS} == {"invariants"}
+    not_held = {one.name for one in proof.properties if one.verdict is not ProofVerdict.HOLDS}
+    assert not_held == {"invariants", "answers_lead_on"}  # it has neither
 
 
 #: Mission -> its file, and the parameters that bound it.

@@ -56,7 +56,7 @@ def learn(domain: int | None, journal: Path | None, output: Path, drift_only: bo
     folder = journal or journal_folder(domain=domain)
     if not drift_only:
         _check_output(output)
-    with _Progress() as report:
+    with _Spinner() as report:
         found = gather(folder, load_catalog(), report)
     if not found.seen:
         why = "".join(f"\n    {problem}" for problem in found.left_out)
@@ -158,10 +158,10 @@ def _hours(hours: list[dict[str, Any]], name: str) -> Iterator[str]:
             yield f"{one['hour']} h {', '.join(differs)}"
 
 
-class _Progress:
+class _Spinner:
     """Shows how far it is, where the output is a terminal."""
 
-    def __enter__(self) -> _Progress:
+    def __enter__(self) -> _Spinner:
         from rich.console import Console
 
         console = Console(stderr=True)

@@ -57,7 +57,8 @@ class Breach(NamedTuple):
 class ExplorationProgress:
     """The progress of an exploration: `depth` in moves, `steps` that the machine made (others were cached).
 
-    `levels` has the number of situations at each depth; the last one may not be complete.
+    `levels` has the number of situations at each depth; the last one may not be complete. A walk that only
+    `learns` what is live has other situations than the exploration.
     """
 
     situations: int = 0
@@ -67,16 +68,17 @@ class ExplorationProgress:
     expanded: int = 0
     waiting: int = 0
     levels: list[int] = field(default_factory=list)
+    learns: bool = False
 
     @property
     def estimate(self) -> int | None:
-        """A rough estimate of the number of situations; None while levels still grow.
+        """A rough estimate of the number of situations; None while levels still grow, or it learns.
 
         Levels grow and then shrink, faster and faster: each ratio to the level before is extrapolated as the
         ratio before times its last change. An estimate above three times the known number is None, too.
         """
         whole = self.levels[: self.depth + 1]
-        if len(whole) < 3 or not whole[-3] > whole[-2] > whole[-1]:
+        if self.learns or len(whole) < 3 or not whole[-3] > whole[-2] > whole[-1]:
             return None
         shrinks = whole[-1] / whole[-2]
         faster = min(1.0, shrinks / (whole[-2] / whole[-3]))

@@ -383,6 +383,7 @@ class LevelExploration:
         self._found.progress.steps = self._steps
         self._considered = 0
         self.live.begin()
+        self._found.progress.learns = self.live.learns
         self._reduced = ReducedEffects(self.live, self._effects)
 
     def run(self, stop_reason: Callable[[ExplorationProgress], str]) -> Explored:
