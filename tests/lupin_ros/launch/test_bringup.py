@@ -93,7 +93,7 @@ def begin(
     **settings: Any,
 ) -> Bringup:
     """Return a bringup that starts these nodes with these commands, and looks once they have ended."""
-    monkeypatch.setattr(bringup_module, "settled", lambda spin, look, strangers: look())
+    monkeypatch.setattr(bringup_module, "settled", lambda onlooker: onlooker.look())
     monkeypatch.setattr(bringup_module, "describe_launch", lambda *_, **__: LaunchDescription(launches))
     monkeypatch.setattr(bringup_module, "command", command)
 
