@@ -46,7 +46,8 @@ export function startAlerts(): void {
   effect(() => {
     const now = alerts.value;
     document.title = [...now.map(({ text }) => text), texts.value.shell.title].join(" · ");
-    const kinds = new Set(now.map(({ kind, text }) => (kind === "stop" ? kind : text)));
+    // The words of a stop and of a fault may change while it lasts: the label of a code comes with the missions.
+    const kinds = new Set(now.map(({ kind, text }) => (kind === "question" ? text : kind)));
     const isNew = [...kinds].some((each) => !before.has(each));
     before = kinds;
     // A page that nobody has touched yet may not shake the device, and would be told so as an error.
