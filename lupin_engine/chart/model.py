@@ -108,8 +108,8 @@ class Timer:
 class Retry:
     """How often and how patiently an operation is tried: `attempts` in all, `backoff` seconds between.
 
-    Every further pause is `factor` times the one before, and then lengthened or shortened by a random share
-    of up to `jitter` (0.2 is a fifth) of itself. Codes in `unless` are not tried again.
+    The n-th pause is `backoff * factor ** (n - 1)`, lengthened or shortened by a share of up to `jitter` (0.2
+    is a fifth), which follows from seed, mission and attempt. Codes in `unless` are not tried again.
     """
 
     attempts: Value = field(metadata=said(Role.VALUE, "attempts"))
@@ -121,7 +121,7 @@ class Retry:
 
 @record(frozen=True)
 class Invoke:
-    """An operation that lives exactly as long as its state. `timeout` is None for `never`.
+    """An operation that ends with its state at the latest. `timeout` is None for `never`.
 
     `on_hold` is the reaction at the release of a hold that cancelled it: `continue`, `fail`, or empty for
     `again`.

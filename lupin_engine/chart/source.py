@@ -1,7 +1,7 @@
 """Reads YAML as plain data in which every key and value knows its place.
 
 Promises:
-- YAML 1.2 core scalars: `on`, `off`, `yes` and `12:30:45` are words, no scalar is a date. Keys are text.
+- YAML 1.2 core scalars but `.inf` and `.nan`: `on` and `12:30:45` are words, none is a date. Keys are text.
 - A duplicate key is an error that names both lines; the first one counts.
 - Nothing in a file is executed: tags are refused, aliases are shared and counted, size and depth are bounded.
 - No exception for a bad file: a finding with a place, and None.
@@ -385,6 +385,8 @@ class _Builder:
         self._findings = findings
         self._nodes = 0
         self._anchors: dict[str, tuple[Any, int] | None] = {}
+        #: Values with an anchor, and how many levels of nesting they have, by identity.
+        self._levels: dict[int, tuple[Any, int]] = {}
         self._next: Callable[[], Any] = _Loader(text).get_event
 
     def document(self) -> Any:
@@ -442,7 +444,7 @@ class _Builder:
     def _node(self, event: Any, start: Mark, depth: int) -> Any:
         kind = type(event)
         if kind is AliasEvent:
-            return self._alias(event.anchor or "", start)
+            return self._alias(event.anchor or "", start, depth)
         self._nodes += 1
         if self._nodes > MAX_NODES or depth > MAX_DEPTH or event.tag is not None:
             self._refuse_node(event, start, depth)
@@ -464,9 +466,16 @@ class _Builder:
         before = self._nodes
         value = _BUILDERS[type(event)](self, event, start, depth + 1)
         self._anchors[event.anchor] = (value, self._nodes - before + 1)
+        self._levels[id(value)] = (value, self._levels_of(value))
         return value
 
-    def _alias(self, anchor: str, start: Mark) -> Any:
+    def _levels_of(self, value: Any) -> int:
+        if id(value) in self._levels:
+            return self._levels[id(value)][1]
+        inner = value.values() if isinstance(value, Map) else value if isinstance(value, Seq) else None
+        return 0 if inner is None else 1 + max(map(self._levels_of, inner), default=0)
+
+    def _alias(self, anchor: str, start: Mark, depth: int) -> Any:
         known = self._anchors.get(anchor)
         if known is None:
             reason = "contains itself" if anchor in self._anchors else "is not defined above"
@@ -474,6 +483,8 @@ class _Builder:
         value, nodes = known
         self._nodes += nodes
         self._check_count(start)
+        if depth + self._levels_of(value) > MAX_DEPTH:
+            self._refuse_depth(start)
         return value
 
     def _sequence(self, _: Any, start: Mark, depth: int) -> Seq:

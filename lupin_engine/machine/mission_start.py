@@ -27,7 +27,7 @@ class MissionStart:
         self._walks = walks
 
     def begin_context(self, step: Macrostep) -> None:
-        """Give the variables that have none their first value."""
+        """Set variables without a value to their default; one that raises is reported, and stays unset."""
         scope, context = self._scope, self._scope.memory.context
         for name, variable in scope.chart.context.items():
             try:
@@ -51,7 +51,10 @@ class MissionStart:
         self._scope.mark_dirty(CONTEXT | REQUEST | ITINERARY)
 
     def begin_used(self, state: State, use: UsedMission, trigger: Trigger, step: Macrostep) -> None:
-        """Begin an embedded mission: its request, its variables, missions inside, its `entry`."""
+        """Begin an embedded mission: its request, its variables, missions inside, its `entry`.
+
+        A request that fails is reported and marks the step as `failed_use`; `entry` runs all the same.
+        """
         scope, memory = self._scope, self._scope.memory
         memory.given[state.name] = {}
         try:
@@ -66,7 +69,10 @@ class MissionStart:
         self._content.run(use.entry, state.name, trigger, step)
 
     def _register_targets(self, state: State, step: Macrostep) -> None:
-        """Register the targets of a state, possibly in an embedded mission, that follow from the request."""
+        """Register the targets of a state, possibly in an embedded mission, that follow from the request.
+
+        Where that fails nothing is registered: entering the state reports it.
+        """
         scope, given = self._scope, self._scope.memory.given
         for name in reversed(scope.chart.lineage[state.name]):
             use = scope.chart.states[name].use

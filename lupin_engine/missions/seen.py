@@ -26,13 +26,16 @@ def seen_file() -> Path:
 
 @dataclass(frozen=True)
 class SeenBundles:
-    """The versions stored in `file`. `allowed` are names, or NAME@VERSION, that are accepted all the same."""
+    """The versions stored in `file`.
+
+    `allowed` admits a new NAME, an older NAME@VERSION, or `unnamed` bundles.
+    """
 
     file: Path
     allowed: Collection[str] = ()
 
     def check(self, bundle: Bundle) -> str:
-        """Return a warning, or ''. To be called for a bundle whose signature is good.
+        """Return a warning about a bundle without a name, else ''. For bundles whose signature is good.
 
         Raises:
             LupinError: a newer one, or only other ones, of its key were run, or the file cannot be read.
@@ -65,10 +68,10 @@ class SeenBundles:
         return ""
 
     def remember(self, bundle: Bundle) -> None:
-        """Write down that a bundle is run.
+        """Store the version of a bundle that is run, where it has a name and is newer.
 
         Raises:
-            LupinError: it cannot be written.
+            LupinError: the file cannot be read or written.
         """
         if not bundle.name:
             return

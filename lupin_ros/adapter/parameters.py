@@ -83,7 +83,7 @@ def read(name: str, spec: Parameter, value: Any) -> Any:
     """Return a value from ROS as plain checked data in base units.
 
     Integers are taken for numbers, `60 s` in text for a number with that unit, a list of three numbers for
-    a pose; None or an empty list mean "not given" where the default is None.
+    a pose. None and an empty list mean "not given" where the default is None; else None is an empty list.
 
     Raises:
         ValueError: wrong type or out of range; the text names parameter, value and allowed values.
@@ -99,7 +99,7 @@ def read(name: str, spec: Parameter, value: Any) -> Any:
 def to_ros(name: str, spec: Parameter, value: Any) -> RosParameter:
     """Return checked data as a ROS parameter.
 
-    The type is always given: rclpy takes an empty list for a byte array.
+    A value has its type, since rclpy takes an empty list for a byte array; None may have none.
     """
     kind = ros_type(name, spec.type)
     if isinstance(value, Mapping):
@@ -208,7 +208,7 @@ class DeclaredParameters:
             self._hear_of_stored.append(stored)
 
     def set(self, name: str, value: Any) -> None:
-        """Correct a parameter from inside the node."""
+        """Correct a parameter from inside the node; a refusal by a callback is not reported."""
         self._node.set_parameters([to_ros(name, self._specs[name], value)])
 
     def values_with(self, specs: Declared) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """The checks of `lupin doctor`: one small function each, none of which needs an installed ROS.
 
-Each yields `Finding`s: the subject, the state, and advice for a problem. A check that fails is a problem
+Each yields `Finding`s: the subject, the state, and often advice. A check that fails is a problem
 itself.
 """
 
@@ -201,7 +201,7 @@ def _profile() -> Finding:
 
 
 def look_at_left_overs() -> Iterator[Finding]:
-    """Shared memory that nobody uses, and nodes of runs that are over."""
+    """Shared memory that nobody uses, and the running nodes of this domain."""
     stale = stale_segments()
     size = sum(_size(file) for file in stale) / 1e6
     if stale:
@@ -231,7 +231,7 @@ def _size(file: Path) -> int:
 
 
 def running_nodes(domain: int, processes: Path = Path("/proc")) -> Iterator[tuple[int, str]]:
-    """Yield process id and name of every `lupin node` of this machine that is in a ROS domain."""
+    """Yield process id and name of each `lupin node` in a ROS domain that this user may inspect."""
     for entry in sorted(processes.glob("[0-9]*"), key=lambda e: int(e.name)):
         try:
             names = _nodes_in(_words(entry / "cmdline"))
@@ -244,7 +244,7 @@ def running_nodes(domain: int, processes: Path = Path("/proc")) -> Iterator[tupl
 
 
 def _words(file: Path) -> list[str]:
-    """Return the command line of a process, from the kernel."""
+    """Return the texts of a file of the kernel, which zero bytes separate."""
     return file.read_bytes().decode(errors="replace").split("\0")
 
 

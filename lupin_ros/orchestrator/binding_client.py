@@ -1,7 +1,7 @@
 """The driver of a binding: calls services, actions and topics by type name, as `lupin_engine.bindings` says.
 
-Types are imported at run time. An expression that fails ends the attempt with the binding's code; in a
-message it is logged once, and the message is ignored.
+Types are imported at run time. A request or an answer whose expression fails ends the attempt with the
+binding's code; a message whose expression fails is dropped, and logged once in a row.
 """
 
 from __future__ import annotations
@@ -184,7 +184,7 @@ class BoundClient:
         self._attempts.cancel(attempt)
 
     def recover(self, attempt: str, operation: str, *, adopt: bool) -> None:
-        """Adopt or cancel a goal of the last process; calls ended with that process."""
+        """Adopt or cancel a goal of the last process; a call of it is reported as cancelled."""
         if operation in self._goals:
             self._attempts.recover(attempt, self._goals[operation], adopt=adopt)
         else:

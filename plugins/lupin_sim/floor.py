@@ -1,6 +1,6 @@
-"""Plans shortest paths around the tables on a grid, for a round robot. Metres, frame `map`.
+"""Plans short paths around the tables on a grid, for a round robot. Metres, frame `map`.
 
-Deterministic. The grid is coarse, so that a plan takes some milliseconds and may run on the ROS thread.
+Deterministic. The grid is coarse, so that a plan takes tens of milliseconds and may run on the ROS thread.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class Floor:
     def path(self, start: Point, goal: Point) -> list[Point] | None:
         """Return the corners of a short path, without the start; None when there is none.
 
-        The last corner is `goal`, or a free place within `GOAL_TOLERANCE` of it. A start that is not free,
-        too close to a table, is left by the shortest way.
+        The last corner is `goal`, or a free place within `GOAL_TOLERANCE` of it. A start that is not free
+        is left for the nearest free place within `WIDTH`; without one there is no path.
         """
         target = goal if self.is_free(*goal) else self._nearest_free(goal, GOAL_TOLERANCE)
         origin = self._nearest_free(start, WIDTH)

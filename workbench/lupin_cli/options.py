@@ -35,7 +35,7 @@ def request_options() -> list[str]:
 
 
 class RequestCommand(click.Command):
-    """A verb with the options that fill a mission's request; it gets them as `request`, by field."""
+    """A verb with options for a mission's request, given as `request`: by field, empty or 0 if not given."""
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """Return the parameters, which depend on the installed plugins."""

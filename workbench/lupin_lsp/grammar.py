@@ -1,6 +1,6 @@
 """The grammar of the language's files by path: allowed keys, names, elements; and the meaning of a text.
 
-All of it is derived from the models in `chart.documents`.
+Most of it is derived from the models of missions, scenarios and bindings; actions have entries of their own.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ class DataModel:
         self._taken: set[str] = {*WORDS, *ROOTS, *BUILTIN_CALLS}
         #: Variables that are objects; each of their fields is a variable of its own.
         self._objects: dict[str, Element] = {}
-        #: By event field, the type that all who send it agree on.
+        #: By event field, the type that its last sender gives it.
         self._fields: dict[str, str] = {}
         #: There are scripts that cannot be read, which may declare more.
         self._has_code = False

@@ -276,3 +276,11 @@ def test_a_file_may_have_so_many_values_and_no_more(more: int, monkeypatch: pyte
     monkeypatch.setattr(source, "MAX_NODES", 12)
     text = "k: [" + ", ".join(["x"] * (9 + more)) + "]"
     assert [problem.rpartition(" ")[2] for problem in problems(text)] == ["[too-large]"] * more
+
+
+def test_levels_of_nesting_are_counted_through_aliases() -> None:
+    """Fifty anchors, each within brackets that hold the one before, would be 2,750 levels."""
+    deep = [f"a0: &a0 {'[' * 55}x{']' * 55}"]
+    deep += [f"a{i}: &a{i} {'[' * 55}*a{i - 1}{']' * 55}" for i in range(1, 50)]
+    assert problems("\n".join(deep)) == ["2:64 more than 60 levels of nesting [too-large]"]
+    assert problems("a: &a [[x]]\nb: [*a]") == []

@@ -1,4 +1,4 @@
-"""Prints the line of a finding with carets under its place, cut to the width of the terminal."""
+"""Formats the line of a finding with carets under its place, cut to the width of the terminal."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def token_length(line: str, column: int) -> int:
 def excerpt(line: str, column: int, width: int) -> tuple[str, str]:
     """Return the line as it is shown in `width` cells, and the carets to put under it.
 
-    A line that is too long is cut on either side of the place. Tabs, wide characters and control
-    characters are replaced so that the carets stand in the right column.
+    A line that is too long is cut on either side of the place. Tabs and control characters
+    are replaced, and wide characters count as two cells, so that the carets stand in the right column.
     """
     shown = _shown(line.rstrip())
     first = min(column - 1, len(shown))

@@ -193,7 +193,7 @@ class Classes:
         return self._distinguished(("event",), [*self._combined(operation, fields), *more])
 
     def codes(self, operation: str) -> list[str]:
-        """Return the codes that an operation may fail with."""
+        """Return an operation's own codes, and the one of a driver that fails."""
         own = [code.name for code in self._operations[operation].codes]
         return [*own, OPERATION_CODES[0]]
 
