@@ -49,8 +49,10 @@ def served(simulation: ServedPages) -> Iterator[SimulationPage]:
 
 
 @pytest.fixture(params=[DESK, PHONE], ids=["desk", "phone"])
-def page(request: pytest.FixtureRequest, browser: Browser, simulation: ServedPages) -> Iterator[Page]:
-    """The console, which somebody has touched already."""
+def page(
+    request: pytest.FixtureRequest, browser: Browser, simulation: ServedPages, served: SimulationPage
+) -> Iterator[Page]:
+    """The console, which somebody has touched already, and which knows nothing of the test before."""
     context = browser.new_context(viewport=ViewportSize(**request.param), locale="en-GB")
     context.add_init_script(SHAKES)
     for found in opened(context, simulation.url):
