@@ -1,4 +1,4 @@
-"""Expects a mission: many runs in virtual time with learned rates, and what they were drawn from."""
+"""Predicts a mission: many runs in virtual time with learned rates, and remarks on these."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Answer = tuple[str, str, bool, int | None]
 
 @dataclass
 class Expected:
-    """What came of the runs.
+    """The results of the runs.
 
     `seconds` are durations of the missions that ended, `left` what live values that drain were at their ends,
     `missed` the number of targets that were not visited, and `missed_at` in how many runs each was not.
@@ -46,7 +46,7 @@ def learned_script(
     values: Mapping[str, Any] | None = None,
     clock: str | None = None,
 ) -> Script:
-    """Return a script that draws from what a file of rates says, and from nothing else.
+    """Return a script that draws from a file of rates alone.
 
     Args:
         request: over that of the file.
@@ -73,7 +73,7 @@ def expect(
     seeds: Iterable[int],
     report: Callable[[int], object] = lambda runs: None,
 ) -> Expected:
-    """Run a script of learned rates once for each seed; `report` is told how many runs are done."""
+    """Run a script of learned rates once for each seed; `report` is called with the number of runs done."""
     world, found, answers = make_world(loaded.chart, parameters), Expected(), Counter[Answer]()
     for seed in seeds:
         seeded = replace(script, seed=script.seed + seed)
@@ -116,7 +116,7 @@ def _add(found: Expected, run: Run) -> None:
 
 
 def _remarks(rates: Rates, answers: Mapping[Answer, int], word: str) -> Iterator[str]:
-    """Yield what was answered by other attempts than those of its place; the most frequent first."""
+    """Yield remarks on answers drawn from attempts at other places; the most frequent first."""
     known = rates.learned.seen if rates.learned else {}
     coarse = defaultdict[tuple[str, bool, int | None], dict[str, int]](dict)
     for (operation, target, drives, number), _ in sorted(answers.items(), key=lambda item: -item[1]):

@@ -1,4 +1,4 @@
-"""Learns from journals: what attempts took and how they ended, by place and hour, and what was drained.
+"""Learns from journals: durations and failures of attempts by place and hour, and the use of live values.
 
 Everything is counted, nothing is fitted. A row has at least `ENOUGH` attempts; `table` writes the rows as a
 file of rates (`rates`), the finest first.
@@ -52,7 +52,7 @@ class ObservedAttempt(NamedTuple):
 
 
 class RateKey(NamedTuple):
-    """What a row is about; '' and None: any target, any distance."""
+    """The attempts of a row; '' and None: any target, any distance."""
 
     operation: str
     target: str = ""
@@ -61,7 +61,7 @@ class RateKey(NamedTuple):
 
 @dataclass
 class Drained:
-    """What a live value lost while the robot drove, and else."""
+    """The loss of a live value while the robot drove, and otherwise."""
 
     metres: float = 0.0
     driving: float = 0.0
@@ -71,7 +71,7 @@ class Drained:
 
     @property
     def rates(self) -> tuple[float, float]:
-        """What it loses per metre and per minute; by minutes alone where these cannot be told apart."""
+        """The loss per metre and per minute; per minute alone where the two cannot be separated."""
         minutes = self.driving + self.standing
         if self.metres and self.standing >= STANDING * minutes:
             per_minute = max(0.0, self.standing_lost / self.standing)
@@ -83,7 +83,7 @@ class Drained:
 
 @dataclass
 class Evidence:
-    """All that was read from a journal; `left_out` are the files and missions that were not used, and why."""
+    """The contents of a journal; `left_out` are the files and missions that were not used, and why."""
 
     seen: list[ObservedAttempt] = field(default_factory=list)
     drained: dict[str, Drained] = field(default_factory=lambda: defaultdict(Drained))
@@ -99,7 +99,7 @@ class Evidence:
 
 
 def gather(folder: Path, catalog: Catalog, report: Callable[[str], object] = lambda text: None) -> Evidence:
-    """Read the missions of a journal; `report` is told how far it is.
+    """Read the missions of a journal; `report` is called with the progress as text.
 
     Raises:
         JournalError: there is no journal.
@@ -203,7 +203,7 @@ class _MissionReader:
         found.parameters, found.values = given, self._values
 
     def _drain(self, value: str, drives: Iterable[tuple[str, float, float | None]], minutes: float) -> None:
-        """Add what a value lost, with the time and the metres in which it did."""
+        """Add the loss of a value, with its time and metres."""
         (_, first), (_, last) = self._levels[value][0], self._levels[value][-1]
         sum_of, lost = self._found.drained[value], first - last
         for name, took, metres in drives:
@@ -273,7 +273,7 @@ class Hour:
 
 
 def hours_of(seen: Sequence[ObservedAttempt]) -> list[Hour]:
-    """Return what each hour of the day is like, beside the others."""
+    """Return each hour of the day, compared with the others."""
     shares = defaultdict[str, dict[int, list[float]]](lambda: defaultdict(list))
     for one, share in zip(seen, shares_of(seen), strict=True):
         shares[one.operation][one.hour].append(share)
@@ -365,7 +365,7 @@ def _failures(row: Iterable[ObservedAttempt]) -> Failures:
 
 
 def table(found: Evidence) -> dict[str, Any]:
-    """Return what was learned as the data of a file of rates."""
+    """Return the evidence as the data of a file of rates."""
     hours = hours_of(found.seen)
     takes = {(one.operation, one.hour): one.takes for one in hours}
     seen = [one._replace(seconds=one.seconds / takes[one.operation, one.hour]) for one in found.seen]
@@ -456,7 +456,7 @@ def _quantiles(ordered: Sequence[float], most: int) -> list[float]:
 
 
 def quantile(ordered: Sequence[float], share: float) -> float:
-    """Return what a share of sorted values stays below, between neighbours in proportion."""
+    """Return a quantile of sorted values, interpolated between neighbours; `share` is 0 to 1."""
     place = share * (len(ordered) - 1)
     low = min(int(place), max(0, len(ordered) - 2))
     high = min(low + 1, len(ordered) - 1)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -56,12 +57,13 @@ def learn(domain: int | None, journal: Path | None, output: Path, drift_only: bo
     folder = journal or journal_folder(domain=domain)
     if not drift_only:
         _check_output(output)
-    with _Spinner() as report:
+    with _progress() as report:
         found = gather(folder, load_catalog(), report)
     if not found.seen:
         why = "".join(f"\n    {problem}" for problem in found.left_out)
         raise UsageError(f"no mission in {folder} could be learned from{why or '; none was run'}")
-    changed, learned = drifts(found.seen), table(found)
+    changed = drifts(found.seen)
+    learned = {} if drift_only else table(found)
     if not drift_only:
         from lupin_engine.replay import yaml_text
 
@@ -158,22 +160,14 @@ def _hours(hours: list[dict[str, Any]], name: str) -> Iterator[str]:
             yield f"{one['hour']} h {', '.join(differs)}"
 
 
-class _Spinner:
-    """Shows how far it is, where the output is a terminal."""
+@contextmanager
+def _progress() -> Iterator[Callable[[str], object]]:
+    """Yield a function that shows the progress, where the error output is a terminal."""
+    from rich.console import Console
 
-    def __enter__(self) -> _Spinner:
-        from rich.console import Console
-
-        console = Console(stderr=True)
-        self._shown = console.status("reading the journal") if console.is_terminal else None
-        if self._shown is not None:
-            self._shown.start()
-        return self
-
-    def __call__(self, text: str) -> None:
-        if self._shown is not None:
-            self._shown.update(f"reading the journal: {text}")
-
-    def __exit__(self, *_: object) -> None:
-        if self._shown is not None:
-            self._shown.stop()
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda text: None
+        return
+    with console.status("reading the journal") as shown:
+        yield lambda text: shown.update(f"reading the journal: {text}")
