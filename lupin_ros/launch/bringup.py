@@ -356,6 +356,10 @@ class Bringup:
             )
         if not monitor.ended and not self._request_abort():
             return
+        self._wait_for_the_end(monitor, home)
+
+    def _wait_for_the_end(self, monitor: RunMonitor, home: bool) -> None:
+        """Wait until the aborted mission has ended, or Ctrl-C was pressed again."""
 
         def enough() -> bool:
             return self._interrupts.insisted_twice if home else self._interrupts.insisted

@@ -113,16 +113,24 @@ def _of_pages(access: Access, known: Iterable[Interface]) -> _Granted:
     granted: _Granted = {}
     for names, commands in ((access.viewer, False), ((*access.operator, *access.engineer), True)):
         for name in names:
-            kinds: dict[tuple[str, str], str] = {
-                (one.kind, one.name): _BY_PAGES for one in known if fnmatchcase(one.name, name)
-            }
-            if not kinds and "*" not in name:
-                possible = ("service",) if ACTION in name else ("topic", "service", "action")
-                kinds = {(kind, name): _OF_OTHERS for kind in possible}
-            for (kind, full), reason in kinds.items():
+            for (kind, full), reason in _named(name, known).items():
                 if kind == "service" or commands:
                     granted[kind, _MAY[kind][0 if kind == "topic" else 1], full] = reason
     return granted
+
+
+def _named(pattern: str, known: Iterable[Interface]) -> dict[tuple[str, str], str]:
+    """Return kind and name of the interfaces that a pattern of pages matches, with the reason.
+
+    A name that is no pattern and of no known interface is permitted as every kind that it can be.
+    """
+    found: dict[tuple[str, str], str] = {
+        (one.kind, one.name): _BY_PAGES for one in known if fnmatchcase(one.name, pattern)
+    }
+    if found or "*" in pattern:
+        return found
+    possible = ("service",) if ACTION in pattern else ("topic", "service", "action")
+    return {(kind, pattern): _OF_OTHERS for kind in possible}
 
 
 def _without_reading(granted: _Granted) -> _Granted:

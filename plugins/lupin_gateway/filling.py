@@ -136,11 +136,8 @@ def _list(kind: Listed, value: Any, where: str, problems: _ProblemList) -> Any:
         if value is not None:
             problems.add(where, f"expected a list, got {_described(value)}")
         return None
-    if kind.length is not None and len(value) != kind.length:
-        problems.add(where, f"expected {kind.length} elements, got {len(value)}")
-        return None
-    if kind.most is not None and len(value) > kind.most:
-        problems.add(where, f"expected at most {kind.most} elements, got {len(value)}")
+    if wrong := _wrong_length(kind, len(value)):
+        problems.add(where, wrong)
         return None
     if isinstance(kind.of, str) and _are_plain_numbers(kind.of, value):
         return value if kind.of not in ("float", "double") else list(map(float, value))
@@ -150,6 +147,15 @@ def _list(kind: Listed, value: Any, where: str, problems: _ProblemList) -> Any:
             break
         elements.append(_value(kind.of, each, f"{where}[{index}]", problems))
     return elements
+
+
+def _wrong_length(kind: Listed, length: int) -> str:
+    """Return what is wrong with the length of a list; '' where it fits."""
+    if kind.length is not None and length != kind.length:
+        return f"expected {kind.length} elements, got {length}"
+    if kind.most is not None and length > kind.most:
+        return f"expected at most {kind.most} elements, got {length}"
+    return ""
 
 
 def _are_plain_numbers(kind: str, value: list[Any]) -> bool:

@@ -247,6 +247,15 @@ class Content:
         if send.get("type") == TYPE:
             params = self.params(send, seen)
             return [{send.get("event"): params} if params else send.get("event")]
+        return self._send_to_itself(send, seen, after)
+
+    def _send_to_itself(self, send: Element, seen: Seen, after: AfterEntry | None) -> list[Any]:
+        """Return the actions for a `send` to the chart's own session.
+
+        Raises:
+            CannotSay: its event or its delay is known only when it is sent.
+            AlwaysFails: it goes to another session or has a wrong type.
+        """
         if not is_to_itself(send) or send.get("typeexpr"):
             raise self._elsewhere(send)
         events, given = self._events.raised_by(send), self.params(send, seen)
@@ -266,9 +275,15 @@ class Content:
             return [*kept, *self._chosen(send.get("eventexpr"), events, raised, seen)]
         if wanted == "tick":
             return kept
+        return [*kept, *self._delayed(send, wanted, raised, seen, after)]
+
+    def _delayed(
+        self, send: Element, wanted: str, raised: dict[str, Any], seen: Seen, after: AfterEntry | None
+    ) -> list[Any]:
+        """Return the actions that start a delayed send; one that its state waits for is added to `after`."""
         delay = self.delay(send, seen)
         if wanted == "region" and self.sends is not None and send in self.sends.regions:
-            return [*kept, self._started(send, self.sends.regions[send], delay, given)]
+            return [self._started(send, self.sends.regions[send], delay, raised.get("with", {}))]
         if after is None or wanted != "after":
             raise CannotSay("a delayed send that is no plain one of `onentry`")
         if not self._own:
@@ -276,7 +291,7 @@ class Content:
                 send, "a delayed send that its state waits for is `after`: leaving it ends it"
             )
         after.setdefault(delay, []).append(raised)
-        return kept
+        return []
 
     def _chosen(
         self, variable: str, events: Mapping[str, str], raised: Mapping[str, Any], seen: Seen

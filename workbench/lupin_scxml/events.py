@@ -98,17 +98,8 @@ class Events:
         self._original: dict[str, str] = {}
         #: By variable, the texts that it can have; None stands for what is no literal.
         self._texts: defaultdict[str, list[str | None]] = defaultdict(list)
-        for name, expression in _written(root):
-            text = expression.strip()
-            self._texts[name].append(text[1:-1] if QUOTED.fullmatch(text) else None)
-        for element in root.every("raise", "send"):
-            for event in self.raised_by(element).values():
-                self._sources[event].append(element)
         self._states = {state.get("id"): state for state in root.every(*STATES) if state.get("id")}
-        for rule in root.every("transition"):
-            for descriptor in split(rule):
-                if rule.parent is not None:
-                    self.listening[self.name(descriptor)].add(rule.parent)
+        self._index(root)
         #: States to whose end another state reacts that is not around them, and the event for it.
         self.end_events = {} if own else dict(self._ends_heard_elsewhere(root))
         for state, event in self.end_events.items():
@@ -117,7 +108,25 @@ class Events:
             self._match(event)
         #: By event that comes from outside, the fields of it that are read.
         self.outside: dict[str, set[str]] = {}
-        for descriptor in sorted(self.listening) if binding and not own else ():
+        if binding and not own:
+            self._bind(binding)
+
+    def _index(self, root: Element) -> None:
+        """Record the texts of variables, what raises an event, and which states wait for one."""
+        for name, expression in _written(root):
+            text = expression.strip()
+            self._texts[name].append(text[1:-1] if QUOTED.fullmatch(text) else None)
+        for element in root.every("raise", "send"):
+            for event in self.raised_by(element).values():
+                self._sources[event].append(element)
+        for rule in root.every("transition"):
+            for descriptor in split(rule):
+                if rule.parent is not None:
+                    self.listening[self.name(descriptor)].add(rule.parent)
+
+    def _bind(self, binding: str) -> None:
+        """Name the events that nothing in the document raises as events of a binding."""
+        for descriptor in sorted(self.listening):
             if not self._matched[descriptor] and descriptor.partition(".")[0] not in _NOT_OUTSIDE:
                 event = f"{binding}.{snake(descriptor.replace('.', '_'))}"
                 while event in self.outside:
@@ -175,15 +184,20 @@ class Events:
         self._carried.clear()
         for element in action.every("raise", "send"):
             for name in self.raised_by(element).values():
-                sources = self._sources.get(name, [])
-                if element in sources:
-                    sources.remove(element)
-                if not sources and name in self._sources:
-                    del self._sources[name]
-                    self.never.add(name)
-                    for matched in self._matched.values():
-                        if name in matched:
-                            matched.remove(name)
+                self._remove_source(name, element)
+
+    def _remove_source(self, event: str, element: Element) -> None:
+        """Remove an element from those that raise an event; the last one removes the event."""
+        sources = self._sources.get(event, [])
+        if element in sources:
+            sources.remove(element)
+        if sources or event not in self._sources:
+            return
+        del self._sources[event]
+        self.never.add(event)
+        for matched in self._matched.values():
+            if event in matched:
+                matched.remove(event)
 
     def name(self, text: str) -> str:
         """Return an event's name, or a descriptor without the `.*` or `.` at its end."""

@@ -91,10 +91,7 @@ class _ScxmlWriter:
     def _box(self, box: StateBox, more: Iterable[Transition] = ()) -> Iterator[str]:
         state = box.state
         if state.kind is Kind.HISTORY:
-            kind = "shallow" if state.depth == 1 else "deep"
-            inside = [] if state.depth in (1, None) else [f"<!-- remembers {state.depth} levels -->"]
-            inside.append(f"<transition{_attributes(target=self._begins(state))}/>")
-            yield from _element("history", {"id": _id(state.name), "type": kind}, inside)
+            yield from self._history(state)
             return
         inside = [f"<!-- {_comment(str(line))} -->" for line in box.lines if line.role is LineRole.NOTE]
         inside += [f"<!-- {_comment(str(line))} -->" for line in box.lines if str(line).startswith("resume")]
@@ -115,16 +112,26 @@ class _ScxmlWriter:
         for child in box.children:
             inside += [self._within(state, line) for line in self._box(child)]
         if state.kind is not Kind.FINAL:
-            for rule in (*state.transitions, *more):
-                lines = self._transitions(state, rule)
-                used = rule.id.startswith(f"{state.name}.use.")
-                inside += [self._within(state, line) for line in lines] if used else lines
-            if state.parent == "" and FAULT in self._chart.states and state.name != FAULT:
-                inside.append(f"<transition{_attributes(event='error', target=FAULT)}/>")
-            if state.invoke is not None:
-                inside += self._invoke(state, state.invoke)
+            inside += self._ways_out(state, more)
         attributes = {"id": _id(state.name), "initial": None if begins else _id(box.initial)}
         yield from _element(_ELEMENTS[state.kind], attributes, inside)
+
+    def _history(self, state: State) -> Iterator[str]:
+        kind = "shallow" if state.depth == 1 else "deep"
+        inside = [] if state.depth in (1, None) else [f"<!-- remembers {state.depth} levels -->"]
+        inside.append(f"<transition{_attributes(target=self._begins(state))}/>")
+        yield from _element("history", {"id": _id(state.name), "type": kind}, inside)
+
+    def _ways_out(self, state: State, more: Iterable[Transition]) -> Iterator[str]:
+        """Yield the transitions of a state, with further ones, and its operation."""
+        for rule in (*state.transitions, *more):
+            lines = self._transitions(state, rule)
+            used = rule.id.startswith(f"{state.name}.use.")
+            yield from (self._within(state, line) for line in lines) if used else lines
+        if state.parent == "" and FAULT in self._chart.states and state.name != FAULT:
+            yield f"<transition{_attributes(event='error', target=FAULT)}/>"
+        if state.invoke is not None:
+            yield from self._invoke(state, state.invoke)
 
     def _begins(self, state: State) -> str:
         """Return the default target of a history: its own, else the initial state of its parent."""
@@ -316,13 +323,7 @@ class _ScxmlWriter:
                     expression = self._assigned(action.name, name, _written(value))
                     yield f"<assign{_attributes(location=name, expr=expression)}/>"
             elif action.name == "raise":
-                event = action.arguments["event"]
-                name = str(event.value) if isinstance(event, Constant) else ""
-                if action.data:  # its `raise` carries nothing, a `send` to itself does
-                    attributes = {"event": name, "target": "#_internal"}
-                    yield from _element("send", attributes, _params(action.data))
-                else:
-                    yield f"<raise{_attributes(event=name)}/>"
+                yield from _raised(action)
             elif action.guard:
                 other = ["<else/>", *self._actions(action.otherwise)] if action.otherwise else []
                 condition = {"cond": self._condition(action.guard.source)}
@@ -344,6 +345,16 @@ class _ScxmlWriter:
 _SAID = frozenset({Role.PLAIN, Role.VALUE, Role.CODE})
 #: What of a transition SCXML has a word for.
 _STANDARD = ("target", "guard", "actions", "internal")
+
+
+def _raised(action: ActionCall) -> Iterator[str]:
+    """Yield a `raise`, or a `send` to the chart itself for one with data, which a `raise` cannot carry."""
+    event = action.arguments["event"]
+    name = str(event.value) if isinstance(event, Constant) else ""
+    if action.data:
+        yield from _element("send", {"event": name, "target": "#_internal"}, _params(action.data))
+    else:
+        yield f"<raise{_attributes(event=name)}/>"
 
 
 def _extensions(rule: Transition) -> dict[str, str | None]:

@@ -216,6 +216,25 @@ def _remainder(left: ast.expr, right: ast.expr) -> ast.expr:
     return ast.IfExp(ast.Compare(left, [ast.GtE()], [ast.Constant(0)]), rest, back)
 
 
+def _modulo(left: ast.expr, right: ast.expr, are_numbers: bool) -> Operand:
+    """Return `left % right`: a literal where both are, and the right one is not zero."""
+    if isinstance(left, ast.Constant) and isinstance(right, ast.Constant) and are_numbers and right.value:
+        rest = math.fmod(left.value, right.value)  # type: ignore[arg-type]
+        return constant(int(rest) if rest == int(rest) else rest)
+    return Operand(_remainder(left, right), "number" if are_numbers else "")
+
+
+def _logical(left: ast.expr, is_and: bool, right: ast.expr) -> Operand:
+    """Return the conjunction of two conditions, or their disjunction, without what is known of it."""
+    for side, other in ((left, right), (right, left)):
+        if (known := _known(side)) is not None:
+            return Operand(other if known is is_and else side, "bool")
+    both = ast.And() if is_and else ast.Or()
+    chained = isinstance(left, ast.BoolOp) and type(left.op) is type(both)
+    sides = [*left.values, right] if chained else [left, right]  # type: ignore[attr-defined]
+    return Operand(ast.BoolOp(both, sides), "bool")
+
+
 def _without_sign(node: ast.expr) -> ast.expr:
     """Return a remainder that is compared with 0, where its sign makes no difference."""
     is_remainder = isinstance(node, ast.IfExp) and isinstance(node.body, ast.BinOp)
@@ -323,42 +342,38 @@ class _EcmaReader:
 
     def _joined(self, left: Operand, sign: str, right: Operand) -> Operand:
         if sign in ("&&", "and", "||", "or"):
-            is_and = sign in ("&&", "and")
-            sides = [truth(left), truth(right)]
-            for side, other in (sides, sides[::-1]):
-                if (known := _known(side)) is not None:
-                    return Operand(other if known is is_and else side, "bool")
-            both = ast.And() if is_and else ast.Or()
-            first = sides[0]
-            if isinstance(first, ast.BoolOp) and type(first.op) is type(both):
-                sides = [*first.values, sides[1]]
-            return Operand(ast.BoolOp(both, sides), "bool")
+            return _logical(truth(left), sign in ("&&", "and"), truth(right))
         if sign in _COMPARISONS:
             return self._compared(left, sign, right)
         if sign == "+" and "text" in (left.type, right.type):
-            parts = [part for side in (left, right) for part in side.parts or (side,)]
-            if any(part.type == "undefined" or part.type.startswith("list") for part in parts):
-                raise self._no()
-            return Operand(ast.Constant(""), "text", parts=tuple(parts))
+            return self._concatenated(left, right)
         if any(side.type in ("text", "bool") or side.type.startswith("list") for side in (left, right)):
             raise self._no()  # ECMAScript makes numbers of them
         known = left.type == right.type == "number"
         one, other = self._plain(left), self._plain(right)
         if sign == "%":
-            if isinstance(one, ast.Constant) and isinstance(other, ast.Constant) and known and other.value:
-                rest = math.fmod(one.value, other.value)  # type: ignore[arg-type]
-                return constant(int(rest) if rest == int(rest) else rest)
-            return Operand(_remainder(one, other), "number" if known else "")
+            return _modulo(one, other, known)
         node = ast.BinOp(one, _ARITHMETIC[sign](), other)
         return Operand(node, "number" if known else "")
+
+    def _concatenated(self, left: Operand, right: Operand) -> Operand:
+        """Return a sum with a text in it, as its parts."""
+        parts = [part for side in (left, right) for part in side.parts or (side,)]
+        if any(part.type == "undefined" or part.type.startswith("list") for part in parts):
+            raise self._no()
+        return Operand(ast.Constant(""), "text", parts=tuple(parts))
+
+    def _kind_of(self, found: Operand) -> str:
+        """Return the value of a `typeof`."""
+        of = found.fields["of"]
+        if of.type not in _TYPEOF or of.is_optional:
+            raise self._no()
+        return _TYPEOF[of.type]
 
     def _compared(self, left: Operand, sign: str, right: Operand) -> Operand:
         same = sign in ("==", "===")
         if left.type == "typeof" and _is_text(right):
-            kind = left.fields["of"].type
-            if kind not in _TYPEOF or left.fields["of"].is_optional:
-                raise self._no()
-            return constant((_TYPEOF[kind] == ast.literal_eval(right.node)) is same)
+            return constant((self._kind_of(left) == ast.literal_eval(right.node)) is same)
         if "undefined" in (left.type, right.type) and sign[0] in "=!" and left.type and right.type:
             return constant((left.type == right.type) is same)
         for side, text in ((left, right), (right, left)):
@@ -374,8 +389,8 @@ class _EcmaReader:
             one = _without_sign(one)
         return Operand(ast.Compare(one, [_COMPARISONS[sign]()], [other]), "bool")
 
-    def _put_together(self, found: Operand, text: str, same: bool) -> Operand:
-        """Compare a concatenated text, with one part that is no literal, with a literal."""
+    def _around_the_open_part(self, found: Operand) -> tuple[str, Operand | None, str]:
+        """Return the literal text before and after the one part that is no literal; None without one."""
         sides = [""]
         open_part: Operand | None = None
         for part in found.parts:
@@ -387,9 +402,13 @@ class _EcmaReader:
             else:
                 open_part = part
                 sides.append("")
+        return sides[0], open_part, sides[-1]
+
+    def _put_together(self, found: Operand, text: str, same: bool) -> Operand:
+        """Compare a concatenated text, with one part that is no literal, with a literal."""
+        left, open_part, right = self._around_the_open_part(found)
         if open_part is None:
-            return constant((sides[0] == text) is same)
-        left, right = sides
+            return constant((left == text) is same)
         inner = text[len(left) : len(text) - len(right)]
         if left + inner + right != text:
             return constant(not same)
@@ -529,17 +548,22 @@ class _EcmaReader:
             return ahead[1][1][1:-1]
         return None
 
-    def _call(self, name: str) -> Operand:
+    def _given(self) -> list[Operand]:
+        """Parse the arguments of a call, and its closing bracket."""
         given: list[Operand] = []
+        while not self._take(")"):
+            if given:
+                self.expect(",")
+            given.append(self.expression())
+        return given
+
+    def _call(self, name: str) -> Operand:
         if name == "In" and self._tokens[self._at + 1 : self._at + 2] == [("sign", ")")]:
             # Where there is no data, SCXML lets the id stand without quotes.
             state, _ = self._resolve(["In", self._next.strip("'\"")])
             self._at += 2
             return Operand(ast.Call(ast.Name("in_state"), [state.node], []), "bool")
-        while not self._take(")"):
-            if given:
-                self.expect(",")
-            given.append(self.expression())
+        given = self._given()
         plain = [self._plain(one) for one in given]
         if name == "Math.floor" and len(given) == 1:
             return Operand(ast.BinOp(plain[0], ast.FloorDiv(), ast.Constant(1)), "number")

@@ -169,21 +169,28 @@ class _Importer:
         elif wanted and parent.kind != "parallel":
             with self._notes.or_lost(parent, " as the beginning"):
                 initial = self._targets.path(parent, wanted)
-                actions = self._content.block(rule.children, None) if rule else []
-                actions += self._fork(wanted)
-                for child in () if actions else parent.all(*REGIONS):
-                    if any(state.get("id") == wanted for state in self._targets.begun(child)):
-                        initial = self._names[child]  # it begins there anyway
-                if actions or "." in initial or states.get(initial, {}).get("type") == "history":
-                    helper = _free("begin", set(states))
-                    states = {helper: {"always": _short({"target": initial, "do": actions})}, **states}
-                    initial = helper
+                initial, states = self._beginning(parent, wanted, initial, states)
         elif len(first) > 1 and parent.kind != "parallel":
             initial = first[0]
         if ways := self._targets.forked_to(parent):
             initial, begin = self._begin_of_fork(parent, ways, initial or first[0], set(states))
             states = {initial: begin, **states}
         return _slim({"initial": initial, "states": states})
+
+    def _beginning(
+        self, parent: Element, wanted: str, initial: str, states: dict[str, Any]
+    ) -> tuple[str, dict[str, Any]]:
+        """Return the initial state, and the states with one more where the first needs a transition."""
+        rule = first_way(parent)
+        actions = self._content.block(rule.children, None) if rule else []
+        actions += self._fork(wanted)
+        for child in () if actions else parent.all(*REGIONS):
+            if any(state.get("id") == wanted for state in self._targets.begun(child)):
+                initial = self._names[child]  # it begins there anyway
+        if not actions and "." not in initial and states.get(initial, {}).get("type") != "history":
+            return initial, states
+        helper = _free("begin", set(states))
+        return helper, {helper: {"always": _short({"target": initial, "do": actions})}, **states}
 
     def _fork(self, ids: str) -> list[Any]:
         """Return the actions that choose the initial children of a parallel state's regions."""
@@ -294,10 +301,10 @@ class _Importer:
         if state in self._events.end_events:
             outer = []
         rules: dict[tuple[str, str], list[Any]] = {}
-        for rule in (*state.all("transition"), *outer):
-            for event in [done] if rule in outer else split(rule) or [""]:
-                with self._notes.or_lost(rule):
-                    self._add_rule(rules, state, rule, event, after)
+        waiting = [(rule, event) for rule in state.all("transition") for event in split(rule) or [""]]
+        for rule, event in (*waiting, *((rule, done) for rule in outer)):
+            with self._notes.or_lost(rule):
+                self._add_rule(rules, state, rule, event, after)
         for delay, events in () if self._own else after.items():
             rules.setdefault(("after", delay), [{"do": [{"raise": written} for written in events]}])
         found: dict[str, Any] = {}
@@ -317,10 +324,7 @@ class _Importer:
     ) -> None:
         """Add a transition's rule for one of its events."""
         for key, name in self._places(state, event, after):
-            self._written += 1
-            if self._written > MAX_WRITTEN:
-                problem = f"more than {MAX_WRITTEN} transitions, one for each event that a descriptor covers"
-                raise UsageError(f"line {rule.line}: {problem}")
+            self._count(rule)
             seen = frozenset({name}) if event == "*" and name != "*" else self._events.seen_by(event)
             try:
                 said = self._transition(state, rule, seen)
@@ -338,16 +342,24 @@ class _Importer:
             elif event != "*":
                 self._notes.note(rule, f"a transition on {event!r} that is never taken is left out")
 
+    def _count(self, rule: Element) -> None:
+        """Count a written transition.
+
+        Raises:
+            UsageError: there are more than `MAX_WRITTEN`.
+        """
+        self._written += 1
+        if self._written > MAX_WRITTEN:
+            problem = f"more than {MAX_WRITTEN} transitions, one for each event that a descriptor covers"
+            raise UsageError(f"line {rule.line}: {problem}")
+
     def _places(self, state: Element, event: str, after: AfterEntry) -> Iterator[tuple[str, str]]:
         """Yield each keyword, with its event or delay, for a transition on `event`.
 
         A descriptor is written under each event that it matches, so that document order decides.
         """
-        name, own = self._events.name(event) if event else "", state.get("id")
-        keywords = {"": "always", f"done.state.{own}": "on_done"}
-        keywords |= {f"done.invoke.{own}-operation": "on_done", f"error.invoke.{own}-operation": "on_error"}
-        if not any(one.all("final") for one in state.every("state") if one is not state):
-            keywords |= dict.fromkeys(("done", "done.state"), "on_done")  # only it can be done
+        name = self._events.name(event) if event else ""
+        keywords = _keywords(state)
         timer = next(
             (delay for delay, raised in after.items() if name in (one["event"] for one in raised)), None
         )
@@ -412,6 +424,16 @@ class _Importer:
             found["guard"] = ""
         actions = [] if found["refuse"] else self._content.block(rule.children, seen)
         return _slim({**found, "do": [*actions, *self._fork(target)]})
+
+
+def _keywords(state: Element) -> dict[str, str]:
+    """Return the keyword of each event that the end of a state or of its operation raises."""
+    own = state.get("id")
+    keywords = {"": "always", f"done.state.{own}": "on_done"}
+    keywords |= {f"done.invoke.{own}-operation": "on_done", f"error.invoke.{own}-operation": "on_error"}
+    if not any(one.all("final") for one in state.every("state") if one is not state):
+        keywords |= dict.fromkeys(("done", "done.state"), "on_done")  # only it can be done
+    return keywords
 
 
 def _short(rule: Mapping[str, Any]) -> Any:

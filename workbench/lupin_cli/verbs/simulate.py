@@ -93,12 +93,11 @@ def simulate(
     from lupin_cli.terminal import outcome
     from lupin_engine.replay import timeline
 
-    problems = Problems(UsageError)
-    if interactive and (as_json or quiet or speed or picture or until is not None):
-        allowed = ", ".join((*options.request_options(), "--set"))
+    problems, allowed = Problems(UsageError), ", ".join((*options.request_options(), "--set"))
+    is_printed = bool(as_json or quiet or picture or until is not None)
+    if interactive and (speed or is_printed):
         problems.add(f"--interactive goes with {allowed}, --clock and --seed only")
-    if hmi and (interactive or as_json or quiet or picture or until is not None):
-        allowed = ", ".join((*options.request_options(), "--set"))
+    if hmi and (interactive or is_printed):
         problems.add(f"--hmi goes with {allowed}, --clock, --seed, --speed and --port only")
     with problems.collecting():
         _check_picture(picture)
