@@ -191,9 +191,9 @@ def _stays(
 ) -> tuple[Remembered, Verdict]:
     """Judge an `always` or a `never`."""
     if _is_bounded(rule):
-        is_asked = (bool(state) or begins()) and not _holds(rule.until, env)
-        if not is_asked:
-            return (), NOT_ABOUT
+        has_begun = bool(state) or begins()
+        if not has_begun or _holds(rule.until, env):
+            return (), HOLDS if has_begun and rule.after is None else NOT_ABOUT
         state = _FOR_EVER
     if rule.never is not None:
         if _holds(rule.never, env):
