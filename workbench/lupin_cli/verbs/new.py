@@ -19,7 +19,7 @@ from lupin_engine.sim import SUFFIX
 MISSION = """\
 mission: {title}
 summary: Wait a little and come home.
-properties:                                # what every run keeps: lupin prove {name}
+properties:                                # what lupin prove shows of every run
   {name}_prepares: {{never: in_state('WORKING'), until: in_state('PREPARE')}}
   {name}_works: {{visit_all: [in_state('PREPARE'), in_state('WORKING')]}}
 initial: PREPARE
