@@ -45,6 +45,9 @@ def _to_list(value: Any) -> Any:
 Written = Annotated[Any, WithJsonSchema({"type": ["string", "number", "boolean", "array", "object"]})]
 #: A condition; always an expression.
 Condition = Annotated[Any, WithJsonSchema({"type": ["string", "boolean"]})]
+Conditions = Annotated[
+    list[Condition], BeforeValidator(_to_list, json_schema_input_type=str | bool | list[str | bool])
+]
 Names = Annotated[list[str], BeforeValidator(_to_list, json_schema_input_type=str | list[str])]
 Bound = Annotated[Any, WithJsonSchema({"type": ["string", "number"]})]
 
@@ -543,24 +546,45 @@ class InvariantNode(Node):
 class PropertyNode(Node):
     """A condition on every possible run, checked by `lupin test`, `prove` and `campaign`.
 
-    One that reads the `request` of its mission is about the runs of that mission. Missions of one lifecycle,
-    which a robot loads together, have no two properties of one name.
+    One that reads the `request` of its mission is about the runs of that mission, and so is one that begins
+    with each start of it: places to visit, and `until` without `after`. Missions of one lifecycle, which a
+    robot loads together, have no two properties of one name.
     """
 
-    SHAPE = "a mapping with one of always, never and eventually, or with built_in"
+    SHAPE = "a mapping with one of always, never, eventually, visit_all and visit_in_order, or with built_in"
+    ELSEWHERE = MappingProxyType(
+        {
+            "before": ("'never' and 'until' say what must not come before it", "write 'until: CONDITION'"),
+            "between": (
+                "'after' and 'until' say between which moments",
+                "write 'after: CONDITION, until: CONDITION'",
+            ),
+            "response": (
+                "'eventually' and 'within' say what must follow in time",
+                "write 'eventually: CONDITION, within: 10 s'",
+            ),
+        }
+    )
 
     always: Annotated[Condition, Meaning.CONDITION] = Field(None, description="holds at every moment")
     never: Annotated[Condition, Meaning.CONDITION] = Field(None, description="holds at no moment")
     eventually: Annotated[Condition, Meaning.CONDITION] = Field(None, description="holds at last, in time")
+    visit_all: Annotated[Conditions, Meaning.CONDITION] = _many(
+        "each has become true when the mission is done, in any order"
+    )
+    visit_in_order: Annotated[Conditions, Meaning.CONDITION] = _many(
+        "each has become true when the mission is done, and none before the one to its left"
+    )
     within: Annotated[Written, Meaning.VALUE] = Field(
         None, description="time in which `eventually` comes true; holds do not stop this clock"
     )
     after: Annotated[Condition, Meaning.CONDITION] = Field(
         None,
-        description="the watch begins each time that this becomes true; without it at the start",
+        description="the watch begins each time that this becomes true; without it at the start, and with "
+        "`until` at each start of a mission",
     )
     until: Annotated[Condition, Meaning.CONDITION] = Field(
-        None, description="the watch ends when this becomes true, until `after` holds again"
+        None, description="the watch ends when this becomes true, until it begins again"
     )
     built_in: bool = Field(False, description="what the name says, which the engine knows")
     summary: str = Field("", description="one sentence for people")

@@ -385,10 +385,12 @@ class Invariant:
 
 @record(frozen=True)
 class TemporalProperty:
-    """A property of every run: one of `always`, `never` and `eventually`, which has a `within`.
+    """A property of every run: `always`, `never`, `eventually` (which has a `within`), or places to visit.
 
     With `after` it is checked from each moment on at which that holds, with `until` up to the next such
-    moment. One that reads the request of a `mission` is about the runs of that one; '' is about every moment.
+    moment; with `until` alone, and with places, from each start of a mission on. Places are conditions, by
+    their text. One that reads the request of a `mission`, or that begins with each start of one, is about the
+    runs of that mission; '' is about every moment.
     One that is `built_in` is known by its name. `not_meant` are the missions of which it is not meant, with
     the reason.
     """
@@ -398,6 +400,12 @@ class TemporalProperty:
     always: Expression | None = field(default=None, metadata=said(Role.CONDITION, "always"))
     never: Expression | None = field(default=None, metadata=said(Role.CONDITION, "never"))
     eventually: Expression | None = field(default=None, metadata=said(Role.CONDITION, "eventually"))
+    visit_all: Mapping[str, Expression] = field(
+        default_factory=dict, metadata=said(Role.CONDITION, "visit_all")
+    )
+    visit_in_order: Mapping[str, Expression] = field(
+        default_factory=dict, metadata=said(Role.CONDITION, "visit_in_order")
+    )
     within: Value | None = field(default=None, metadata=said(Role.VALUE, "within"))
     after: Expression | None = field(default=None, metadata=said(Role.CONDITION, "after"))
     until: Expression | None = field(default=None, metadata=said(Role.CONDITION, "until"))

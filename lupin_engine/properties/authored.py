@@ -1,8 +1,9 @@
-"""Compiles the author's temporal properties (`always`, `never`, `eventually`, `after`, `until`) to monitors.
+"""Compiles the author's temporal properties to monitors.
 
 A monitor's state (`properties.Remembered`): empty while nothing is pending; the deadline of a pending
-`eventually`; `(math.inf,)` for an `always` or `never` that an `after` has activated, and for an `eventually`
-without `after` that has come true. A condition that cannot be evaluated counts as false.
+`eventually`; `(math.inf,)` for an `always` or `never` that is active between two moments, and for an
+`eventually` of the whole run that has come true; `math.inf` and the numbers of the places that were visited.
+A condition that cannot be evaluated counts as false.
 """
 
 from __future__ import annotations
@@ -10,14 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from lupin_engine.chart.expressions.evaluation import Constant, Environment, Expression
 from lupin_engine.chart.expressions.names import names_read
-from lupin_engine.chart.model import Chart, TemporalProperty
+from lupin_engine.chart.model import Chart, Kind, TemporalProperty
 from lupin_engine.errors import reason
 from lupin_engine.machine.event import Start
 from lupin_engine.machine.timers import seconds
+from lupin_engine.plugin.profile import START
 from lupin_engine.properties.built_in import (
     BUILT_IN,
     HOLDS,
@@ -55,16 +58,19 @@ def watched(rule: TemporalProperty) -> Property:
             return (), NOT_ABOUT
         env, now = passage.scope.at("", passage.step.time), passage.step.time
         passage.scope["this_step"] = StepView(passage)
+        if _places(rule):
+            return _visits(rule, state, passage, env)
+        begins = partial(_begins, rule, passage, env)
         if rule.eventually is not None:
-            return _comes(rule, rule.eventually, state, env, now)
-        return _stays(rule, state, env)
+            return _comes(rule, rule.eventually, state, env, now, begins)
+        return _stays(rule, state, env, begins)
 
     def end(state: Remembered, now: float) -> Verdict:
         if rule.eventually is None or not state or now <= state[0] + _ROUNDING:
             return NOT_ABOUT
         return Verdict(True, _late(rule))
 
-    remembers = rule.after is not None or rule.eventually is not None
+    remembers = _is_bounded(rule) or rule.eventually is not None or bool(_places(rule))
     of_values = remembers or not any(
         "this_step" in names_read(one.source) for one in (rule.always, rule.never) if one
     )
@@ -124,23 +130,70 @@ def sentence(rule: TemporalProperty) -> str:
     """Return a property as a sentence, with its conditions as written."""
     if rule.built_in:
         return rule.summary or (INHERITED[rule.name].says if rule.name in INHERITED else "")
+    after = f"after {rule.after.source}: " if rule.after else ""
+    until = f", until {rule.until.source}" if rule.until else ""
+    if places := _places(rule):
+        order = ", in this order" if rule.visit_in_order else ""
+        return f"before the mission is done: {', '.join(places)}{order}{until}"
+    if until and not after:
+        after = "from the start of a mission: "
     kind, that = next(
         (kind, that)
         for kind in ("always", "never", "eventually")
         if isinstance(that := getattr(rule, kind), Expression)
     )
-    after = f"after {rule.after.source}: " if rule.after else ""
     within = f" within {_within(rule)}" if rule.within is not None else ""
-    until = f", until {rule.until.source}" if rule.until else ""
     return f"{after}{kind} {that.source}{within}{until}"
 
 
-def _stays(rule: TemporalProperty, state: Remembered, env: Environment) -> tuple[Remembered, Verdict]:
-    """Judge an `always` or a `never`."""
+def _places(rule: TemporalProperty) -> Mapping[str, Expression]:
+    return rule.visit_all or rule.visit_in_order
+
+
+def _is_bounded(rule: TemporalProperty) -> bool:
+    """Return whether a property is about parts of a run, each of which begins anew."""
+    return rule.after is not None or rule.until is not None
+
+
+def _begins(rule: TemporalProperty, passage: Passage, env: Environment) -> bool:
+    """Return whether such a part begins: `after` holds, or without it, a mission starts."""
     if rule.after is not None:
-        is_asked = (bool(state) or _holds(rule.after, env)) and not _holds(rule.until, env)
-        if not is_asked:
-            return (), NOT_ABOUT
+        return _holds(rule.after, env)
+    return passage.step.event.name == START and passage.step.accepted is True
+
+
+def _visits(
+    rule: TemporalProperty, state: Remembered, passage: Passage, env: Environment
+) -> tuple[Remembered, Verdict]:
+    """Judge a `visit_all` or a `visit_in_order`: from the start of the mission until it is done."""
+    state = _FOR_EVER if _begins(rule, passage, env) else state
+    if not state or _holds(rule.until, env):
+        return (), NOT_ABOUT
+    places, seen = _places(rule), list(state[1:])
+    for number, (place, condition) in enumerate(places.items()):
+        if number in seen or not _holds(condition, env):
+            continue
+        if rule.visit_in_order and number > len(seen):
+            before = list(places)[len(seen)]
+            return (), Verdict(True, f"{_named(rule)} {place} became true, but {before} had not yet")
+        seen.append(number)
+    root = passage.chart.missions[rule.mission].state
+    ends = (passage.chart.states[name] for name in passage.step.entered)
+    if not any(end.kind is Kind.FINAL and end.parent == root for end in ends):
+        return (math.inf, *sorted(seen)), HOLDS
+    left = [place for number, place in enumerate(places) if number not in seen]
+    breach = f"{_named(rule)} the mission is done, but {', '.join(left)} never became true"
+    return (), Verdict(True, breach) if left else HOLDS
+
+
+def _stays(
+    rule: TemporalProperty, state: Remembered, env: Environment, begins: Callable[[], bool]
+) -> tuple[Remembered, Verdict]:
+    """Judge an `always` or a `never`."""
+    if _is_bounded(rule):
+        has_begun = bool(state) or begins()
+        if not has_begun or _holds(rule.until, env):
+            return (), HOLDS if has_begun and rule.after is None else NOT_ABOUT
         state = _FOR_EVER
     if rule.never is not None:
         if _holds(rule.never, env):
@@ -155,21 +208,27 @@ def _stays(rule: TemporalProperty, state: Remembered, env: Environment) -> tuple
 
 
 def _comes(
-    rule: TemporalProperty, that: Expression, state: Remembered, env: Environment, now: float
+    rule: TemporalProperty,
+    that: Expression,
+    state: Remembered,
+    env: Environment,
+    now: float,
+    begins: Callable[[], bool],
 ) -> tuple[Remembered, Verdict]:
-    """Judge an `eventually`: whenever `after` holds, it comes true within the time, or `until` does."""
+    """Judge an `eventually`: whenever it `begins`, it comes true within the time, or `until` does."""
+    once = not _is_bounded(rule)
+    over = _FOR_EVER if once else ()
     if state == _FOR_EVER:
         return state, NOT_ABOUT
     if state and now > state[0] + _ROUNDING:
-        return (() if rule.after else _FOR_EVER), Verdict(True, _late(rule))
+        return over, Verdict(True, _late(rule))
     if _holds(that, env):
-        asked = bool(state) or rule.after is None or _holds(rule.after, env)
-        return (() if rule.after else _FOR_EVER), HOLDS if asked else NOT_ABOUT
+        return over, HOLDS if state or once or begins() else NOT_ABOUT
     if _holds(rule.until, env):
         return (), NOT_ABOUT
     if state:
         return state, HOLDS
-    if rule.after is not None and not _holds(rule.after, env):
+    if not once and not begins():
         return (), NOT_ABOUT
     assert rule.within is not None, "what comes eventually has a time"
     return (now + seconds(rule.within.evaluate(env)),), HOLDS

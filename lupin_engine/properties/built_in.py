@@ -8,12 +8,12 @@ One interface for exploration, random runs, scenarios and recorded runs:
     for each property: state, verdict = property.watch(state, passage)
 
 A built-in property is a pure function of a passage: its state is `()` for ever. An author's may have a state:
-a tuple of times of the machine's clock at which something is due, `math.inf` where nothing is. So states can
-be compared, hashed, shifted in time, and ordered together with the memory's deadlines. `due(state)` is when
-time alone can breach it, and a step should be made then. A monitor may read only: of `before` the fields of
-`Glance`; of the memory after the step `held`, `attempts`, `invocations`, `timers`, `frozen`, `itineraries`,
-`asked`, `broken`, `mission_id`, `configuration` (and whatever an author's conditions read); of the step all
-but its `sequence`.
+a tuple whose first number is the time of the machine's clock at which something is due, `math.inf` where
+nothing is; more numbers are the property's own. So states can be compared, hashed, and ordered together with
+the memory's deadlines. `due(state)` is when time alone can breach it, and a step should be made then. A
+monitor may read only: of `before` the fields of `Glance`; of the memory after the step `held`, `attempts`,
+`invocations`, `timers`, `frozen`, `itineraries`, `asked`, `broken`, `mission_id`, `configuration` (and
+whatever an author's conditions read); of the step all but its `sequence`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from lupin_engine.plugin.profile import ANSWER, START, Publish
 INVARIANTS = "invariants"
 #: The property that a simulation comes to its end; who simulates watches it.
 STANDSTILL = "time_goes_on"
-#: What a watcher remembers: times at which something is due.
+#: What a watcher remembers: a time at which something is due, and numbers of its own.
 Remembered = tuple[float, ...]
 _T = TypeVar("_T")
 
@@ -127,7 +127,7 @@ class Property:
 
 def due(state: Remembered) -> float:
     """Return when time alone can breach a property; `math.inf`: never."""
-    return min(state, default=math.inf)
+    return state[0] if state else math.inf
 
 
 def glance(memory: Memory) -> Glance:

@@ -86,7 +86,7 @@ def test_every_recipe_has_scenarios_that_hold() -> None:
         scenarios = sorted((DOCS / "cookbook").glob(f"{name}*.scenario.yaml"), key=lambda file: file.name)
         (said,) = blocks(page, " ".join(["lupin test", *(f"scenarios/{file.name}" for file in scenarios)]))
         assert said.endswith("all hold\n"), name
-    assert len(recipes) == 23
+    assert len(recipes) == 24
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,9 @@ def test_no_file_is_left_over(folder: Path) -> None:
 
 def test_the_guide_begins_with_what_lupin_new_writes() -> None:
     """The reader has it in front of them."""
-    assert (STEPS / "01-first.yaml").read_text(encoding="utf-8") == MISSION.format(title="Inspection")
+    assert (STEPS / "01-first.yaml").read_text(encoding="utf-8") == MISSION.format(
+        title="Inspection", name="inspection"
+    )
     page = (DOCS / "guide" / "01-first-mission.md").read_text(encoding="utf-8")
     assert f"```\n{SCENARIO.format(name='inspection')}```" in re.sub(r"```yaml[^\n]*", "```", page)
 

@@ -18,6 +18,8 @@ from .learning import gather as gather
 from .learning import quantile as quantile
 from .learning import table as table
 from .minimise import Minimiser as Minimiser
+from .outcome_table import NEW as NEW
+from .outcome_table import outcome_page as outcome_page
 from .proof import Proof as Proof
 from .proof import Proven as Proven
 from .proof import listed as listed

@@ -266,7 +266,7 @@ def read_page(file: Path, chart: Chart) -> OutcomePage:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as problem:
         raise UsageError(f"{file}: {problem}") from None
-    lines, problems = list(_lines(text, str(file))), Problems(UsageError)
+    lines, problems = list(lines_of(text, str(file))), Problems(UsageError)
     page = OutcomePage(file, chart)
     reader = _OutcomeReader(page, problems)
     for line in lines:
@@ -281,7 +281,7 @@ def read_page(file: Path, chart: Chart) -> OutcomePage:
     return page
 
 
-def _lines(text: str, file: str) -> Iterator[_Line]:
+def lines_of(text: str, file: str) -> Iterator[_Line]:
     """Yield the rows of all tables, without heads."""
     title, above = "", Place(file, 1, 1)
     head: tuple[str, ...] = ()

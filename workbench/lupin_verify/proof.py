@@ -19,7 +19,8 @@ from lupin_engine.errors import Place, Problems, UsageError
 from lupin_engine.machine import Step, World
 from lupin_engine.properties import properties_of
 from lupin_verify.growth import BoundedExplorer, Growth
-from lupin_verify.outcomes import OutcomePage, read_page
+from lupin_verify.outcome_table import CauseOutcome, OutcomeTable, collected, read_outcomes
+from lupin_verify.outcomes import OUTCOMES, OutcomePage
 from lupin_verify.reached import Reached, Unreached, reached, unreached
 from lupin_verify.situations.explorer import (
     NO_EXCEPTION,
@@ -81,8 +82,8 @@ class Proof:
     `dead` are states and transitions that were never reached; empty unless it is `complete`. If it is not, it
     was `stopped` for a reason; `growth` is a slot that grows without end, or may. `untried` names reads of
     which not all classes were tried, `cut` all that the proof is limited to. `parameters` has all values;
-    `varied` says which one is not as given. It took so many `seconds`, and so much time of the `processor`
-    (s).
+    `varied` says which one is not as given. `outcomes` were collected for a page. It took so many `seconds`,
+    and so much time of the `processor` (s).
     """
 
     chart: Chart
@@ -99,6 +100,7 @@ class Proof:
     cut: tuple[str, ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
     varied: str = ""
+    outcomes: tuple[CauseOutcome, ...] = ()
     seconds: float = 0.0
     processor: float = 0.0
 
@@ -153,12 +155,12 @@ def prove(
         world: the chart with its parameters.
         bounds: how far is explored.
         stop_reason: called now and then; returns why to stop, or nothing.
-        outcomes: a page of outcomes whose cells are a property, too.
+        outcomes: a page of outcomes whose cells are a property, too; `NEW`: collect what stands on one.
 
     Raises:
         UsageError: the page cannot be read, or reads values outside the cone of influence.
     """
-    page = None if outcomes is None else read_page(outcomes, world.chart)
+    page = None if outcomes is None else read_outcomes(outcomes, world.chart)
     watched = (*properties_of(world.chart), *((page.watched,) if page else ()))
     explorer = BoundedExplorer(world, watched, bounds)
     if page is not None:
@@ -176,6 +178,8 @@ def prove(
         again, *finer = _judged(explorer, look)
         if finer[1].complete:
             found, (explored, exact) = again, finer
+    if isinstance(page, OutcomeTable) and explored.complete:
+        found = [_compared(one, page, explored) for one in found]
     dead = unreached(world.chart, explored.taken, explored.entered) if explored.complete else ()
     return Proof(
         world.chart,
@@ -191,6 +195,7 @@ def prove(
         tuple(explorer.classes.left_out),
         tuple(_cut(explorer)),
         dict(world.parameters),
+        outcomes=tuple(collected(explored.relevant)),
     )
 
 
@@ -213,7 +218,13 @@ def _judged(
     return [*found, *judge.of_graph()], explored, exact
 
 
-def _check_seen(page: OutcomePage, explorer: SituationExplorer) -> None:
+def _compared(one: Proven, table: OutcomeTable, explored: Explored) -> Proven:
+    """Return the verdict on a written page: it is broken by outcomes that only it, or only the graph, has."""
+    lines = table.differences(collected(explored.relevant)) if one.name == OUTCOMES else []
+    return replace(one, verdict=ProofVerdict.BROKEN, text="\n      ".join(lines)) if lines else one
+
+
+def _check_seen(page: OutcomePage | OutcomeTable, explorer: SituationExplorer) -> None:
     """Refuse conditions that read values outside the cone of influence: situations do not store them."""
     problems, seen = Problems(UsageError), explorer.relevance
     levelled = {name for name, spec in explorer.chart.inputs.items() if spec.levels}

@@ -25,6 +25,7 @@ from lupin_engine.plugin import load_catalog
 from lupin_engine.runtime import make_world
 from lupin_engine.sim import shorten
 from lupin_verify.dealing import WorkerProcesses
+from lupin_verify.outcome_table import NEW, is_written
 from lupin_verify.proof import Proof, prove
 from lupin_verify.situations.classes import parameter_classes
 from lupin_verify.situations.explorer import Bounds
@@ -40,7 +41,7 @@ REPORT_EVERY = 1.0
 class ProofTask:
     """One proof: of a mission with some parameters; `varied` names the parameter that is not as given.
 
-    `outcomes` is the page of outcomes to prove, if any.
+    `outcomes` is the page of outcomes to prove, if any, or `NEW`.
     """
 
     mission: str
@@ -58,6 +59,8 @@ def proof_tasks(
 ) -> list[ProofTask]:
     """Return the proofs of a mission: as given, and for `every` also each other class of one parameter."""
     found = [ProofTask(mission, given, "", outcomes)]
+    if outcomes is not None and (outcomes == NEW or is_written(outcomes)):
+        outcomes = None  # such a page is about the given parameters
     world = make_world(loaded.chart, given)
     for name, value in parameter_classes(world) if every else ():
         if name not in given:

@@ -136,6 +136,8 @@ def _started(steps: Sequence[Step]) -> float:
 
 def why_none(broken: Proven) -> str:
     """Return why no scenario was written for a property that is broken."""
+    if broken.name == OUTCOMES and not broken.moves:
+        return "no moves lead to what only the page says"
     if broken.steps is None:
         return "no times were found at which these moves can happen in this order, so it may hold:"
     if broken.name == OUTCOMES:

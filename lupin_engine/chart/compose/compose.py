@@ -368,8 +368,9 @@ class _Composer:
                     problem = f"there is a property {name!r} already, of every mission"
                     self._findings.add(place, "conflicting-definition", path, problem, "rename it")
                 elif self._is_new("property", name, place, path, found):
+                    about = file.name if isinstance(file, MissionNode) else ""
                     with self._at_all_times(file, "property", node.place, path) as scope:
-                        read = read_property(name, node, place, scope, self._findings, file.name)
+                        read = read_property(name, node, place, scope, self._findings, about)
                     if read is not None:
                         found[name] = read
         for mission in self._requested:

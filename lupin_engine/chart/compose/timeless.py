@@ -34,7 +34,8 @@ BUILT_IN_NAMES = frozenset(
     | {"resume_goes_on", "answers_lead_on", "success_ends", "failure_ends"}
 )
 _REQUEST = re.compile(r"(?<![\w.'\"])request\b")
-_KINDS = ("always", "never", "eventually")
+_CONDITIONS, _PLACES = ("always", "never", "eventually"), ("visit_all", "visit_in_order")
+_KINDS = (*_CONDITIONS, *_PLACES)
 _MORE = ("within", "after", "until")
 
 
@@ -91,24 +92,31 @@ def scope_of(chart: Chart) -> Scope:
 def read_property(
     name: str, node: PropertyNode, place: Place, scope: Scope, findings: Findings, mission: str = ""
 ) -> TemporalProperty | None:
-    """Read a property, of a mission if there is one; None after findings."""
+    """Read a property, of a mission if it stands in one; None after findings."""
     path, known = f"properties.{name}", len(findings.errors)
     _check_shape(name, node, path, findings)
-    keys = (*_KINDS, "after", "until")
+    if any(_is_written(node, key) for key in _PLACES):
+        _check_places(node, path, findings, mission)
+    keys = (*_CONDITIONS, "after", "until")
     said = {
         key: read_guard(getattr(node, key), node.at(key), scope, findings, f"{path}.{key}") for key in keys
     }
+    places = {key: _read_places(node, key, scope, findings, path) for key in _PLACES}
     within = read_key(node, "within", DURATION, scope, findings, path)
     if len(findings.errors) > known:
         return None
     sources = [each.source for each in (*said.values(), within) if isinstance(each, Expression)]
-    about = mission if any(map(_REQUEST.search, sources)) else ""
+    sources += [source for found in places.values() for source in found]
+    begins_anew = any(places.values()) or (node.until is not None and node.after is None)
+    about = mission if begins_anew or any(map(_REQUEST.search, sources)) else ""
     return TemporalProperty(
         name,
         place,
         said["always"],
         said["never"],
         said["eventually"],
+        places["visit_all"],
+        places["visit_in_order"],
         within,
         said["after"],
         said["until"],
@@ -116,6 +124,43 @@ def read_property(
         about,
         node.built_in,
     )
+
+
+def _read_places(
+    node: PropertyNode, key: str, scope: Scope, findings: Findings, path: str
+) -> dict[str, Expression]:
+    """Read the places under a key, by their text; one that is wrong is a finding, and left out."""
+    found: dict[str, Expression] = {}
+    for number, raw in enumerate(getattr(node, key)):
+        place = node.at(key, number)
+        one = read_guard(raw, place, scope, findings, f"{path}.{key}.{number}")
+        if one is not None and one.source in found:
+            problem = f"{one.source} stands here twice"
+            findings.add(place, "wrong-shape", f"{path}.{key}", problem, "name each place once")
+        elif one is not None:
+            found[one.source] = one
+    return found
+
+
+def _check_places(node: PropertyNode, path: str, findings: Findings, mission: str) -> None:
+    """Check what else stands beside places, and where they stand."""
+    key = next(key for key in _PLACES if _is_written(node, key))
+    at, count = node.at(key), len(getattr(node, key))
+    if not mission:
+        problem = f"'{key}' is about the runs of one mission"
+        findings.add(at, "wrong-shape", path, problem, "write it in the file of that mission")
+    if not count:
+        findings.add(at, "wrong-shape", path, f"'{key}' names no place", f"write '{key}: [CONDITION, ...]'")
+    if count == 1 and key == "visit_in_order":
+        hint = "name another one, or write 'visit_all'"
+        findings.add(at, "wrong-shape", path, "one place alone has no order", hint)
+    if node.after is not None:
+        problem = f"'{key}' begins with the mission, not with 'after'"
+        findings.add(node.at("after"), "wrong-shape", path, problem, "leave it out")
+
+
+def _is_written(node: PropertyNode, key: str) -> bool:
+    return getattr(node, key) not in (None, ())
 
 
 def _check_built_in(name: str, node: PropertyNode, written: list[str], findings: Findings) -> None:
@@ -134,7 +179,7 @@ def _check_built_in(name: str, node: PropertyNode, written: list[str], findings:
 
 
 def _check_shape(name: str, node: PropertyNode, path: str, findings: Findings) -> None:
-    kinds = [key for key in _KINDS if getattr(node, key) is not None]
+    kinds = [key for key in _KINDS if _is_written(node, key)]
     if node.built_in:
         _check_built_in(
             name, node, [*kinds, *(key for key in _MORE if getattr(node, key) is not None)], findings
@@ -147,7 +192,10 @@ def _check_shape(name: str, node: PropertyNode, path: str, findings: Findings) -
         )
     if len(kinds) != 1:
         found = f"got {' and '.join(kinds)}" if kinds else "got none"
-        problem, hint = f"expected one of always, never and eventually, {found}", "write two properties"
+        problem, hint = (
+            f"expected one of {', '.join(_KINDS[:-1])} and {_KINDS[-1]}, {found}",
+            "write two properties",
+        )
         findings.add(node.place, "wrong-shape", path, problem, hint if kinds else "write 'always: CONDITION'")
     if "eventually" in kinds and node.within is None:
         problem = "what comes eventually needs a time in which it does"
@@ -155,9 +203,6 @@ def _check_shape(name: str, node: PropertyNode, path: str, findings: Findings) -
     if node.within is not None and kinds and "eventually" not in kinds:
         problem = f"'within' belongs to eventually, not to {kinds[0]}"
         findings.add(node.at("within"), "wrong-shape", path, problem, "leave it out, or write 'until: ...'")
-    if node.until is not None and node.after is None:
-        problem, hint = "'until' ends what 'after' begins", "write 'after: CONDITION', or leave it out"
-        findings.add(node.at("until"), "missing-key", path, problem, hint)
 
 
 __all__ = ["read_property", "scope_of", "timeless"]

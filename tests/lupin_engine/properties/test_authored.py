@@ -208,3 +208,70 @@ def test_a_property_reads_the_request(guard: str, broken: bool, tmp_path: Path) 
     )
     run = load_scenario(scenario, shipped.catalog()).run()
     assert {name for _, name, _ in run.violated} == ({"only_slowly", "also"} if broken else set())
+
+
+#: Goes from place to place, or leaves the second one out.
+TOURS = """\
+mission: Tours
+request: {whole: {type: bool, default: true}}
+initial: HALL
+states:
+  HALL: {after: {2 s: DOOR}}
+  DOOR: {after: {2 s: [{target: WINDOW, guard: request.whole}, {target: ROOF}]}}
+  WINDOW: {after: {2 s: ROOF}}
+  ROOF: {after: {2 s: done}}
+  done: {type: final}
+"""
+#: A tour is aborted at the door; a second one is made.
+TWO_TOURS = """\
+scenario: two tours
+mission: tours.yaml
+request: {whole: WHOLE}
+properties:
+  tour: {PATTERN}
+when:
+  - {on: DOOR, after: 1 s, request: operator.abort}
+  - {on: DONE, after: 1 s, request: {mission.start: {whole: WHOLE}}}
+limit: 40 s
+expect: {final: DONE}
+"""
+IN_ORDER = "visit_in_order: [in_state('HALL'), in_state('WINDOW'), in_state('ROOF')]"
+AVOIDED = "never: in_state('ROOF'), until: in_state('WINDOW')"
+IN_TIME = "eventually: in_state('ROOF'), within: 5 s, until: in_state('RETURNING')"
+NEVER_THERE = "the mission is done, but in_state('WINDOW') never became true"
+
+
+@pytest.mark.parametrize(
+    ("pattern", "whole", "broken"),
+    [
+        ("visit_all: [in_state('ROOF'), in_state('WINDOW')]", True, ""),
+        ("visit_all: [in_state('ROOF'), in_state('WINDOW')]", False, NEVER_THERE),
+        ("visit_all: [in_state('WINDOW')], until: in_state('ROOF')", False, ""),
+        (IN_ORDER, True, ""),
+        (IN_ORDER, False, "in_state('ROOF') became true, but in_state('WINDOW') had not yet"),
+        ("visit_in_order: [in_state('DOOR'), in_state('WINDOW')]", False, NEVER_THERE),
+        (AVOIDED, True, ""),
+        (AVOIDED, False, "in_state('ROOF') became true; it must never be"),
+        ("always: not in_state('DOOR'), until: in_state('HALL')", False, ""),
+        (IN_TIME, False, ""),
+        (IN_TIME, True, "in_state('ROOF') did not become true within 5 s"),
+    ],
+)
+def test_a_pattern_begins_anew_with_each_mission(
+    pattern: str, whole: bool, broken: str, tmp_path: Path
+) -> None:
+    """An aborted one owes no places, and leaves none to the next one."""
+    (tmp_path / "tours.yaml").write_text(TOURS, encoding="utf-8")
+    text = TWO_TOURS.replace("{PATTERN}", f"{{{pattern}}}").replace("WHOLE", str(whole).lower())
+    how = f"violated: tour: it holds / property tour (line 5): {broken}"
+    assert failures(tmp_path, text) == ([how] if broken else [])
+
+
+def test_patterns_are_told_in_a_sentence() -> None:
+    """With their places, and from when on."""
+    rule = TemporalProperty("p", PLACE, visit_all={"a": n(1), "b": n(2)}, until=n(3), mission="M")
+    assert sentence(rule) == "before the mission is done: a, b, until n in (3,)"
+    rule = TemporalProperty("p", PLACE, visit_in_order={"a": n(1), "b": n(2)}, mission="M")
+    assert sentence(rule) == "before the mission is done: a, b, in this order"
+    rule = TemporalProperty("p", PLACE, never=n(1), until=n(2))
+    assert sentence(rule) == "from the start of a mission: never n in (1,), until n in (2,)"

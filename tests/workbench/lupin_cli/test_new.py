@@ -34,7 +34,24 @@ def test_it_begins_a_mission_in_an_empty_folder(folder: Path, capsys: pytest.Cap
     assert (folder / "missions" / "lifecycle.yaml").read_text() == shipped.read_text()
     *written, following = capsys.readouterr().out.splitlines()
     assert sorted(written) == [f"wrote {file}" for file in BEGINNING]
-    assert following == "next: lupin check missions; lupin simulate inspection; lupin test"
+    assert (
+        following
+        == "next: lupin check missions; lupin simulate inspection; lupin test; lupin prove inspection"
+    )
+
+
+def test_its_properties_are_proven(capsys: pytest.CaptureFixture[str]) -> None:
+    """Both apply, and nothing is broken; a mission that leaves its work out breaks them."""
+    assert main(["new", "round_trip"]) == 0
+    assert main(["prove", "round_trip", "--no-restarts"]) == 0
+    said = capsys.readouterr().out
+    assert "✓ round_trip_prepares: from the start of a mission: never in_state('WORKING'), until" in said
+    assert "✓ round_trip_works: before the mission is done: in_state('PREPARE'), in_state('WORKING')" in said
+    mission = Path("missions/round_trip.yaml")
+    hasty = "after: {2 s: WORKING}\n    on: {operator.skip_current: done}"
+    mission.write_text(mission.read_text().replace("after: {2 s: WORKING}", hasty))
+    assert main(["prove", "round_trip", "--no-restarts", "--quiet"]) == 1
+    assert "the mission is done, but in_state('WORKING') never became true" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("like", [[], ["--like", "inspection"]], ids=["plain", "like another"])
@@ -60,7 +77,11 @@ def test_the_mission_to_be_like_may_be_ones_own(folder: Path) -> None:
     mission.write_text(mission.read_text().replace("5 s", "6 s"))
     assert main(["new", "second", "--like", "inspection"]) == 0
     copy = (folder / "missions" / "second.yaml").read_text()
-    assert copy == mission.read_text().replace("mission: Inspection", "mission: Second")
+    own = mission.read_text().replace("mission: Inspection", "mission: Second")
+    named = own.replace("inspection_prepares:", "second_prepares:").replace(
+        "inspection_works:", "second_works:"
+    )
+    assert copy == named
     assert main(["check", "--strict", "missions"]) == 0
 
 
@@ -134,3 +155,22 @@ def test_a_folder_that_cannot_be_written(folder: Path, capsys: pytest.CaptureFix
     (folder / "missions").write_text("a file")
     assert main(["new", "a"]) == 2
     assert capsys.readouterr().err.startswith("lupin: cannot write 'missions/lifecycle.yaml': ")
+
+
+def test_a_copy_has_properties_of_its_own(folder: Path) -> None:
+    """Missions that are loaded together have no two of one name."""
+    assert main(["new", "patrol"]) == 0
+    mission = folder / "missions" / "patrol.yaml"
+    own = """properties:                                # mine
+  calm:
+    never: in_state('WORKING') and input.estop and not held(estop)
+
+  # the other one
+  patrol_works: {visit_all: in_state('WORKING')}
+initial:"""
+    head, _, rest = mission.read_text(encoding="utf-8").partition("properties:")
+    mission.write_text(f"{head}{own}{rest.partition('initial:')[2]}", encoding="utf-8")
+    assert main(["new", "second", "--like", "patrol"]) == 0
+    copy = (folder / "missions" / "second.yaml").read_text(encoding="utf-8")
+    assert own.replace("calm:", "second_calm:").replace("patrol_", "second_") in copy
+    assert main(["check", "--strict", "missions"]) == 0

@@ -168,6 +168,19 @@ CASES = {
     ),
     "holds to ask for": (LIFECYCLE, "in_state('PREPARE')", "held(|)", ["pause", "estop"], 2),
     "states to ask for": (LIFECYCLE, "in_state('PREPARE')", "in_state('|')", ROOT_STATES[:3], 21),
+    "words of a property": (
+        INSPECTION, "initial: PREPARE", "properties: {tour: {|}}\ninitial: PREPARE",
+        ["always", "never", "eventually", "visit_all", "visit_in_order", "within", "after", "until"], 10,
+    ),
+    "states to visit": (
+        INSPECTION, "initial: PREPARE", "properties:\n  tour: {visit_all: [in_state('|')]}\ninitial: PREPARE",
+        ROOT_STATES[:3], 21,
+    ),
+    "more states to visit": (
+        INSPECTION, "initial: PREPARE",
+        "properties:\n  tour:\n    visit_all:\n      - held(pause)\n      - in_state('|')\ninitial: PREPARE",
+        ROOT_STATES[:3], 21,
+    ),
     "nothing in a sentence": (INSPECTION, "summary: Visit every", "summary: Vi|sit every", [], 0),
     "nothing for a name": (INSPECTION, "  INSPECTING:", "  INSP|:", [], 0),
     "nothing in a comment": (LIFECYCLE, "# stop where", "# st|op where", [], 0),

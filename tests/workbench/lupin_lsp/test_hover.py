@@ -229,6 +229,28 @@ def test_the_element_of_a_loop_has_the_type_of_what_its_list_holds(
 @pytest.mark.parametrize(
     ("written", "said"),
     [
+        ("visit_in_or|der: [in_state('PREPARE'), in_state('INSPECTING')]", "none before the one to its left"),
+        (
+            "visit_all: [in_state('PREPARE'), in_state('INSP|ECTING')]",
+            "state MISSION.InspectionMission.INSPECTING",
+        ),
+    ],
+)
+def test_a_pattern_and_its_places_are_explained(
+    written: str, said: str, typed: Callable[[str, str, str], tuple[Path, int]], folder: Folder
+) -> None:
+    """The word by its meaning, a place by its state."""
+    path, offset = typed(
+        INSPECTION, "initial: PREPARE", f"properties: {{tour: {{{written}}}}}\ninitial: PREPARE"
+    )
+    found = hover(folder, path, offset)
+    assert found is not None
+    assert said in found.text
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
         ("guard: clo|ck.time > '06:00' #", "What the robot's clock shows"),
         ("guard: clock.ti|me > '06:00' #", "clock.time: time_of_day"),
     ],

@@ -148,6 +148,129 @@ def test_what_is_wrong_with_a_page_is_told_at_once(folder: Path, capsys: pytest.
     )
 
 
+# -- a page that is written ----------------------------------------------------------------------------------
+
+NEW = ["prove", "watch.yaml", "--no-restarts", "--quiet", "--outcomes", "new"]
+COMPARED = [*NEW[:-1], "watch.outcomes.md"]
+
+
+@pytest.fixture
+def written(folder: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """The page of the watch, as a proof writes it."""
+    assert main(NEW) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "wrote watch.outcomes.md"
+    return folder / "watch.outcomes.md"
+
+
+def test_a_page_is_written_from_the_graph(written: Path) -> None:
+    """Of requests and live values, in every state and hold, and how to write it again."""
+    text = written.read_text(encoding="utf-8")
+    assert text.splitlines()[:2] == [
+        "<!-- written by: lupin prove watch --no-restarts --outcomes new -->",
+        "# What happens when: Watch",
+    ]
+    skip = text.partition("### operator.skip_current\n\n")[2].partition("\n\n")[0]
+    assert skip.splitlines() == [
+        "| State | not held | estop | pause | estop, pause |",
+        "|---|---|---|---|---|",
+        "| READY, LOOKING | ✗ not possible here | = | = | = |",
+        "| WAITING | → LOOKING | ✗ stopped | ✗ paused | ✗ stopped |",
+    ]
+    stop = text.partition("### input.estop becomes true\n\n")[2].partition("\n\n")[0]
+    engages = "engages estop; reports stopped"
+    assert stop.splitlines()[2:] == [
+        f"| READY, WAITING, LOOKING | {engages} | nothing | {engages} | nothing |"
+    ]
+
+
+def test_a_written_page_is_kept_until_the_mission_changes(
+    written: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is written the same again; what differs then is told with its place, and how it comes to it."""
+    text = written.read_text(encoding="utf-8")
+    assert main([*NEW, "--jobs", "2"]) == 0
+    assert written.read_text(encoding="utf-8") == text
+    assert main(COMPARED) == 0
+    capsys.readouterr()
+    mission = folder / "watch.yaml"
+    mission.write_text(WATCH.replace("skip_current: LOOKING", "skip_current: done"), encoding="utf-8")
+    assert main(COMPARED) == 1
+    line = text.splitlines().index("| WAITING | → LOOKING | ✗ stopped | ✗ paused | ✗ stopped |") + 1
+    where = f"      watch.outcomes.md:{line}:1: operator.skip_current, WAITING, not held: "
+    assert capsys.readouterr().out.splitlines()[:6] == [
+        "  ✗ outcomes: In each state, each cause leads to what the page of outcomes says.",
+        f"{where}'→ LOOKING' is on the page, but never follows",
+        f"{where}'→ READY' follows, but is not on the page",
+        "      no scenario was written, because scenarios do not read the page; these moves lead to it:",
+        "      mission.start",
+        "      operator.skip_current",
+    ]
+
+
+def test_what_no_longer_happens_is_told(
+    written: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing new happens, so no moves lead to it; of many differences the first are told."""
+    (folder / "watch.yaml").write_text(WATCH.replace("5 s: LOOKING", "5 s: done"), encoding="utf-8")
+    text = written.read_text(encoding="utf-8")
+    more = "".join(f"| LOOKING | {number} |\n" for number in range(30))
+    written.write_text(f"{text}\n### lamp.on succeeds\n\n| State | not held |\n|---|---|\n{more}")
+    assert main(COMPARED) == 1
+    said = capsys.readouterr().out.splitlines()
+    line = len(text.splitlines()) + 6
+    assert said[1] == (
+        f"      watch.outcomes.md:{line}:1: lamp.on succeeds, LOOKING, not held: '0'"
+        " is on the page, but never follows"
+    )
+    assert said[21:23] == [
+        "      and 10 more; --outcomes new writes the page anew",
+        "      no moves lead to what only the page says",
+    ]
+
+
+def test_operations_and_what_varies(folder: Path) -> None:
+    """The ends of operations are causes; where situations differ a cell has several lines."""
+    mission = """\
+mission: Watch
+states:
+  FINDING:
+    invoke:
+      do: nav.localize
+      with: {max_variance: 1}
+      timeout: {after: 5 s, code: late}
+      retry: {attempts: 2, backoff: 1 s}
+    on_done: done
+    on_error: LOST
+  LOST: {after: {2 s: done}}
+  done: {type: final}
+initial: FINDING
+"""
+    (folder / "watch.yaml").write_text(mission, encoding="utf-8")
+    assert main(NEW) == 0
+    text = (folder / "watch.outcomes.md").read_text(encoding="utf-8")
+    found = text.partition("## Operations\n\n")[2].splitlines()
+    assert [line for line in found if line.startswith(("###", "| FINDING"))] == [
+        "### nav.localize fails",
+        "| FINDING | reports its code<br>→ LOST; reports its code | waits for the release | = | = |",
+        "### nav.localize succeeds",
+        "| FINDING | → READY | waits for the release | = | = |",
+        "### nav.localize takes too long",
+        "| FINDING | cancels nav.localize; reports late<br>→ LOST; cancels nav.localize; reports late |",
+    ]
+    assert main(COMPARED) == 0
+
+
+def test_no_page_is_written_of_half_a_proof(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nor compared; a page that is not there is told."""
+    assert main([*NEW, "--budget", "0 s"]) == 3
+    assert capsys.readouterr().err == "watch.outcomes.md was not written: not everything was explored\n"
+    assert not (folder / "watch.outcomes.md").exists()
+    assert main(COMPARED) == 2
+    assert capsys.readouterr().err == (
+        "lupin: --outcomes: there is no file 'watch.outcomes.md'; write 'new' to have the page written\n"
+    )
+
+
 # -- the page of the shipped missions ------------------------------------------------------------------------
 
 

@@ -19,6 +19,9 @@ from lupin_engine.sim import SUFFIX
 MISSION = """\
 mission: {title}
 summary: Wait a little and come home.
+properties:                                # what lupin prove shows of every run
+  {name}_prepares: {{never: in_state('WORKING'), until: in_state('PREPARE')}}
+  {name}_works: {{visit_all: [in_state('PREPARE'), in_state('WORKING')]}}
 initial: PREPARE
 states:
   PREPARE:                                 # before the robot moves
@@ -63,7 +66,7 @@ def new(name: str, like: str | None) -> int:
         click.echo(f"wrote {file}")
     for file in kept:
         click.echo(f"kept  {file}")
-    click.echo(f"next: lupin check missions; lupin simulate {name}; lupin test")
+    click.echo(f"next: lupin check missions; lupin simulate {name}; lupin test; lupin prove {name}")
     return 0
 
 
@@ -92,7 +95,7 @@ def write_mission(
         model = None if like is None else _model(like, folder)
     problems.raise_any()
     own = {
-        missions / f"{name}.yaml": MISSION.format(title=title_of(name)),
+        missions / f"{name}.yaml": MISSION.format(title=title_of(name), name=name),
         scenario: (SCENARIO_LIKE if like else SCENARIO).format(name=name),
     }
     if text is not None:
@@ -102,7 +105,7 @@ def write_mission(
     if model is not None:
         file, parts = model
         source, lifecycle = file.parent, folders.lifecycle_of(file)
-        own[missions / f"{name}.yaml"] = _renamed(file.read_text(encoding="utf-8"), title_of(name))
+        own[missions / f"{name}.yaml"] = _renamed(file.read_text(encoding="utf-8"), file.stem, name)
         others += parts
     origins = {
         missions / folders.LIFECYCLE: lifecycle,
@@ -147,5 +150,12 @@ def _model(like: str, folder: Path) -> tuple[Path, list[str]]:
     return file, [path.as_posix() for path in used]
 
 
-def _renamed(text: str, title: str) -> str:
-    return re.sub(r"^mission:.*", f"mission: {title}", text, count=1, flags=re.MULTILINE)
+def _renamed(text: str, old: str, name: str) -> str:
+    """Return a mission under another name, and its properties, of which no two missions have one name."""
+    text = re.sub(r"^mission:.*", f"mission: {title_of(name)}", text, count=1, flags=re.MULTILINE)
+    head, found, rest = text.partition("\nproperties:")
+    block = re.match(r"(?:.*\n)(?:[ #].*\n|\n)*", rest)
+    if not found or block is None:
+        return text
+    named = re.sub(rf"^  (?:{old}_)?(\w+:)", rf"  {name}_\1", block[0], flags=re.MULTILINE)
+    return head + found + named + rest[block.end() :]

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from lupin_cli.proofs.evidence import Origin
     from lupin_engine.chart import Chart
     from lupin_engine.missions import LoadedMissions
-    from lupin_verify import ExplorationProgress, FailingScenario, Proof, ProofTask, Proven
+    from lupin_verify import Bounds, ExplorationProgress, FailingScenario, Proof, ProofTask, Proven
 
 
 @click.command(short_help="Explore every way that missions can go, without ROS.")
@@ -57,9 +57,10 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--outcomes",
-    metavar="PAGE.md",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Compare each cell of this page of outcomes with what follows in every situation.",
+    metavar="PAGE.md|new",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Compare each cell of this page of outcomes with what follows in every situation; new: write it,"
+    " beside the mission.",
 )
 @click.option(
     "--list", "listed", is_flag=True, help="List the properties, and where they stand; prove nothing."
@@ -112,7 +113,7 @@ def prove(
     from lupin_cli.settings import settings_in
     from lupin_engine.errors import Problems
     from lupin_engine.missions import load_missions
-    from lupin_verify import Bounds, proof_tasks, prove_tasks
+    from lupin_verify import NEW, Bounds, proof_tasks, prove_tasks
 
     problems, catalog = Problems(UsageError), load_catalog()
     seconds = None
@@ -120,6 +121,8 @@ def prove(
         seconds = read_budget("--budget", budget)
     if report is not None and report.suffix != ".html":
         problems.add(f"--report: {str(report)!r} must end in .html")
+    if outcomes not in (None, NEW) and not outcomes.is_file():
+        problems.add(f"--outcomes: there is no file {str(outcomes)!r}; write 'new' to have the page written")
     loaded = {name: load_missions([name], catalog) for name in missions}
     given = {}
     for name, one in loaded.items():
@@ -155,6 +158,8 @@ def prove(
     else:
         for one, proof, written in proofs:
             _show(one, proof, written, quiet, not no_scenarios)
+    for one, proof, _ in proofs if outcomes == NEW else ():
+        _write_outcomes(one, proof, settings, bounds, as_json)
     return _exit_code([proof for _, proof, _ in proofs])
 
 
@@ -288,6 +293,25 @@ def _write_scenarios(
             write_text(found.file, found.text)
             written[one.name] = found
     return written
+
+
+def _write_outcomes(
+    loaded: LoadedMissions, proof: Proof, settings: Sequence[str], bounds: Bounds, as_json: bool
+) -> None:
+    """Write the page of outcomes of a mission beside it; none of a proof that is not complete."""
+    from lupin_cli.files import write_text
+    from lupin_verify import outcome_page
+
+    file = Path(loaded.files[0]).with_suffix(".outcomes.md")
+    if not proof.complete:
+        click.echo(f"{file} was not written: not everything was explored", err=True)
+    elif proof.outcomes:
+        command = [Path(loaded.files[0]).stem, *(f"--set {one}" for one in settings)]
+        command += [] if bounds.targets == type(bounds)().targets else [f"--targets {bounds.targets}"]
+        command += [f"--late {bounds.owed}"] if bounds.owed else []
+        command += [] if bounds.restarts else ["--no-restarts"]
+        write_text(file, outcome_page(proof.chart, proof.outcomes, " ".join([*command, "--outcomes new"])))
+        click.echo(f"wrote {file}", err=as_json)
 
 
 def _show(
