@@ -541,7 +541,7 @@ class InvariantNode(Node):
 
 
 class PropertyNode(Node):
-    """A condition on every possible run, checked by `lupin test`, `prove` and `campaign`.
+    """A condition on every possible run, checked by `lupin test`, `prove` and `campaign`; a robot watches it.
 
     One that reads the `request` of its mission is about the runs of that mission. Missions of one lifecycle,
     which a robot loads together, have no two properties of one name.
@@ -563,6 +563,13 @@ class PropertyNode(Node):
         None, description="the watch ends when this becomes true, until `after` holds again"
     )
     built_in: bool = Field(False, description="what the name says, which the engine knows")
+    breach: Literal["report", "hold", "fault"] = Field(
+        "report",
+        description="what the robot does when it is broken: report it, hold until a resume, or go to FAULT",
+    )
+    code: Annotated[str | None, Meaning.CODE] = Field(
+        None, description="code that reports a breach; without it property_broken"
+    )
     summary: str = Field("", description="one sentence for people")
 
 
@@ -589,7 +596,7 @@ class FileNode(Node):
         Named(Meaning.INVARIANT),
     ] = _by_name("conditions that hold at every moment; broken, they lead to FAULT, and nothing starts")
     properties: Annotated[dict[str, PropertyNode], Named(Meaning.PROPERTY)] = _by_name(
-        "what is true of every run, by name; looked at before the robot runs, not while it does"
+        "what is true of every run, by name; looked at before the robot runs, and while it does"
     )
     initial: Annotated[str | None, Meaning.CHILD] = Field(
         None, description="state that is entered first; needed where several could be"
