@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar, cast
 
 from lupin_engine.chart.model import Chart, State, Transition
@@ -326,12 +327,13 @@ class Machine:
         step, rule = self._step, self.chart.properties.get(name)
         code = PROPERTY_CODE if rule is None or rule.code is None else rule.code
         step.note(detail)
+        if rule is not None and rule.breach == "hold" and BREACHED not in self.memory.held:
+            self._holds.engage(replace(all_holds(self.chart)[BREACHED], code=code), step, detail)
+            return
         self.scope.record_code(code, detail, step)
         if rule is not None and rule.breach == "fault":
             error = {"code": code, "detail": detail}
             step.queue.append(InternalEvent(EXECUTION_ERROR, None, Trigger(event=error, error=error)))
-        elif rule is not None and rule.breach == "hold" and BREACHED not in self.memory.held:
-            self._holds.engage(all_holds(self.chart)[BREACHED], step, detail)
 
     def _fire(self, timer: Deadline, now: float) -> Step:
         due, _, kind, (owner, name) = timer

@@ -176,7 +176,8 @@ class LiveMonitor:
         if state != before:
             self._remember(name, state)
         if not verdict.breach:
-            self._broken.discard(name)
+            if name not in self._waits:  # what is only due once more does not hold again
+                self._broken.discard(name)
             return every if state == before else _ANYTHING
         if name not in self._broken:
             new.append(self._report(name, verdict.breach))

@@ -375,6 +375,7 @@ def _record(
         "assumptions": list(ASSUMPTIONS),
         "not_shown": list(NOT_SHOWN),
         "reached": asdict(proof.reached),
+        "taken": sorted(proof.taken),
         "dead": [part.sentence(part.place.shown) for part in proof.dead],
         "properties": [
             {
