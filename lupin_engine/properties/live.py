@@ -122,6 +122,11 @@ class LiveMonitor:
         self._before = Glance()
         self._fields = 0
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The properties that it watches."""
+        return tuple(self._says)
+
     # -- steps ------------------------------------------------------------------------------------------
 
     def take(self, step: Step, scope: EvaluationScope) -> list[Event]:

@@ -13,7 +13,7 @@ from lupin_engine.machine.event import Event
 from lupin_engine.machine.scope import EvaluationScope, reads_of
 from lupin_engine.machine.step import Step
 from lupin_engine.machine.timers import seconds
-from lupin_engine.plugin.types import UNITS, in_unit
+from lupin_engine.plugin.types import UNITS, Type, in_unit
 from lupin_engine.properties.clauses import Clause, breaches
 from lupin_engine.properties.live import LiveMonitor
 
@@ -122,7 +122,7 @@ def _compared(clause: Clause, chart: Chart) -> tuple[str, str, _Number, _Number,
         assert bound is not None, f"the level {of.name} has no bound"
         number = to_function(f"env['input'][{name!r}]['value']")
         is_below = (of.below is not None) is not clause.negated
-        return f"input.{name}", chart.inputs[name].type.unit, number, bound.evaluate, is_below
+        return f"input.{name}", _unit(chart.inputs[name].type), number, bound.evaluate, is_below
     node = clause.node
     if not (isinstance(node, ast.Compare) and len(node.ops) == 1 and isinstance(node.ops[0], _COMPARED)):
         return None
@@ -135,7 +135,7 @@ def _compared(clause: Clause, chart: Chart) -> tuple[str, str, _Number, _Number,
         return None
     root, name = _read(sides[0])[0]
     spec = chart.inputs.get(name) if root == "input" else chart.context.get(name)
-    unit = spec.type.unit if spec is not None else ""
+    unit = _unit(spec.type) if spec is not None else ""
     what = f"input.{name}" if root == "input" else name
     number, limit = (to_function(ast.unparse(side)) for side in sides)
     return what, unit, number, limit, is_below
@@ -156,6 +156,11 @@ def _level(node: ast.expr, chart: Chart) -> tuple[str, Level] | None:
 def _read(side: ast.expr) -> list[tuple[str, str]]:
     """Return the inputs and variables that one side of a comparison reads."""
     return [one for one in reads_of(ast.unparse(side)) if one[0] in ("input", "context")]
+
+
+def _unit(kind: Type) -> str:
+    """Return the unit that a number is shown in: of a share in percent."""
+    return "%" if not kind.unit and (kind.minimum, kind.maximum) == (0.0, 1.0) else kind.unit
 
 
 def _in(value: float, unit: str) -> float:

@@ -12,15 +12,13 @@ from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.properties.margins import Margin, MarginMonitor
-from lupin_engine.replay.coverage import OUTCOMES, TRANSITIONS, CoverageItem, Key, items, reached
+from lupin_engine.replay.coverage import HOLDS, OUTCOMES, TRANSITIONS, CoverageItem, Key, items, reached
 from lupin_engine.replay.journaled import JournaledRun, as_run, chart_of, runs_of
 from lupin_engine.replay.why import LivedStep
 from lupin_engine.runtime.journal.replay import replay
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.suite import Counts
 
-#: A kind of item beside those of `coverage`.
-HOLDS = "holds"
 #: The kinds that are asked of the field, in the order of reports.
 FIELD_KINDS = (TRANSITIONS, OUTCOMES, HOLDS)
 
@@ -29,20 +27,29 @@ FIELD_KINDS = (TRANSITIONS, OUTCOMES, HOLDS)
 class FieldEvidence:
     """The contents of journals: missions, how often each item was reached, breaches and smallest margins.
 
-    `left_out` are the files and missions that were not used, and why.
+    `watched` are the properties of all these missions. `left_out` are the files and missions that were not
+    used, and why.
     """
 
     missions: int = 0
+    watched: set[str] = field(default_factory=set)
     counts: Counts = field(default_factory=Counter)
     breaches: Counter[str] = field(default_factory=Counter)
     margins: dict[str, Margin] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)
 
+    def shown(self, name: str) -> str:
+        """Return what robots have shown of a property."""
+        if name not in self.watched:
+            return "not watched on robots"
+        near = f"; nearest: {self.margins[name]}" if name in self.margins else ""
+        return f"on robots: broken {self.breaches[name]} times, missions: {self.missions}{near}"
+
     def record(self) -> dict[str, Any]:
         """Return the properties' part as JSON data."""
         return {
             "missions": self.missions,
-            "breaches": dict(sorted(self.breaches.items())),
+            "breaches": {name: self.breaches[name] for name in sorted(self.watched)},
             "margins": {name: one._asdict() for name, one in sorted(self.margins.items())},
             "left_out": self.left_out,
         }
@@ -83,17 +90,11 @@ def _add(found: FieldEvidence, run: JournaledRun, chart: Chart) -> None:
         return
     found.missions += bool(run.mission_id)
     found.counts += reached(as_run(chart, lived, machine))
-    for each_step in lived:
-        engaged = (note.split(" ")[1] for note in each_step.step.notes if _engages(note))
-        found.counts.update((HOLDS, name, "") for name in engaged)
+    found.watched.update(monitor.names)
     found.breaches.update(monitor.breaches)
     for name, margin in monitor.margins.items():
         if name not in found.margins or margin.left < found.margins[name].left:
             found.margins[name] = margin
-
-
-def _engages(note: str) -> bool:
-    return note.startswith("hold ") and note.endswith(" engaged")
 
 
 def field_items(chart: Chart) -> list[CoverageItem]:
@@ -112,7 +113,7 @@ def field_lines(chart: Chart, found: FieldEvidence, others: Mapping[str, Mapping
     for kind in FIELD_KINDS:
         of = sum(item.kind == kind for item in every)
         seen = of - sum(item.kind == kind for item in missing)
-        yield f"{kind}: {seen} of {of} have happened in {found.missions} missions on robots"
+        yield f"{kind}: {seen} of {of} have happened on robots"
     if missing:
         yield ""
         yield "".join(f"{name:>10}" for name in others) + "  never on a robot"

@@ -44,7 +44,9 @@ class FieldTable:
         from lupin_engine.replay import field_record
 
         charts = self._charts()
-        return {", ".join(chart.missions): field_record(chart, self._found, others) for chart, others in charts}
+        return {
+            ", ".join(chart.missions): field_record(chart, self._found, others) for chart, others in charts
+        }
 
     def _charts(self) -> Iterator[tuple[Chart, dict[str, _Counts]]]:
         for chart, counts in self._coverage.charts.values():

@@ -20,6 +20,7 @@ from .learning import table as table
 from .minimise import Minimiser as Minimiser
 from .proof import Proof as Proof
 from .proof import Proven as Proven
+from .proof import is_own as is_own
 from .proof import listed as listed
 from .proving import ProofTask as ProofTask
 from .proving import proof_tasks as proof_tasks

@@ -1,22 +1,29 @@
-"""Fills the template of a safety case of about two pages: claims, evidence, assumptions, limits, signatures."""
+"""Fills the template of a safety case of two pages: claims, evidence, assumptions, limits, signatures."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lupin_cli.proofs.evidence import ASSUMPTIONS, NOT_SHOWN, Origin, catalogs_hash
 from lupin_cli.proofs.proof_words import last_line, name_of
+from lupin_engine.errors import UsageError
+from lupin_engine.properties import LiveMonitor
 from lupin_verify import is_own
 
 if TYPE_CHECKING:
     from lupin_engine.missions import LoadedMissions
+    from lupin_engine.plugin import Catalog
     from lupin_engine.replay import FieldEvidence
     from lupin_verify import Proof
 
 #: Who signs, each with room for name, date and signature.
 _SIGNERS = ("Author of the mission", "Assessor", "Operator of the robot")
+#: The sections that a page of proofs lacks.
+EVIDENCE, SOURCES, SIGNATURES = "Claims and their evidence", "Evidence as a whole", "Signatures"
 #: What stands where evidence was not given.
 _NOT_GIVEN = "not given"
 
@@ -30,23 +37,51 @@ class Section(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """The evidence beside proofs: of robots, and outputs of `lupin test --json` and `lupin campaign --json`."""
+    """The evidence beside proofs: of robots, of `lupin test --json` and of `lupin campaign --json`."""
 
     field: FieldEvidence | None = None
     tests: Mapping[str, Any] | None = None
     campaign: Mapping[str, Any] | None = None
 
 
+def read_seen(field: Sequence[Path], results: Sequence[Path], catalog: Catalog) -> Seen:
+    """Read journals of robots, and outputs of `lupin test --json` and `lupin campaign --json`.
+
+    Raises:
+        JournalError: a folder has no journal.
+        UsageError: a file is no such output.
+    """
+    from lupin_engine.replay import field_evidence
+
+    seen = Seen(field_evidence(field, catalog) if field else None)
+    for file in results:
+        try:
+            found = json.loads(file.read_text(encoding="utf-8"))
+            name = "tests" if "scenarios" in found else "campaign"
+            _ = (
+                (found["failed"], found["scenarios"])
+                if name == "tests"
+                else (found["seeds"], found["missions"])
+            )
+        except (OSError, ValueError, LookupError, TypeError) as problem:
+            hint = "expected the output of 'lupin test --json' or 'lupin campaign --json'"
+            raise UsageError(f"--seen: {str(file)!r}: {hint}: {problem}") from None
+        seen = seen._replace(**{name: found})
+    return seen
+
+
 def safety_case(loaded: LoadedMissions, proof: Proof, by: Origin, seen: Seen) -> list[Section]:
     """Return the safety case of a mission."""
     return [
-        Section("Claims and their evidence", list(_claims(proof, seen))),
-        Section("Evidence as a whole", [("Source", "Result"), *_sources(proof, seen)]),
+        Section(EVIDENCE, list(_claims(proof, seen))),
+        Section(SOURCES, [("Source", "Result"), *_sources(proof, seen)]),
         Section("Assumptions", texts=ASSUMPTIONS),
-        Section("What was cut, and what is not shown", texts=[*map(_cut, proof.cut), *proof.bounds, *NOT_SHOWN]),
+        Section(
+            "What was cut, and what is not shown", texts=[*map(_cut, proof.cut), *proof.bounds, *NOT_SHOWN]
+        ),
         Section("Versions", [("What", "Value"), *_versions(loaded, by)]),
         Section(
-            "Signatures",
+            SIGNATURES,
             [("Role", "Name", "Date", "Signature"), *((who, "", "", "") for who in _SIGNERS)],
         ),
     ]
@@ -58,6 +93,7 @@ def _cut(what: str) -> str:
 
 def _claims(proof: Proof, seen: Seen) -> Iterator[tuple[str, ...]]:
     yield "Property", "Claim", "From", "Proof", "Campaign", "On robots", "Nearest"
+    watched = LiveMonitor(proof.chart).names
     campaign = {one["name"]: one for one in (seen.campaign or {}).get("properties", ())}
     for one in proof.properties:
         known = one.name in proof.chart.properties
@@ -68,7 +104,7 @@ def _claims(proof: Proof, seen: Seen) -> Iterator[tuple[str, ...]]:
             origin,
             one.verdict.value,
             _violated(campaign.get(one.name)),
-            _on_robots(one.name, seen.field) if known else "not watched",
+            _on_robots(one.name, seen.field) if one.name in watched else "not watched",
             str(seen.field.margins[one.name]) if seen.field and one.name in seen.field.margins else "",
         )
 
@@ -78,7 +114,7 @@ def _violated(found: Mapping[str, Any] | None) -> str:
 
 
 def _on_robots(name: str, field: FieldEvidence | None) -> str:
-    return _NOT_GIVEN if field is None else f"{field.breaches[name]} breaches"
+    return _NOT_GIVEN if field is None else f"broken {field.breaches[name]} times"
 
 
 def _sources(proof: Proof, seen: Seen) -> Iterator[tuple[str, str]]:
