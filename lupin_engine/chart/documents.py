@@ -544,7 +544,9 @@ class PropertyNode(Node):
     """A condition on every possible run, checked by `lupin test`, `prove` and `campaign`; a robot watches it.
 
     One that reads the `request` of its mission is about the runs of that mission. Missions of one lifecycle,
-    which a robot loads together, have no two properties of one name.
+    which a robot loads together, have no two properties of one name. `breach` and `code` say what a robot
+    does that breaks it: a breach is a step of its own, right after the one that broke the property, and is
+    reported once until the property holds again.
     """
 
     SHAPE = "a mapping with one of always, never and eventually, or with built_in"
