@@ -55,6 +55,8 @@ _BITS: Mapping[str, int] = {
 }
 #: How far the bits of the scope are moved.
 _SHIFT = len(_FIELDS)
+#: What changes in many steps: a clause without it is the better one to wait for.
+_OFTEN = CONFIGURATION << _SHIFT | _WAS_IN
 _ANYTHING, _EVERY_FIELD = -1, (1 << _SHIFT) - 1
 
 
@@ -79,6 +81,8 @@ class _Asked:
         self._is_never = rule.never is not None
         ways = breaches(rule) if rule.after is None else []
         self._ways = [[(clause.is_true, _bits_of(clause.code, chart)) for clause in way] for way in ways]
+        for way in self._ways if self._is_never else ():
+            way.sort(key=lambda one: bool(one[1] & _OFTEN))
 
     def is_kept(self, env: Environment) -> bool:
         """Return whether clauses are false that would be true at a breach, and wait for these."""
@@ -121,6 +125,8 @@ class LiveMonitor:
         self._watch = Watch()
         self._before = Glance()
         self._fields = 0
+        #: What touches any property of an author.
+        self._bits = _ANYTHING
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -142,33 +148,39 @@ class LiveMonitor:
             dirty |= input_part(scope.chart, step.event.data["owner"])
         fields = _fields_of(step) if not is_new else _EVERY_FIELD
         touched, self._fields = (dirty << _SHIFT) | fields | self._fields, fields
-        passage, new = Passage(self._before, step, scope), list[Event]()
-        asked = [each for each in self._written if each.bits & touched]
-        if asked:
-            env = scope.at("", step.time)
-            scope["this_step"] = StepView(passage)
-            for each in asked:
-                if each.is_kept(env):
-                    self._broken.discard(each.one.name)
-                else:
-                    each.bits = self._judge(each.one, passage, new, each.every)
-        if self._waits:
-            self._ask_due(passage, new)
+        new: list[Event] = []
         is_busy = bool(step.commands or step.taken or step.accepted)
+        if touched & self._bits or is_busy or self._waits or self._broken:
+            self._ask(Passage(self._before, step, scope), touched, is_busy, new)
+        if fields:
+            self._look(scope, dirty)
+        return new
+
+    def _ask(self, passage: Passage, touched: int, is_busy: bool, new: list[Event]) -> None:
+        """Ask the properties whose answer a step can change."""
+        if touched & self._bits:
+            self._ask_written([each for each in self._written if each.bits & touched], passage, new)
+        if self._waits:
+            now = passage.step.time
+            late = [each for each in self._written if self._waits.get(each.one.name, math.inf) < now]
+            self._ask_written(late, passage, new)
         for one in self._named if is_busy or self._broken else ():
             if is_busy and (one.about is None or one.about(passage)):
                 self._judge(one, passage, new)
             else:
                 self._broken.discard(one.name)
-        if fields:
-            self._look(scope, dirty)
-        return new
 
-    def _ask_due(self, passage: Passage, new: list[Event]) -> None:
-        """Ask the properties with a deadline that has passed."""
-        for each in self._written:
-            if self._waits.get(each.one.name, math.inf) < passage.step.time:
+    def _ask_written(self, asked: list[_Asked], passage: Passage, new: list[Event]) -> None:
+        env = passage.scope.at("", passage.step.time)
+        passage.scope["this_step"] = StepView(passage)
+        for each in asked:
+            if each.is_kept(env):
+                self._broken.discard(each.one.name)
+            else:
                 each.bits = self._judge(each.one, passage, new, each.every)
+        self._bits = 0
+        for each in self._written:
+            self._bits |= each.bits
 
     def _judge(self, one: Property, passage: Passage, new: list[Event], every: int = 0) -> int:
         """Ask a property; return what must be touched before it is asked again."""
