@@ -7,7 +7,7 @@ from html import escape
 
 from lupin_cli.proofs.evidence import ASSUMPTIONS, MEANINGS, NOT_SHOWN, Origin, catalogs_hash
 from lupin_cli.proofs.proof_words import counted, name_of, shown_place, summary
-from lupin_cli.proofs.safety_case import EVIDENCE, SIGNATURES, SOURCES, Section, as_html
+from lupin_cli.proofs.safety_case import EVIDENCE, SIGNATURES, SOURCES, CaseSection, as_html
 from lupin_engine.diagram import Counts, coloured, outline
 from lupin_engine.diagram import svg as draw
 from lupin_engine.errors import near
@@ -40,7 +40,7 @@ ProvenMission = tuple[LoadedMissions, Proof, Mapping[str, FailingScenario]]
 
 
 def proof_page(
-    proofs: Sequence[ProvenMission], made_by: Origin, cases: Sequence[Sequence[Section]] = ()
+    proofs: Sequence[ProvenMission], made_by: Origin, cases: Sequence[Sequence[CaseSection]] = ()
 ) -> str:
     """Return the page.
 

@@ -28,7 +28,7 @@ EVIDENCE, SOURCES, SIGNATURES = "Claims and their evidence", "Evidence as a whol
 _NOT_GIVEN = "not given"
 
 
-class Section(NamedTuple):
+class CaseSection(NamedTuple):
     """A heading, and a table whose first row is its head, or a list of sentences."""
 
     title: str
@@ -36,7 +36,7 @@ class Section(NamedTuple):
     texts: Sequence[str] = ()
 
 
-class Seen(NamedTuple):
+class CaseEvidence(NamedTuple):
     """The evidence beside proofs: of robots, of `lupin test --json` and of `lupin campaign --json`."""
 
     field: FieldEvidence | None = None
@@ -44,7 +44,7 @@ class Seen(NamedTuple):
     campaign: Mapping[str, Any] | None = None
 
 
-def read_seen(field: Sequence[Path], results: Sequence[Path], catalog: Catalog) -> Seen:
+def read_seen(field: Sequence[Path], results: Sequence[Path], catalog: Catalog) -> CaseEvidence:
     """Read journals of robots, and outputs of `lupin test --json` and `lupin campaign --json`.
 
     Raises:
@@ -53,7 +53,7 @@ def read_seen(field: Sequence[Path], results: Sequence[Path], catalog: Catalog) 
     """
     from lupin_engine.replay import field_evidence
 
-    seen = Seen(field_evidence(field, catalog) if field else None)
+    seen = CaseEvidence(field_evidence(field, catalog) if field else None)
     for file in results:
         try:
             found = json.loads(file.read_text(encoding="utf-8"))
@@ -70,17 +70,17 @@ def read_seen(field: Sequence[Path], results: Sequence[Path], catalog: Catalog) 
     return seen
 
 
-def safety_case(loaded: LoadedMissions, proof: Proof, by: Origin, seen: Seen) -> list[Section]:
+def safety_case(loaded: LoadedMissions, proof: Proof, by: Origin, seen: CaseEvidence) -> list[CaseSection]:
     """Return the safety case of a mission."""
     return [
-        Section(EVIDENCE, list(_claims(proof, seen))),
-        Section(SOURCES, [("Source", "Result"), *_sources(proof, seen)]),
-        Section("Assumptions", texts=ASSUMPTIONS),
-        Section(
+        CaseSection(EVIDENCE, list(_claims(proof, seen))),
+        CaseSection(SOURCES, [("Source", "Result"), *_sources(proof, seen)]),
+        CaseSection("Assumptions", texts=ASSUMPTIONS),
+        CaseSection(
             "What was cut, and what is not shown", texts=[*map(_cut, proof.cut), *proof.bounds, *NOT_SHOWN]
         ),
-        Section("Versions", [("What", "Value"), *_versions(loaded, by)]),
-        Section(
+        CaseSection("Versions", [("What", "Value"), *_versions(loaded, by)]),
+        CaseSection(
             SIGNATURES,
             [("Role", "Name", "Date", "Signature"), *((who, "", "", "") for who in _SIGNERS)],
         ),
@@ -91,7 +91,7 @@ def _cut(what: str) -> str:
     return f"The proof is limited to {what}."
 
 
-def _claims(proof: Proof, seen: Seen) -> Iterator[tuple[str, ...]]:
+def _claims(proof: Proof, seen: CaseEvidence) -> Iterator[tuple[str, ...]]:
     yield "Property", "Claim", "From", "Proof", "Campaign", "On robots", "Nearest"
     watched = LiveMonitor(proof.chart).names
     campaign = {one["name"]: one for one in (seen.campaign or {}).get("properties", ())}
@@ -117,7 +117,7 @@ def _on_robots(name: str, field: FieldEvidence | None) -> str:
     return _NOT_GIVEN if field is None else f"broken {field.breaches[name]} times"
 
 
-def _sources(proof: Proof, seen: Seen) -> Iterator[tuple[str, str]]:
+def _sources(proof: Proof, seen: CaseEvidence) -> Iterator[tuple[str, str]]:
     yield "Proof", last_line(proof)
     yield "Reached by the proof", str(proof.reached)
     tests, campaign = seen.tests, seen.campaign
@@ -148,12 +148,12 @@ def _versions(loaded: LoadedMissions, by: Origin) -> Iterator[tuple[str, str]]:
     yield "SHA-256 of the catalogs", catalogs_hash(loaded)
 
 
-def as_markdown(cases: Iterable[tuple[LoadedMissions, Proof, Sequence[Section]]]) -> str:
+def as_markdown(cases: Iterable[tuple[LoadedMissions, Proof, Sequence[CaseSection]]]) -> str:
     """Return safety cases as one Markdown page."""
     return "\n".join(line for one in cases for line in _markdown(*one)) + "\n"
 
 
-def _markdown(loaded: LoadedMissions, proof: Proof, case: Sequence[Section]) -> Iterator[str]:
+def _markdown(loaded: LoadedMissions, proof: Proof, case: Sequence[CaseSection]) -> Iterator[str]:
     yield f"# Safety case: {name_of(loaded, proof.varied)}\n"
     for section in case:
         yield f"## {section.title}\n"
@@ -165,7 +165,7 @@ def _markdown(loaded: LoadedMissions, proof: Proof, case: Sequence[Section]) -> 
         yield ""
 
 
-def as_html(case: Sequence[Section]) -> Iterator[str]:
+def as_html(case: Sequence[CaseSection]) -> Iterator[str]:
     """Yield a safety case as parts of a page."""
     for section in case:
         yield f"<h3>{escape(section.title)}</h3>"

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from lupin_cli.proofs.evidence import Origin
-    from lupin_cli.proofs.safety_case import Seen
+    from lupin_cli.proofs.safety_case import CaseEvidence
     from lupin_engine.chart import Chart
     from lupin_engine.missions import LoadedMissions
     from lupin_engine.replay import FieldEvidence
@@ -171,7 +171,7 @@ def prove(
 
 
 def _write_report(
-    file: Path, proofs: Sequence[tuple[LoadedMissions, Proof, Any]], made_by: Origin, seen: Seen
+    file: Path, proofs: Sequence[tuple[LoadedMissions, Proof, Any]], made_by: Origin, seen: CaseEvidence
 ) -> None:
     from lupin_cli.files import write_text
     from lupin_cli.proofs.proof_page import proof_page
