@@ -325,7 +325,7 @@ CALL_TEXTS: Mapping[str, str] = {
     "find": "`find(list, t.id == target.id)`: the first element `t` for which that is true; without, unknown",
     "sorted": "`sorted(list, t.x)`: the elements by a number or a text of each, the smallest first",
     "known": "`known(input.NAME)`: a report, not too old; also of `find(...)`, `error.result`, names",
-    "held": "`held(HOLD)`: the hold is engaged; in properties also `restarted`, the hold after a restart",
+    "held": "`held(HOLD)`: the hold is engaged; in properties also `restarted` and `breached`",
     "in_state": "`in_state('NAME')`: a state of that name is active",
     "was_in_state": "`was_in_state('NAME')`, in properties: such a state was active before the step",
 }

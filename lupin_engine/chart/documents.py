@@ -544,11 +544,13 @@ class InvariantNode(Node):
 
 
 class PropertyNode(Node):
-    """A condition on every possible run, checked by `lupin test`, `prove` and `campaign`.
+    """A condition on every possible run, checked by `lupin test`, `prove` and `campaign`; a robot watches it.
 
     One that reads the `request` of its mission is about the runs of that mission, and so is one that begins
     with each start of it: places to visit, and `until` without `after`. Missions of one lifecycle, which a
-    robot loads together, have no two properties of one name.
+    robot loads together, have no two properties of one name. `breach` and `code` say what a robot does that
+    breaks it: a breach is a step of its own, right after the one that broke the property, and is reported
+    once until the property holds again.
     """
 
     SHAPE = "a mapping with one of always, never, eventually, visit_all and visit_in_order, or with built_in"
@@ -587,6 +589,13 @@ class PropertyNode(Node):
         None, description="the watch ends when this becomes true, until it begins again"
     )
     built_in: bool = Field(False, description="what the name says, which the engine knows")
+    breach: Literal["report", "hold", "fault"] = Field(
+        "report",
+        description="what the robot does when it is broken: report it, hold until a resume, or go to FAULT",
+    )
+    code: Annotated[str | None, Meaning.CODE] = Field(
+        None, description="code that reports a breach; without it property_broken"
+    )
     summary: str = Field("", description="one sentence for people")
 
 
@@ -613,7 +622,7 @@ class FileNode(Node):
         Named(Meaning.INVARIANT),
     ] = _by_name("conditions that hold at every moment; broken, they lead to FAULT, and nothing starts")
     properties: Annotated[dict[str, PropertyNode], Named(Meaning.PROPERTY)] = _by_name(
-        "what is true of every run, by name; looked at before the robot runs, not while it does"
+        "what is true of every run, by name; looked at before the robot runs, and while it does"
     )
     initial: Annotated[str | None, Meaning.CHILD] = Field(
         None, description="state that is entered first; needed where several could be"

@@ -12,7 +12,7 @@ import enum
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from lupin_engine.chart.expressions.condition import FREE, Condition
 from lupin_engine.chart.expressions.evaluation import Expression, Value
@@ -392,7 +392,7 @@ class TemporalProperty:
     their text. One that reads the request of a `mission`, or that begins with each start of one, is about the
     runs of that mission; '' is about every moment.
     One that is `built_in` is known by its name. `not_meant` are the missions of which it is not meant, with
-    the reason.
+    the reason. `breach` is what a robot does that breaks it; it reports `code`, or else the engine's.
     """
 
     name: str
@@ -413,6 +413,8 @@ class TemporalProperty:
     mission: str = ""
     built_in: bool = field(default=False, metadata=said(Role.PLAIN, "built_in"))
     not_meant: Mapping[str, str] = field(default_factory=dict)
+    breach: Literal["report", "hold", "fault"] = field(default="report", metadata=said(Role.PLAIN, "breach"))
+    code: str | None = field(default=None, metadata=said(Role.CODE, "code"))
 
     def is_meant(self, mission: str) -> bool:
         """Return whether it is about the runs of a mission ('': when none has begun)."""

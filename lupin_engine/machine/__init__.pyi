@@ -5,6 +5,7 @@ from .event import ANSWERED as ANSWERED
 from .event import CODE_REPORTED as CODE_REPORTED
 from .event import HELD_BACK as HELD_BACK
 from .event import NOTHING as NOTHING
+from .event import PROPERTY_BROKEN as PROPERTY_BROKEN
 from .event import RELEASED as RELEASED
 from .event import RESUMED as RESUMED
 from .event import Act as Act

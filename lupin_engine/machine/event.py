@@ -39,9 +39,12 @@ ANSWERED = "attempt.answered"
 #: How far the robot's clock is ahead of the machine's, when that has changed.
 CLOCK = "clock"
 #: Told by whoever runs the machine: another process goes on with it, a code to report, an own hold to engage,
-#: that it goes in circles without time, an own hold to release.
-RUNNERS = ("engine.resumed", "engine.told", "engine.held", "engine.standstill", "engine.released")
-RESUMED, CODE_REPORTED, HELD_BACK, STANDSTILL, RELEASED = RUNNERS
+#: that it goes in circles without time, an own hold to release, a property that its run breaks.
+RUNNERS = (
+    *("engine.resumed", "engine.told", "engine.held", "engine.standstill", "engine.released"),
+    "engine.breached",
+)
+RESUMED, CODE_REPORTED, HELD_BACK, STANDSTILL, RELEASED, PROPERTY_BROKEN = RUNNERS
 #: The fields of what servers and sensors say, and of which type they are.
 _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
     {
@@ -58,6 +61,7 @@ _FIELDS: Mapping[str, Mapping[str, type | tuple[type, ...]]] = MappingProxyType(
         HELD_BACK: {"hold": str, "detail": str},
         STANDSTILL: {"detail": str},
         RELEASED: {"hold": str},
+        PROPERTY_BROKEN: {"property": str, "detail": str},
     }
 )
 #: Those that are times. No clock shows more seconds; it keeps sums finite and exact enough, and dates ours.

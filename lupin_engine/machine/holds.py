@@ -8,11 +8,12 @@
   or an end waits unless all transitions that listen to it pass;
 * when the last hold is released, timers and actions resume, then events in the order in which they came;
   operations begin at the stable configuration, in the states that are active then;
-* every chart has two more, the engine's own: `restarted`, when a new process has recovered the mission, and
-  `unrecorded`, when the write-ahead log fails though it is required. While one of them is engaged no
-  operation of a plugin begins, moving or not; built-in ones do. The profile's request to resume releases
-  them, and so does every request whose transition releases any hold; no other event does. The runner of
-  the machine may release one of these two (`event.RELEASED`), and never a hold of the chart.
+* every chart has three more, the engine's own: `restarted`, when a new process has recovered the mission,
+  `unrecorded`, when the write-ahead log fails though it is required, and `breached`, when a property with
+  `breach: hold` is broken. While one of them is engaged no operation of a plugin begins, moving or not;
+  built-in ones do. The profile's request to resume releases them, and so does every request whose
+  transition releases any hold; no other event does. The runner of the machine may release one of these
+  (`event.RELEASED`), and never a hold of the chart.
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar, cast
 
 from lupin_engine.chart.model import Chart, State, Transition
@@ -28,6 +29,7 @@ from lupin_engine.machine.event import (
     CODE_REPORTED,
     NO_TRIGGER,
     NOTHING,
+    PROPERTY_BROKEN,
     RELEASED,
     RESUMED,
     RUNNERS,
@@ -77,7 +79,7 @@ from lupin_engine.machine.structure import (
     Microstep,
     dispatch_table,
 )
-from lupin_engine.plugin.contract import EXECUTION_CODE, OWN_HOLDS, RESTARTED
+from lupin_engine.plugin.contract import BREACHED, EXECUTION_CODE, OWN_HOLDS, PROPERTY_CODE, RESTARTED
 from lupin_engine.plugin.profile import ANSWER
 
 #: More microsteps than this in one step is a cycle of the chart, not work.
@@ -306,6 +308,9 @@ class Machine:
         if event.name == STANDSTILL:
             step.fail("", data["detail"])
             return
+        if event.name == PROPERTY_BROKEN:
+            self._property_broken(data["property"], data["detail"])
+            return
         if event.name == RELEASED:
             self._holds.release({data["hold"]} & OWN_HOLDS.keys(), step)
             return
@@ -316,6 +321,19 @@ class Machine:
             self.scope.timers.catch_up(step.now)
         if (event.name != RESUMED or data["held"]) and name not in self.memory.held:
             self._holds.engage(all_holds(self.chart)[name], step, data["detail"])
+
+    def _property_broken(self, name: str, detail: str) -> None:
+        """Report the breach of a property, and do what its author has chosen; nothing is released."""
+        step, rule = self._step, self.chart.properties.get(name)
+        code = PROPERTY_CODE if rule is None or rule.code is None else rule.code
+        step.note(detail)
+        if rule is not None and rule.breach == "hold" and BREACHED not in self.memory.held:
+            self._holds.engage(replace(all_holds(self.chart)[BREACHED], code=code), step, detail)
+            return
+        self.scope.record_code(code, detail, step)
+        if rule is not None and rule.breach == "fault":
+            error = {"code": code, "detail": detail}
+            step.queue.append(InternalEvent(EXECUTION_ERROR, None, Trigger(event=error, error=error)))
 
     def _fire(self, timer: Deadline, now: float) -> Step:
         due, _, kind, (owner, name) = timer

@@ -83,7 +83,7 @@ _PARTS: Mapping[str, int] = MappingProxyType(
         "target": ITINERARY,
         "itinerary": ITINERARY,
         # Constant while conditions are watched, or a function of its arguments.
-        **dict.fromkeys(("param", "functions", "event", "error", "item", "clock"), 0),
+        **dict.fromkeys(("param", "functions", "event", "error", "item", "clock", "this_step"), 0),
     }
 )
 

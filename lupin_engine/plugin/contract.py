@@ -41,8 +41,9 @@ class Code:
     advice: str = field(default="", compare=False)
 
 
-#: The code of an expression or an action that failed, and of an invariant that does not hold.
-EXECUTION_CODE, INVARIANT_CODE = "execution_error", "invariant_broken"
+#: The code of an expression or an action that failed, of an invariant that does not hold, and of a property
+#: that a run breaks.
+EXECUTION_CODE, INVARIANT_CODE, PROPERTY_CODE = "execution_error", "invariant_broken", "property_broken"
 #: Codes of the orchestrator itself: it was started again in the midst of a mission, it closed one that it
 #: could not go on with, its journal cannot be written, or can again.
 RESTARTED_CODE, CLOSED_CODE = "restarted", "mission_closed"
@@ -50,8 +51,12 @@ UNRECORDED_CODE, RECORDED_CODE = "journal_failed", "journal_works"
 #: The code of a server that refuses to end what it does.
 REFUSED_CODE = "cancel_refused"
 #: The engine's own holds, each with its code: they are in every chart.
-RESTARTED, UNRECORDED = "restarted", "unrecorded"
-OWN_HOLDS: Mapping[str, str] = {RESTARTED: RESTARTED_CODE, UNRECORDED: UNRECORDED_CODE}
+RESTARTED, UNRECORDED, BREACHED = "restarted", "unrecorded", "breached"
+OWN_HOLDS: Mapping[str, str] = {
+    RESTARTED: RESTARTED_CODE,
+    UNRECORDED: UNRECORDED_CODE,
+    BREACHED: PROPERTY_CODE,
+}
 #: Codes that any operation may end in: they are the engine's, whatever the operation declares.
 OPERATION_CODES = ("driver_error", EXECUTION_CODE, "operation_cancelled")
 #: The codes that are in every chart.
@@ -75,6 +80,12 @@ ENGINE_CODES: Mapping[str, Code] = {
             "an invariant does not hold",
             Severity.ERROR,
             "Tell whoever wrote the mission what you saw: something that must always hold does not.",
+        ),
+        Code(
+            PROPERTY_CODE,
+            "a property is broken",
+            Severity.ERROR,
+            "Look whether the robot is safe; then tell whoever wrote the mission what the detail says.",
         ),
         Code(
             RESTARTED_CODE,

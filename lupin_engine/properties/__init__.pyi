@@ -16,3 +16,4 @@ from .built_in import closed as closed
 from .built_in import is_over as is_over
 from .built_in import is_speaking as is_speaking
 from .built_in import unfinished as unfinished
+from .live import LiveMonitor as LiveMonitor

@@ -70,7 +70,7 @@ def watched(rule: TemporalProperty) -> Property:
             return NOT_ABOUT
         return Verdict(True, _late(rule))
 
-    remembers = _is_bounded(rule) or rule.eventually is not None or bool(_places(rule))
+    remembers = is_bounded(rule) or rule.eventually is not None
     of_values = remembers or not any(
         "this_step" in names_read(one.source) for one in (rule.always, rule.never) if one
     )
@@ -150,9 +150,9 @@ def _places(rule: TemporalProperty) -> Mapping[str, Expression]:
     return rule.visit_all or rule.visit_in_order
 
 
-def _is_bounded(rule: TemporalProperty) -> bool:
+def is_bounded(rule: TemporalProperty) -> bool:
     """Return whether a property is about parts of a run, each of which begins anew."""
-    return rule.after is not None or rule.until is not None
+    return rule.after is not None or rule.until is not None or bool(_places(rule))
 
 
 def _begins(rule: TemporalProperty, passage: Passage, env: Environment) -> bool:
@@ -190,7 +190,7 @@ def _stays(
     rule: TemporalProperty, state: Remembered, env: Environment, begins: Callable[[], bool]
 ) -> tuple[Remembered, Verdict]:
     """Judge an `always` or a `never`."""
-    if _is_bounded(rule):
+    if is_bounded(rule):
         has_begun = bool(state) or begins()
         if not has_begun or _holds(rule.until, env):
             return (), HOLDS if has_begun and rule.after is None else NOT_ABOUT
@@ -216,7 +216,7 @@ def _comes(
     begins: Callable[[], bool],
 ) -> tuple[Remembered, Verdict]:
     """Judge an `eventually`: whenever it `begins`, it comes true within the time, or `until` does."""
-    once = not _is_bounded(rule)
+    once = not is_bounded(rule)
     over = _FOR_EVER if once else ()
     if state == _FOR_EVER:
         return state, NOT_ABOUT

@@ -4,6 +4,10 @@ from .coverage import Coverage as Coverage
 from .coverage import CoverageObserver as CoverageObserver
 from .coverage import add_up as add_up
 from .coverage import coverage_lines as coverage_lines
+from .field import FieldEvidence as FieldEvidence
+from .field import field_evidence as field_evidence
+from .field import field_lines as field_lines
+from .field import field_record as field_record
 from .journaled import JournaledRun as JournaledRun
 from .journaled import as_run as as_run
 from .journaled import chart_of as chart_of

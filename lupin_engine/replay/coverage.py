@@ -31,6 +31,8 @@ from lupin_engine.sim.suite import Counts, ScenarioResult
 
 #: The kinds of items, in the order of reports.
 STATES, TRANSITIONS, OUTCOMES, GUARDS = KINDS = ("states", "transitions", "outcomes", "guard branches")
+#: A kind that is counted with them, and that no tally has.
+HOLDS = "holds"
 #: How the end of an operation is called that its timeout brings about.
 TIMEOUT = "timeout"
 
@@ -163,17 +165,22 @@ class CoverageObserver:
 
 
 def reached(run: Run) -> Counts:
-    """Return how often a run reached states, transitions and ends of operations."""
+    """Return how often a run reached states, transitions, ends of operations and holds."""
     found: Counts = Counter()
     for step in run.steps:
         found.update((STATES, name, "") for name in step.entered)
         found.update((TRANSITIONS, name, "") for name in step.taken)
+        found.update((HOLDS, note.split(" ")[1], "") for note in step.notes if _engages(note))
         refusing = _refusing(step, _refusals(run.chart))
         if refusing:
             found[TRANSITIONS, refusing, ""] += 1
     for attempt in run.history.attempts.values():
         found.update(_ends_of(attempt, run))
     return found
+
+
+def _engages(note: str) -> bool:
+    return note.startswith("hold ") and note.endswith(" engaged")
 
 
 @lru_cache(maxsize=32)

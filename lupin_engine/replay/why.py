@@ -14,7 +14,7 @@ from lupin_engine.chart.expressions.condition import Condition
 from lupin_engine.chart.expressions.evaluation import Compiled, Environment
 from lupin_engine.chart.model import Chart
 from lupin_engine.errors import LupinError, Place, nearest
-from lupin_engine.machine.event import Start
+from lupin_engine.machine.event import PROPERTY_BROKEN, Start
 from lupin_engine.machine.scope import reads_of
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.profile import Publish
@@ -176,6 +176,26 @@ class Inquiry:
         text = f"{name} was come to at {self._lived[found].step.time:.1f} s"
         return Explanation(text, self._causes(self._chain(found)))
 
+    def breach(self, name: str) -> Explanation:
+        """Explain the last breach of a property.
+
+        Raises:
+            NothingKnown: there is no such property, or this run did not break it.
+        """
+        broken = (i for i, one in enumerate(self._lived) if broken_property(one.step) == name)
+        found = max(broken, default=None)
+        if found is not None:
+            step = self._lived[found].step
+            text = f"broken at {step.time:.1f} s: {step.event.data['detail']}"
+            return Explanation(text, self._causes(self._chain(found)))
+        if name in self._chart.properties:
+            raise NothingKnown(f"this run did not break {name}")
+        raise NothingKnown(f"no property is called {name!r}; {nearest(name, self._chart.properties)}")
+
+    def is_property(self, name: str) -> bool:
+        """Return whether a property of the missions has this name."""
+        return name in self._chart.properties
+
     def moment(self, wall: float) -> Explanation:
         """Return where the run was at a time of the wall clock, and the cause of that.
 
@@ -227,6 +247,8 @@ class Inquiry:
     def _cause(self, index: int) -> int | None:
         """Return the step that caused this one; None where the event is external."""
         event = self._lived[index].step.event
+        if event.name == PROPERTY_BROKEN:
+            return index - 1 if index else None
         kind, _, word = event.name.partition(".")
         if kind == "attempt":
             return self._before(index, lambda step: _starts(step, event.data["attempt"]))
@@ -302,6 +324,11 @@ class Inquiry:
             if rule is None:
                 continue  # the chart's own answer to an error
             yield Reason(name, rule.place, rule.guard.source, (one.guards or {}).get(name, ()))
+
+
+def broken_property(step: Step) -> str:
+    """Return the property whose breach a step reports; '' for none."""
+    return str(step.event.data["property"]) if step.event.name == PROPERTY_BROKEN else ""
 
 
 def _outcome(published: Publish) -> str:

@@ -16,6 +16,7 @@ from lupin_engine.machine import event as events
 from lupin_engine.machine.event import NOTHING, STANDSTILL, Act, Cancel, Command, Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Attempt, Phase
+from lupin_engine.machine.scope import EvaluationScope
 from lupin_engine.machine.step import Step
 from lupin_engine.plugin.contract import Driver, RecoveringDriver
 from lupin_engine.runtime.clock import Clock
@@ -55,6 +56,24 @@ class InputLog(Protocol):
         """Call `then` on the loop's thread, perhaps later, when all records are durable, or cannot be."""
 
 
+class StepWatch(Protocol):
+    """What watches the steps for breaches of properties (see `properties.LiveMonitor`)."""
+
+    def take(self, step: Step, scope: EvaluationScope) -> list[Event]:
+        """Judge a step; return the events that report its breaches."""
+
+    @property
+    def next_deadline(self) -> float | None:
+        """When time alone breaks a property; None: never."""
+
+    def late(self, now: float) -> list[Event]:
+        """Return the events that report what time alone has broken."""
+
+    @property
+    def unreported(self) -> list[Event]:
+        """The events of breaches that the machine has not got."""
+
+
 class Engine:
     """Runs a machine against drivers on a clock.
 
@@ -89,6 +108,8 @@ class Engine:
         #: Gets an exception of listener, clock, log or machine, and the loop goes on. Without it the
         #: exception is raised, after what the step had to end was ended.
         self.failed: Callable[[Exception], None] | None = None
+        #: Watches the properties of the missions; None: nothing does.
+        self.watch: StepWatch | None = None
         #: Attempts that wait for the log, and are not begun yet.
         self._withheld: set[str] = set()
         self._queue: deque[Event] = deque()
@@ -130,6 +151,8 @@ class Engine:
         step = machine.handle(event, now)
         left = list(machine.memory.attempts.values())
         self._recover(left, Phase.CANCELLING)
+        self._queue.extendleft(self.watch.unreported if self.watch is not None else ())
+        self._safely(self._judge, step)
         self._safely(self.listener, step)
         self._send_all([command for command in step.commands if isinstance(command, (Start, Act))])
         self._recover(left, Phase.ACCEPTED)
@@ -231,18 +254,33 @@ class Engine:
     @property
     def next_deadline(self) -> float | None:
         """When `drain` is needed although nothing is posted, in the clock's time; None: never."""
-        return self.clock.now() if self._queue else self.machine.next_deadline
+        if self._queue:
+            return self.clock.now()
+        watched = self.watch.next_deadline if self.watch is not None else None
+        due = self.machine.next_deadline
+        return due if watched is None else watched if due is None else min(due, watched)
 
     def _fire_due(self) -> bool:
         now, due = self.clock.now(), self.machine.next_deadline
         if due is None or due > now:
-            return False
+            return self._report_late(now)
         if self._log is not None:
             self._safely(self._log.fired, now)
         step = self.machine.advance(now)
         if step is not None:
             self._carry_out(step)
         return step is not None
+
+    def _report_late(self, now: float) -> bool:
+        """Queue the reports of what time alone has broken; say whether there are any."""
+        late = self.watch.late(now) if self.watch is not None else ()
+        self._queue.extendleft(late)
+        return bool(late)
+
+    def _judge(self, step: Step) -> None:
+        """Queue the reports of what a step has broken before everything else that waits."""
+        if self.watch is not None:
+            self._queue.extendleft(self.watch.take(step, self.machine.scope))
 
     def _take_next(self) -> bool:
         if not self._queue:
@@ -273,6 +311,7 @@ class Engine:
                     rest.append(command)
             try:
                 self._count(step)
+                self._safely(self._judge, step)
                 self._safely(self.listener, step)
             finally:
                 self._send_all(rest)

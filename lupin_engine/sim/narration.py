@@ -8,7 +8,7 @@ from typing import Any
 
 from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.errors import Severity
-from lupin_engine.machine.event import Act, Cancel, Command, Event, Report, Start
+from lupin_engine.machine.event import PROPERTY_BROKEN, Act, Cancel, Command, Event, Report, Start
 from lupin_engine.machine.step import CodeEvent, Step
 from lupin_engine.plugin.profile import Publish
 from lupin_engine.runtime.history import History
@@ -116,6 +116,8 @@ class _Narrator:
             return f"{event.name} {answer}"
         if event.name == "value":
             return f"{event.data['name']} = {shorten(event.data['value'])}"
+        if event.name == PROPERTY_BROKEN:
+            return f"the property {event.data['property']} is broken"
         if event.name.startswith("attempt."):
             return self._attempt(event)
         if event.name.startswith("timer."):

@@ -91,6 +91,8 @@ class JournalGate:
         self._writes, self._slices = Slices(ros), Slices(ros)
         #: Write unpublished outcomes again that a disk fault kept from being flushed.
         self._unflushed: list[Callable[[], None]] = []
+        #: What the watch over the properties remembers, for the journal.
+        self.watched: Callable[[], Mapping[str, Any]] = dict
         self._loaded: LoadedMissions | None = None
         self._retry_at = 0.0
         self._part = 1
@@ -172,6 +174,7 @@ class JournalGate:
                 lineage=self._ros.lineage,
                 seed=machine.world.seed,
                 snapshot=machine.snapshot() if machine.memory.sequence else "",
+                watched=self.watched(),
             )
         )
         self._targets, self._itineraries = set(), ()
@@ -221,7 +224,7 @@ class JournalGate:
 
         It does nothing while outcomes wait to be written: a replay from the snapshot would lack them.
         """
-        if self._writes.is_done and self.journal.compact(machine):
+        if self._writes.is_done and self.journal.compact(machine, self.watched):
             self._rotate(machine)
 
     def check_disk(self, machine: Machine) -> None:

@@ -9,6 +9,7 @@ from lupin_engine.errors import LupinError
 from lupin_engine.machine import UNKNOWN_MISSION, Machine, Step, is_idle, successor
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import NUMBER, TEXT, Parameter, list_of
+from lupin_engine.properties import LiveMonitor
 from lupin_engine.runtime import make_world
 from lupin_ros.adapter.node import RosNode
 from lupin_ros.orchestrator.clients import PluginClients
@@ -118,6 +119,8 @@ class MissionSwitch:
 
     def _switch_machine(self, machine: Machine) -> None:
         """Switch to another machine of the chart, and report it the live values that it lacks."""
+        self._loop.engine.watch = watch = LiveMonitor(machine.chart)
+        self._gate.watched = watch.kept
         self._gate.begin(self._loop.loaded, machine)
         self._loop.engine.go_on_with(machine)
         heard = {name for name, found in machine.memory.inputs.items() if found.reported}

@@ -23,10 +23,12 @@ from lupin_engine.machine import (
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import (
     CLOSED_CODE,
+    PROPERTY_CODE,
     RESTARTED,
     Parameter,
     load_catalog,
 )
+from lupin_engine.properties import LiveMonitor
 from lupin_engine.runtime import (
     Engine,
     make_machine,
@@ -76,6 +78,8 @@ class Orchestrator:
         drivers, journal = clients.drivers, gate.journal
         engine = Engine(machine, clock, drivers, publisher.stepped, clock.wall, journal)
         engine.failed = publisher.failed
+        engine.watch = watch = _first_watch(loaded, recovery)
+        gate.watched = watch.kept
         loop.run(engine, gate, records)
         missions = MissionSwitch(ros, folder, loop, records, gate, clients)
         requests = RequestServer(ros, loop, gate, publisher, missions, gate.commands_of(recovery))
@@ -117,8 +121,13 @@ class Orchestrator:
             self._gate.republish(recovery, self._publisher.unpublished(recovery), self._publisher.outcomes)
         if recovery is None or recovery.machine is None:
             self._start_new(recovery.closing if recovery is not None else "", recovery)
+            for lost in recovery.watch.unreported if recovery is not None and recovery.watch else ():
+                self._loop.post(Event(CODE_REPORTED, {"code": PROPERTY_CODE, "detail": lost.data["detail"]}))
             return
-        machine = resumed(recovery.machine, recovery.left.shift(now, wall))
+        shift = recovery.left.shift(now, wall)
+        machine = resumed(recovery.machine, shift)
+        if recovery.watch is not None:
+            recovery.watch.shift(shift)
         started = machine.memory.started_at
         if started is not None:
             self._publisher.mission_resumed(now - started)
@@ -179,6 +188,12 @@ class Orchestrator:
         engaging = {name for word, name, *_ in levels if word == "input" and name in inputs}
         before = [self._loop.chart.inputs[name].value for name in engaging if inputs[name].reported]
         return not all(map(self._clients.outlet.was_reported, before))
+
+
+def _first_watch(loaded: LoadedMissions, recovery: Recovery | None) -> LiveMonitor:
+    """Return the watch of the last process where its machine goes on, else a new one."""
+    known = recovery.watch if recovery is not None and recovery.machine is not None else None
+    return known or LiveMonitor(loaded.chart)
 
 
 def _first_machine(ros: RosNode, loaded: LoadedMissions, recovery: Recovery | None) -> Machine:

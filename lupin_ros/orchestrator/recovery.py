@@ -11,10 +11,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from lupin_engine.chart import Chart
 from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.machine import Machine
 from lupin_engine.missions import LoadedMissions, lifecycle_in, load_chart
 from lupin_engine.plugin import CLOSED_CODE, TEXT, Parameter, Publish, Rating
+from lupin_engine.properties import LiveMonitor
 from lupin_engine.runtime import (
     CHARTS,
     Leftover,
@@ -47,7 +49,8 @@ RESUME_PARAMETERS: Mapping[str, Parameter] = {
 class Recovery:
     """The decision about a file. `machine` is the replayed one to continue; None: a new one starts.
 
-    `closing` is why the mission under way is closed, `left_out` are the outcomes of its open targets.
+    `closing` is why the mission under way is closed, `left_out` are the outcomes of its open targets. `watch`
+    has judged the replayed steps.
     """
 
     left: Leftover
@@ -55,6 +58,7 @@ class Recovery:
     machine: Machine | None = None
     closing: str = ""
     left_out: tuple[Publish, ...] = ()
+    watch: LiveMonitor | None = None
 
 
 def find_recovery(
@@ -83,8 +87,11 @@ def _judged(left: Leftover, folder: Path, loaded: LoadedMissions, policy: str) -
     head = left.file.head
     same = head.chart == loaded.hash
     recovered: Recovered | None = None
+    watch: LiveMonitor | None = None
     try:
-        recovered = _recovered(left, folder, loaded if same else None, loaded)
+        chart = loaded.chart if same else _chart_of(left, folder, loaded)
+        watch = LiveMonitor(chart)
+        recovered = recover(left.file, make_world(chart, head.parameters), watch)
         wrong = recovered.problem
     except LupinError as problem:
         wrong = str(problem)
@@ -96,7 +103,7 @@ def _judged(left: Leftover, folder: Path, loaded: LoadedMissions, policy: str) -
         return Recovery(left, recovered, closing=wrong, left_out=left_out)
     machine = recovered.machine
     view, stages = machine.view, machine.chart.profile.stages
-    found = Recovery(left, recovered)
+    found = Recovery(left, recovered, watch=watch)
     if not goes_on(machine):
         return found
     why = _why_closed(same, policy, loaded)
@@ -117,21 +124,15 @@ def _why_closed(same: bool, policy: str, loaded: LoadedMissions) -> str:
     return "" if loaded.chart.profile.resume else "its profile has no request to resume"
 
 
-def _recovered(
-    left: Leftover, folder: Path, loaded: LoadedMissions | None, current: LoadedMissions
-) -> Recovered:
-    """Replay a file with `loaded`, or with the copy of its missions that is beside the journal.
+def _chart_of(left: Leftover, folder: Path, current: LoadedMissions) -> Chart:
+    """Return the chart of a file, from the copy of its missions that is beside the journal.
 
     Raises:
-        LupinError: the copied missions cannot be loaded, or the file cannot be replayed.
+        LupinError: they cannot be loaded.
     """
     head = left.file.head
-    if loaded is not None:
-        chart = loaded.chart
-    else:
-        kept = folder / CHARTS / head.chart
-        chart = load_chart(lifecycle_in(kept), [kept / file for file in head.files], current.chart.catalog)
-    return recover(left.file, make_world(chart, head.parameters))
+    kept = folder / CHARTS / head.chart
+    return load_chart(lifecycle_in(kept), [kept / file for file in head.files], current.chart.catalog)
 
 
 def _left_out(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from lupin_engine.machine import NOTHING, Event, Machine, Moment, Report, Step, View
+from lupin_engine.machine import NOTHING, PROPERTY_BROKEN, Event, Machine, Moment, Report, Step, View
 from lupin_engine.plugin import START, Channel, Fields, Publish, Wire
 from lupin_engine.runtime import JournalRecord, outcomes_of
 from lupin_ros.adapter.node import Qos, RosNode
@@ -40,15 +40,27 @@ class StepPublisher:
         self.outcomes = OutcomePublisher(ros, wire, self._messages)
         #: The request that is being carried out, and who asked for it.
         self.origin: tuple[Event | None, Mapping[str, str]] = (None, {})
+        #: The properties that were broken since the last mission began, as troubles of the node.
+        self._broken: set[str] = set()
 
     def stepped(self, step: Step) -> None:
         """Publish and record a step."""
         if step.event.name == START and step.accepted:
             self._messages.mission_started()
+            self._show_broken("", "")
+        elif step.event.name == PROPERTY_BROKEN:
+            self._show_broken(step.event.data["property"], step.event.data["detail"])
         view = self._loop.machine.view
         parts = _PARTS if self._records.is_news(step) else (StepPublisher._publish_state,)
         for part in parts:
             self._ros.guarded(part)(self, step, view)
+
+    def _show_broken(self, name: str, detail: str) -> None:
+        """Add a broken property to the diagnostics; '' removes all."""
+        for old in self._broken if not name else ():
+            self._ros.trouble(f"property {old}", "")
+        self._broken = {*self._broken, name} if name else set()
+        self._ros.trouble(f"property {name}", detail)
 
     def failed(self, problem: Exception) -> None:
         """Log an exception in the loop; the journal may lack a step, so a new file begins with a snapshot."""

@@ -138,6 +138,13 @@ journal = click.option(
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of the journal; default: that of the ROS domain, in the user's state folder.",
 )
+field = click.option(
+    "--field",
+    multiple=True,
+    metavar="JOURNAL",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="Folder of a robot's journal, to compare with what has happened there; may be given again.",
+)
 log_dir = click.option(
     "--log-dir", type=click.Path(file_okay=False, path_type=Path), help="Folder for the nodes' logs."
 )

@@ -22,6 +22,7 @@ from .outcome_table import NEW as NEW
 from .outcome_table import outcome_page as outcome_page
 from .proof import Proof as Proof
 from .proof import Proven as Proven
+from .proof import is_own as is_own
 from .proof import listed as listed
 from .proving import ProofTask as ProofTask
 from .proving import proof_tasks as proof_tasks

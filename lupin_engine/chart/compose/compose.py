@@ -18,7 +18,7 @@ from typing import Any
 
 from lupin_engine.chart.compose.actions import ActionReader, raised_events
 from lupin_engine.chart.compose.carried import Carried, carries_something, end_of
-from lupin_engine.chart.compose.declare import Declared, Declarer, level_events
+from lupin_engine.chart.compose.declare import Declared, Declarer, check_code, level_events
 from lupin_engine.chart.compose.invoke import InvokeReader
 from lupin_engine.chart.compose.timeless import WATCHED_ALWAYS, read_property, timeless
 from lupin_engine.chart.compose.transitions import CompositionContext, TransitionReader, any_event, path_of
@@ -371,6 +371,8 @@ class _Composer:
                     about = file.name if isinstance(file, MissionNode) else ""
                     with self._at_all_times(file, "property", node.place, path) as scope:
                         read = read_property(name, node, place, scope, self._findings, about)
+                    if node.code is not None:
+                        check_code(node.code, node.at("code"), f"{path}.code", self._codes, self._findings)
                     if read is not None:
                         found[name] = read
         for mission in self._requested:

@@ -33,6 +33,8 @@ BUILT_IN_NAMES = frozenset(
     {"good_at_its_target", "good_after_success", "nothing_after_close", "no_second_round"}
     | {"resume_goes_on", "answers_lead_on", "success_ends", "failure_ends"}
 )
+#: Those of them that are about all runs together.
+OF_THE_GRAPH = frozenset({"success_ends", "failure_ends"})
 _REQUEST = re.compile(r"(?<![\w.'\"])request\b")
 _CONDITIONS, _PLACES = ("always", "never", "eventually"), ("visit_all", "visit_in_order")
 _KINDS = (*_CONDITIONS, *_PLACES)
@@ -123,6 +125,8 @@ def read_property(
         node.summary,
         about,
         node.built_in,
+        breach=node.breach,
+        code=node.code,
     )
 
 
@@ -173,6 +177,11 @@ def _check_built_in(name: str, node: PropertyNode, written: list[str], findings:
             name,
             BUILT_IN_NAMES,
         )
+    if name in OF_THE_GRAPH and (node.breach != "report" or node.code is not None):
+        at, key = ("breach", node.breach) if node.breach != "report" else ("code", node.code)
+        problem = f"no robot can see a breach of {name!r}: only a proof decides it"
+        where, hint = f"properties.{name}.{at}", f"leave '{at}: {key}' out"
+        findings.add(node.at(at), "never-happens", where, problem, hint)
     for key in written:
         problem = f"{key!r} says something of {name!r}, which is built in"
         findings.add(node.at(key), "wrong-shape", f"properties.{name}.{key}", problem, "leave it out")

@@ -256,14 +256,14 @@ class Journal:
         """Write that the mission is over."""
         self._put(encoded(END, about), urgent=True)
 
-    def compact(self, machine: Machine) -> bool:
-        """Write a snapshot where one is due; say whether another file is due instead."""
+    def compact(self, machine: Machine, watched: Callable[[], Mapping[str, Any]] = dict) -> bool:
+        """Write a snapshot with what is `watched` where one is due; say whether another file is due."""
         limit = PART_BYTES if self.head is not None and self.head.mission_id else IDLE_BYTES
         if self._bytes > max(limit, SNAPSHOT_TIMES * self._shot):
             return True
         if self._since_shot > max(SNAPSHOT_BYTES, SNAPSHOT_TIMES * self._shot):
             shot = machine.snapshot()
-            self._put(encoded(SNAPSHOT, shot), urgent=False)
+            self._put(encoded(SNAPSHOT, shot, watched()), urgent=False)
             self._since_shot, self._shot = 0, len(shot)
         return False
 

@@ -48,7 +48,7 @@ _SHAPES: Mapping[str, tuple[tuple[tuple[type, ...], ...], tuple[tuple[type, ...]
     PUBLISHED: (((int,),), ()),
     ANSWERED: (((str,), (str,), (dict,)), ()),
     WALL: (((int,),), ()),
-    SNAPSHOT: (((str,),), ()),
+    SNAPSHOT: (((str,),), ((dict,),)),
     END: (((dict,),), ()),
     REFUSED: (((str,), (str,), (int,)), ()),
     TARGETS: (((str,), (str,), (list,)), ()),
@@ -75,7 +75,7 @@ class JournalHead:
     POSIX time, is ahead of the machine's. `part` counts the files of one mission from 1. `mission_id` is
     empty between missions. `boot` names the process, `engine` its version. `files` are the missions, in the
     folder of the chart's files. `outcomes` counts those before this file, `lineage` is the prefix of the
-    goals' ids.
+    goals' ids. `watched` is what the watch over the properties remembers (see `properties.LiveMonitor.kept`).
     """
 
     boot: str
@@ -94,6 +94,7 @@ class JournalHead:
     seed: int = 0
     snapshot: str = ""
     outcomes: int = 0
+    watched: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from lupin_engine.runtime.journal.records import (
     NothingWritten,
     read_journal,
 )
-from lupin_engine.runtime.journal.replay import ReplayError, replay, tail
+from lupin_engine.runtime.journal.replay import KeptWatch, ReplayError, replay, tail
 
 #: How many files are read for outcomes: a mission's, and the one that follows.
 MAX_FILES_READ = 2
@@ -134,24 +134,24 @@ def _commands(records: list[JournalRecord]) -> dict[str, KeptCommand]:
     return found
 
 
-def recover(found: JournalFile, world: World) -> Recovered:
-    """Replay a file to its end, or to the record before its first problem.
+def recover(found: JournalFile, world: World, watch: KeptWatch | None = None) -> Recovered:
+    """Replay a file to its end, or to the record before its first problem; `watch` judges the steps.
 
     Raises:
         JournalError: no machine can be made of it.
     """
     problem = found.problem if found.damaged else ""
     try:
-        return _replayed(found, world, problem)
+        return _replayed(found, world, problem, watch)
     except ReplayError as wrong:
         before = replace(found, records=found.records[: wrong.record.number])
-        return _replayed(before, world, str(wrong))
+        return _replayed(before, world, str(wrong), watch)
 
 
-def _replayed(found: JournalFile, world: World, problem: str) -> Recovered:
+def _replayed(found: JournalFile, world: World, problem: str, watch: KeptWatch | None) -> Recovered:
     machine: Machine | None = None
     waiting: list[tuple[JournalRecord, Publish]] = []
-    for each in replay(tail(found), world):
+    for each in replay(tail(found), world, watch):
         machine = each.machine
         if each.step is not None:
             waiting += [(each.record, outcome) for outcome in outcomes_of(each.step)]

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Protocol
 
 from lupin_engine.errors import LupinError
 from lupin_engine.machine.machine import Machine
-from lupin_engine.machine.scope import World
+from lupin_engine.machine.scope import EvaluationScope, World
 from lupin_engine.machine.snapshot import restore, shift
 from lupin_engine.machine.step import Step
+from lupin_engine.runtime.engine import StepWatch
 from lupin_engine.runtime.journal.records import (
     EVENT,
     LOADED,
@@ -35,6 +37,16 @@ class ReplayError(JournalError):
         self.record = record
 
 
+class KeptWatch(StepWatch, Protocol):
+    """A watch over the properties that a new process goes on with."""
+
+    def begin(self, kept: Mapping[str, Any], scope: EvaluationScope) -> None:
+        """Go on from what was kept, with a machine of then."""
+
+    def shift(self, seconds: float) -> None:
+        """Go on by a clock that is so many seconds ahead."""
+
+
 @dataclass(frozen=True)
 class Replayed:
     """A record, the step that its input led to (None: it is no input), and the machine after it."""
@@ -44,11 +56,13 @@ class Replayed:
     machine: Machine
 
 
-def replay(found: JournalFile, world: World) -> Iterator[Replayed]:
+def replay(found: JournalFile, world: World, watch: KeptWatch | None = None) -> Iterator[Replayed]:
     """Run the inputs of a file through a machine of its chart, one record after the other.
 
     Args:
+        found: the file.
         world: of the chart and the parameters that the head names; the head's seed counts.
+        watch: judges the steps, from what the head remembers on.
 
     Raises:
         ReplayError: the machine comes to something else than was recorded, or takes no such input.
@@ -57,11 +71,17 @@ def replay(found: JournalFile, world: World) -> Iterator[Replayed]:
     head = found.head
     world = replace(world, seed=head.seed)
     machine = _begun(found.path, head, world)
+    if watch is not None:
+        watch.begin(head.watched, machine.scope)
     for record in found.records:
         try:
             step, machine = _run(machine, record)
         except Exception as problem:  # whatever a record makes it raise that no orchestrator of now writes
             raise ReplayError(found.path, record, str(problem) or type(problem).__name__) from None
+        if watch is not None and record.kind == RESUMED:
+            watch.shift(record.data[0]["shift"])
+        if watch is not None and step is not None:
+            watch.take(step, machine.scope)
         yield Replayed(record, step, machine)
 
 
@@ -97,7 +117,8 @@ def tail(found: JournalFile) -> JournalFile:
     if len(shots) < 2:
         return found
     begin = shots[-2]
-    head = replace(found.head, snapshot=begin.data[0], time=begin.time)
+    watched = begin.data[1] if len(begin.data) > 1 else {}
+    head = replace(found.head, snapshot=begin.data[0], time=begin.time, watched=watched)
     return replace(found, head=head, records=found.records[begin.number :])
 
 

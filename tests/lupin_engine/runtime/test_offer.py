@@ -74,6 +74,7 @@ def test_what_is_told_beside_the_missions_is_said_once() -> None:
         "estop": "estop_engaged",
         "restarted": "restarted",
         "unrecorded": "journal_failed",
+        "breached": "property_broken",
     }
     assert told["codes"]["battery_low"] == {
         "label": "battery low",

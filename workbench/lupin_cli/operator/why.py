@@ -51,10 +51,11 @@ def why(
     journal: Path | None,
     as_json: bool,
 ) -> int:
-    """Say why: `lupin why 12` (a target), `lupin why STATE`, `lupin why --at 03:12`.
+    """Say why: `lupin why 12` (a target), `lupin why STATE`, `lupin why PROPERTY`, `lupin why --at 03:12`.
 
-    ABOUT is a target of the mission, or a state, by any name that displays have for it. The answer has the
-    events, the transitions with the values that their conditions read, and the servers' answers.
+    ABOUT is a target of the mission, a state by any name that displays have for it, or a broken property.
+    The answer has the events, the transitions with the values that their conditions read, and the servers'
+    answers.
 
     Exit code: 0 explained, 2 the journal has no answer.
     """
@@ -62,7 +63,7 @@ def why(
     from lupin_engine.runtime import journal_folder
 
     if bool(about) is (at is not None):
-        raise UsageError("say what about: a target, a state, or --at TIME")
+        raise UsageError("say what about: a target, a state, a property, or --at TIME")
     runs = runs_of(journal or journal_folder(domain=domain))
     if at is not None and not mission_id:
         moment = _moment(at, runs[-1].last)
@@ -98,6 +99,8 @@ def _asked(inquiry: Inquiry, about: tuple[str, ...], target: str) -> Explanation
     if name:
         return inquiry.target(name)
     name = " ".join(about)
+    if inquiry.is_property(name):
+        return inquiry.breach(name)
     try:
         return inquiry.state(name)
     except NothingKnown as unknown:

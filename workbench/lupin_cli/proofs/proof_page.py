@@ -7,6 +7,7 @@ from html import escape
 
 from lupin_cli.proofs.evidence import ASSUMPTIONS, MEANINGS, NOT_SHOWN, Origin, catalogs_hash
 from lupin_cli.proofs.proof_words import counted, name_of, shown_place, summary
+from lupin_cli.proofs.safety_case import EVIDENCE, SIGNATURES, SOURCES, CaseSection, as_html
 from lupin_engine.diagram import Counts, coloured, outline
 from lupin_engine.diagram import svg as draw
 from lupin_engine.errors import near
@@ -38,14 +39,21 @@ _VERDICTS = {"not relevant": "not relevant: never applied"}
 ProvenMission = tuple[LoadedMissions, Proof, Mapping[str, FailingScenario]]
 
 
-def proof_page(proofs: Sequence[ProvenMission], made_by: Origin) -> str:
+def proof_page(
+    proofs: Sequence[ProvenMission], made_by: Origin, cases: Sequence[Sequence[CaseSection]] = ()
+) -> str:
     """Return the page.
 
     Args:
         proofs: the missions, their proofs, and the scenarios of broken properties.
         made_by: the origin of the proofs.
+        cases: the safety case of each.
     """
-    body = "\n".join(part for one in proofs for part in _mission(*one))
+    parts = [[*_mission(*one)] for one in proofs]
+    for found, case in zip(parts, cases, strict=bool(cases)):
+        # The page has the rest in words of its own.
+        found += as_html([one for one in case if one.title in (EVIDENCE, SOURCES, SIGNATURES)])
+    body = "\n".join(part for found in parts for part in found)
     head = "<meta charset='utf-8'><meta name='viewport' content='width=device-width'>"
     head += f"<title>Proof, {escape(made_by.date)}</title><style>{_STYLE}</style>"
     made = f"<h1>Proof</h1>{_table(_made(made_by))}"

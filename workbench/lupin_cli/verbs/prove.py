@@ -26,8 +26,10 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from lupin_cli.proofs.evidence import Origin
+    from lupin_cli.proofs.safety_case import CaseEvidence
     from lupin_engine.chart import Chart
     from lupin_engine.missions import LoadedMissions
+    from lupin_engine.replay import FieldEvidence
     from lupin_verify import Bounds, ExplorationProgress, FailingScenario, Proof, ProofTask, Proven
 
 
@@ -77,9 +79,18 @@ if TYPE_CHECKING:
 @click.option("--no-scenarios", is_flag=True, help="Write no failing scenarios beside the mission.")
 @click.option(
     "--report",
-    metavar="FILE.html",
+    metavar="FILE",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Write the results into one page.",
+    help="Write the results into one page: FILE.html, or a safety case as FILE.md.",
+)
+@options.field
+@click.option(
+    "--seen",
+    "results",
+    multiple=True,
+    metavar="FILE.json",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="For --report: the output of 'lupin test --json' or 'lupin campaign --json'.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as a JSON list, an object a proof.")
 @click.option("--quiet", "-q", is_flag=True, help="Print what is broken, and the last line.")
@@ -97,6 +108,8 @@ def prove(
     budget: str | None,
     no_scenarios: bool,
     report: Path | None,
+    field: tuple[Path, ...],
+    results: tuple[Path, ...],
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -119,8 +132,8 @@ def prove(
     seconds = None
     with problems.collecting():
         seconds = read_budget("--budget", budget)
-    if report is not None and report.suffix != ".html":
-        problems.add(f"--report: {str(report)!r} must end in .html")
+    if report is not None and report.suffix not in (".html", ".md"):
+        problems.add(f"--report: {str(report)!r} must end in .html or .md")
     if outcomes not in (None, NEW) and not outcomes.is_file():
         problems.add(f"--outcomes: there is no file {str(outcomes)!r}; write 'new' to have the page written")
     loaded = {name: load_missions([name], catalog) for name in missions}
@@ -129,9 +142,11 @@ def prove(
         given[name], wrong = settings_in("--set", settings, one.chart.parameters)
         problems.add(*wrong)
     problems.raise_any()
+    from lupin_cli.proofs.safety_case import read_seen
+
+    seen = read_seen(field, results, catalog)
     if listed:
-        for one in loaded.values():
-            _show_list(one)
+        _list(list(loaded.values()), seen.field, as_json)
         return 0
     tasks = [
         task
@@ -149,10 +164,7 @@ def prove(
     if report is not None or as_json:
         made_by = origin(click.get_current_context())
     if report is not None:
-        from lupin_cli.files import write_text
-        from lupin_cli.proofs.proof_page import proof_page
-
-        write_text(report, proof_page(proofs, made_by))
+        _write_report(report, proofs, made_by, seen)
     if as_json:
         click.echo(json.dumps([_record(*one, made_by) for one in proofs], default=str))
     else:
@@ -163,7 +175,42 @@ def prove(
     return _exit_code([proof for _, proof, _ in proofs])
 
 
-def _show_list(loaded: LoadedMissions) -> None:
+def _write_report(
+    file: Path, proofs: Sequence[tuple[LoadedMissions, Proof, Any]], made_by: Origin, seen: CaseEvidence
+) -> None:
+    from lupin_cli.files import write_text
+    from lupin_cli.proofs.proof_page import proof_page
+    from lupin_cli.proofs.safety_case import as_markdown, safety_case
+
+    cases = [(one, proof, safety_case(one, proof, made_by, seen)) for one, proof, _ in proofs]
+    if file.suffix == ".md":
+        write_text(file, as_markdown(cases))
+    else:
+        write_text(file, proof_page(proofs, made_by, [case for _, _, case in cases]))
+
+
+def _list(missions: Sequence[LoadedMissions], field: FieldEvidence | None, as_json: bool) -> None:
+    """Print the properties of missions, with what robots have shown of them where there is a journal."""
+    if as_json:
+        click.echo(json.dumps([_list_record(one, field) for one in missions]))
+        return
+    for one in missions:
+        _show_list(one, field)
+    for problem in field.left_out if field is not None else ():
+        click.echo(f"left out: {problem}", err=True)
+
+
+def _list_record(loaded: LoadedMissions, field: FieldEvidence | None) -> dict[str, Any]:
+    from lupin_verify import listed
+
+    known = [
+        (name, says, None if place is None else place.shown) for name, says, place in listed(loaded.chart)
+    ]
+    found = [{"name": name, "says": says, "place": place} for name, says, place in known]
+    return {"mission": loaded.names[0], "properties": found, "field": field and field.record()}
+
+
+def _show_list(loaded: LoadedMissions, field: FieldEvidence | None) -> None:
     """Print the properties of a mission, each with its sentence and where it comes from."""
     from lupin_cli.proofs.proof_words import shown_place
     from lupin_verify import listed
@@ -171,6 +218,8 @@ def _show_list(loaded: LoadedMissions) -> None:
     click.echo(loaded.names[0])
     for name, says, place in listed(loaded.chart):
         click.echo(f"  {name}: {says} ({'built in' if place is None else shown_place(loaded, place)})")
+        if field is not None and name in loaded.chart.properties:
+            click.echo(f"    {field.shown(name)}")
     _show_not_meant(loaded, "  ")
 
 
@@ -399,6 +448,7 @@ def _record(
         "assumptions": list(ASSUMPTIONS),
         "not_shown": list(NOT_SHOWN),
         "reached": asdict(proof.reached),
+        "taken": sorted(proof.taken),
         "dead": [part.sentence(part.place.shown) for part in proof.dead],
         "properties": [
             {

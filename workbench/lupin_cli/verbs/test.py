@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lupin_cli import options
 from lupin_cli.files import write_text
 from lupin_engine.errors import Problems, UsageError
 from lupin_engine.plugin import Catalog, load_catalog
 from lupin_engine.sim import SUFFIX
 
 if TYPE_CHECKING:
+    from lupin_cli.field import FieldTable
     from lupin_engine.replay import Coverage
     from lupin_engine.sim import ScenarioResult
 
@@ -39,6 +41,15 @@ _PLACES = (Path("scenarios"), Path("tests/scenarios"))
     type=click.Path(dir_okay=False, path_type=Path),
     help="Draw the mission coloured by what was reached; of several missions each into FILE-MISSION.svg.",
 )
+@options.field
+@click.option(
+    "--seen",
+    "results",
+    multiple=True,
+    metavar="FILE.json",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="With --field: compare also with the output of 'lupin prove --json' or 'lupin campaign --json'.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @click.option("--quiet", "-q", is_flag=True, help="Print failures and the last line only.")
 @click.option(
@@ -55,6 +66,8 @@ def test(
     covers: bool,
     min_coverage: float | None,
     drawing: Path | None,
+    field: tuple[Path, ...],
+    results: tuple[Path, ...],
     as_json: bool,
     quiet: bool,
     recording: Path | None,
@@ -69,34 +82,43 @@ def test(
 
     Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run.
     """
-    from lupin_engine.replay import CoverageObserver, add_up
+    from lupin_cli.field import FieldTable
+    from lupin_engine.replay import CoverageObserver, add_up, field_evidence
     from lupin_engine.sim import Missions, Suite
 
     catalog = load_catalog()
     if recording is not None or output is not None:
         return _make_scenario(recording, output, paths, catalog)
     files = _checked(paths, drawing)
-    counts = covers or min_coverage is not None or drawing is not None
+    counts = bool(covers or min_coverage is not None or drawing is not None or field)
     suite = Suite(catalog, CoverageObserver() if counts else None)
-    results = []
+    tried = []
     for file in files:
-        results.append(suite.run(file, range(seed, seed + seeds)))
+        tried.append(suite.run(file, range(seed, seed + seeds)))
         if not as_json:
-            _show(results[-1], quiet)
-    coverage = add_up(results, Missions(catalog)) if counts else None
+            _show(tried[-1], quiet)
+    coverage = add_up(tried, Missions(catalog)) if counts else None
     if coverage is not None and drawing is not None:
         _draw(coverage, drawing)
-    return _verdict(results, coverage, min_coverage, as_json)
+    happened = FieldTable(coverage, field_evidence(field, catalog), results) if coverage and field else None
+    return _verdict(tried, coverage, min_coverage, as_json, happened)
 
 
 def _verdict(
-    results: Sequence[ScenarioResult], coverage: Coverage | None, min_coverage: float | None, as_json: bool
+    results: Sequence[ScenarioResult],
+    coverage: Coverage | None,
+    min_coverage: float | None,
+    as_json: bool,
+    happened: FieldTable | None,
 ) -> int:
     """Print the sum of all scenarios, and return the exit code."""
     if as_json:
-        click.echo(json.dumps(_record(results, coverage), default=str))
+        more = {"field": happened.record()} if happened is not None else {}
+        click.echo(json.dumps({**_record(results, coverage), **more}, default=str))
     else:
         _sum_up(results, coverage)
+        for line in happened.lines() if happened is not None else ():
+            click.echo(line)
     enough = coverage is None or min_coverage is None or coverage.percent >= min_coverage
     if not enough and not as_json:
         click.echo(f"less than {min_coverage:g} % was reached")
