@@ -15,6 +15,7 @@ from .event import Start as Start
 from .event import Trigger as Trigger
 from .holds import all_holds as all_holds
 from .inputs import WAITS as WAITS
+from .inputs import Inputs as Inputs
 from .itineraries import identity_of as identity_of
 from .machine import Machine as Machine
 from .memory import Attempt as Attempt

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, cast
 
+from lupin_engine.chart import Level
 from lupin_engine.errors import reason
 from lupin_engine.machine import (
     RESUMED,
@@ -21,6 +22,7 @@ from lupin_engine.machine import (
     CompiledAction,
     EvaluationScope,
     ExecutableContent,
+    Inputs,
     Machine,
     Macrostep,
     Memory,
@@ -179,7 +181,7 @@ class SituationExplorer:
                 if not is_idle(machine):
                     return Effect()
                 memory.assign(successor(Machine(self.world, memory.plain()), self.world).memory)
-                machine = _TrackedMachine(self.world, memory)
+                machine = _ReloadedMachine(self.world, memory)
                 with ExitStack() as unread:
                     for field in RECOMPUTED:
                         unread.enter_context(memory.unread(field, self.table.keys[field]))
@@ -440,6 +442,25 @@ class _TrackedMachine(Machine):
 
     __slots__ = ()
     content = _TrackedContent
+
+
+class _SameInputs(Inputs):
+    """Live values after a reload of the same missions: a known level stays as it is.
+
+    Of an input that is read by its levels alone, a situation has some value, on either side of a bound.
+    """
+
+    def is_reached(self, level: Level, name: str, value: float, step: Macrostep) -> bool:
+        """Return a level as it was; compare only where it is not known."""
+        known: bool | None = self._scope.memory.levels.get(name)
+        return super().is_reached(level, name, value, step) if known is None else known
+
+
+class _ReloadedMachine(_TrackedMachine):
+    """A machine after a reload of the same missions."""
+
+    __slots__ = ()
+    inputs = _SameInputs
 
 
 class _LazyGlance:
