@@ -206,6 +206,7 @@ def proven(folder: Path, capsys: pytest.CaptureFixture[str], said: dict[str, str
         {"ASKED_FOR": REQUEST, "SEEN": "len(request.tags) == 0"},
         {"ASKED_FOR": WORD, "SEEN": "request.word == 'b'"},
         {"ASKED_FOR": WORD, "SEEN": "request.word not in ['a', 'b']"},
+        {"ASKED_FOR": WORD, "SEEN": "request.word in 'abc' and request.word not in ['abc', 'a', 'b', 'c']"},
         {"ASKED_FOR": LATEST, "SEEN": "request.latest < '06:30'"},
         {"ASKED_FOR": LATEST, "SEEN": "request.latest > '07:00'"},
         {"ASKED_FOR": SHARE, "SEEN": "0.1 < request.share < 0.3"},
@@ -258,6 +259,16 @@ def test_what_a_condition_can_tell_apart_is_tried(
         (
             {"ASKED_FOR": REQUEST, "SEEN": "'9' in request.tags"},
             "request.tags: only lists of 0, 1 elements were tried, although `'9' in request.tags` reads it",
+        ),
+        (
+            {"ASKED_FOR": WORD, "SEEN": "'b' in request.word and request.word != 'b'"},
+            "request.word: only a, b, x1 were tried,"
+            " although `'b' in request.word and request.word != 'b'` reads it",
+        ),
+        (
+            {"ASKED_FOR": WORD, "SEEN": "request.word in 'bcdefg' and request.word == 'cdef'"},
+            'request.word: only a, "", b, bc, bcd, bcdefg, c, cd and 10 more were tried,'
+            " although `request.word in 'bcdefg' and request.word == 'cdef'` reads it",
         ),
         (
             {"ASKED_FOR": WORD, "SEEN": "len(request.word) > 9"},
