@@ -2,6 +2,7 @@ from . import event as event
 from .actions import CompiledAction as CompiledAction
 from .actions import ExecutableContent as ExecutableContent
 from .event import ANSWERED as ANSWERED
+from .event import CLOCK as CLOCK
 from .event import CODE_REPORTED as CODE_REPORTED
 from .event import HELD_BACK as HELD_BACK
 from .event import NOTHING as NOTHING

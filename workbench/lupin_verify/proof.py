@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.chart import DECIDING, Chart, walk
+from lupin_engine.chart import Chart
 from lupin_engine.errors import Place, Problems, UsageError
 from lupin_engine.machine import Step, World
 from lupin_engine.properties import properties_of
@@ -321,11 +321,6 @@ def _cut(explorer: SituationExplorer) -> Iterator[str]:
         yield f"lists of up to {most} element{'' if most == 1 else 's'}" if most else "empty lists"
     if explorer.moves.cuts_waiting:
         yield "one event of each kind that waits in a hold"
-    things = (*states, *chart.holds.values(), *chart.properties.values(), *chart.invariants.values())
-    if any(
-        root == "clock" for one in things for said in walk(one, DECIDING) for root, _ in reads(said.value)
-    ):
-        yield "06:00 as the robot's time of day"
     if explorer.classes.left_out:
         yield "the values that were tried"
 
@@ -355,7 +350,7 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
         f"{len(classes.requests)} requests, {len(classes.values)} values of inputs and {len(classes.events)}"
         " events of plugins come at any time.",
         "During a hold at most one event of each kind, and one time of day, waits for the release.",
-        "Conditions that read the robot's clock always see 06:00.",
+        "The robot's clock may come to any time of day between two steps; nobody sets it.",
         "If an operation sets a live value (such as the pose), that value is known before the operation"
         " succeeds.",
     ]

@@ -160,7 +160,9 @@ COLD = "known(event.reading['temperature']) and event.reading['temperature'] < '
 def doubt(said: dict[str, str]) -> str:
     """Return the mission that says this."""
     text = DOUBT
-    begins = {"pose": "{x: 0 m, y: 0 m, yaw: 0 rad}", "text": "p"}.get(said.get("OF_TYPE", ""), "0.0")
+    begins = {"time_of_day": "'06:00'", "pose": "{x: 0 m, y: 0 m, yaw: 0 rad}", "text": "p"}.get(
+        said.get("OF_TYPE", ""), "0.0"
+    )
     for word, what in {**NOTHING, "BEGINS": begins, **said}.items():
         text = text.replace(f"<{word}>", what)
     return text
@@ -210,6 +212,9 @@ def proven(folder: Path, capsys: pytest.CaptureFixture[str], said: dict[str, str
         {"ASKED_FOR": LATEST, "SEEN": "request.latest < '06:30'"},
         {"ASKED_FOR": LATEST, "SEEN": "request.latest > '07:00'"},
         {"ASKED_FOR": SHARE, "SEEN": "0.1 < request.share < 0.3"},
+        {"SEEN": "clock.time >= '12:00' and clock.time < '12:30'"},
+        {"SEEN": "clock.today > '2026-03-01' and clock.time == '00:00'"},
+        {"KEPT": "clock.time", "OF_TYPE": "time_of_day", "SEEN": "c == '22:15'"},
         {"READ": "event.reading.tag_id not in ['1', '2']"},
         {"READ": f"{COLD} and event.reading['humidity'] > '99 %'"},
         {"SEEN": "input.charge < 0.1 and input.battery.value > 0.09"},
@@ -286,6 +291,10 @@ def test_what_a_condition_can_tell_apart_is_tried(
         (
             {"ASKED_FOR": TIMES, "SEEN": "request.a > request.b"},
             "request.a: only 07:00, 06:59, 07:01 were tried, although `request.a > request.b` reads it",
+        ),
+        (
+            {"ASKED_FOR": LATEST, "SEEN": "clock.time > request.latest"},
+            "clock.time: only 06:00, 05:59, 06:01 were tried, although `clock.time > request.latest` reads it",
         ),
         (
             {"CONFIRMED": "event.confidence in [input.charge + 3, 9 + input.charge]"},

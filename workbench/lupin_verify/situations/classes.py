@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import date, time
 from typing import Any
 
 from lupin_engine.chart import Chart, Field, Input, Mission
 from lupin_engine.errors import shortened
-from lupin_engine.machine import EvaluationScope, Event, Memory, World, identity_of
+from lupin_engine.machine import CLOCK, EvaluationScope, Event, Memory, World, identity_of
 from lupin_engine.machine import event as events
 from lupin_engine.plugin import ANY as ANY_TYPE
 from lupin_engine.plugin import (
@@ -37,6 +37,8 @@ from lupin_verify.situations.relevance import (
     invokes,
 )
 
+#: The robot's clock at the beginning, in POSIX time: six in the morning of 2026-01-01, UTC.
+MORNING = 1767247200.0
 #: The mission id in a proof.
 MISSION_ID = "proof"
 #: The most combinations of fields of one result, event or request that are tried.
@@ -71,10 +73,55 @@ class Classes:
         for _, invoke in invokes(world.chart):
             self._more[invoke.name] += invoke.classes
         self.names: list[str] = []
+        relevance.clock_key = self.clock_key
+        #: A moment of each class of the robot's clock; empty if no condition reads it.
+        self.moments = tuple(self._moments())
         starts = {m.name: self._starts(m) for m in self.chart.missions.values()}
         self.requests = tuple(self._requests(starts))
         self.values = tuple(self._values())
         self.events = tuple(self._events())
+
+    # -- the robot's clock --------------------------------------------------------------------------------
+
+    def _moments(self) -> Iterator[Event]:
+        """Yield a moment of each class of dates and times of day; `says` has it in words."""
+        calendar = self.world.calendar
+        if calendar is None or not self.compared.decides(("clock",)):
+            return
+        today, now = calendar.shown(MORNING)
+        dates = self._variants(("clock", "today"), DATE, today)
+        times = self._variants(("clock", "time"), TIME_OF_DAY, now)
+        for each in itertools.product(dates, times):
+            yield Event(CLOCK, {"ahead": self.moment(*each), "says": " ".join(each)})
+
+    def moment(self, day: str, time: str) -> float:
+        """Return the moment at which the robot's clock comes to a time of a day (a date)."""
+        calendar = self.world.calendar
+        assert calendar is not None, "there is no clock without a calendar"
+        days = (
+            date.fromisoformat(day).toordinal() - date.fromisoformat(calendar.shown(MORNING)[0]).toordinal()
+        )
+        found, _ = calendar.next(time, MORNING + 86400.0 * (days - 2), ())
+        while calendar.shown(found)[0] < day:
+            found, _ = calendar.next(time, found, ())
+        return found
+
+    def time_comes(self, time: str, wall: Callable[[], float | None]) -> float:
+        """Return the moment at which a wait for a time of day ends, given the clock before.
+
+        Which day that is matters only if a condition reads the date.
+        """
+        calendar = self.world.calendar
+        assert calendar is not None, "there is no clock without a calendar"
+        is_read = self.compared.decides(("clock", "today"))
+        before = wall() if is_read else None
+        return self.moment(calendar.shown(MORNING if before is None else before)[0], time)
+
+    def clock_key(self, moment: float) -> str:
+        """Return the class of a moment."""
+        assert self.world.calendar is not None, "there is no clock without a calendar"
+        today, time = self.world.calendar.shown(moment)
+        return repr(self.compared.abstracted(("clock",), {"today": today, "time": time}))
 
     # -- requests -----------------------------------------------------------------------------------------
 

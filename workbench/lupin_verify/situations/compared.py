@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from lupin_engine.chart import Chart, Compiled, Expression, Input, Value, to_function
 from lupin_engine.machine import EvaluationScope, Memory, World
-from lupin_engine.plugin import Notation, Type, problems
+from lupin_engine.plugin import DATE, TIME_OF_DAY, Notation, Type, problems
 from lupin_verify.situations.relevance import (
     STORING,
     Relevance,
@@ -32,13 +32,16 @@ from lupin_verify.situations.relevance import (
 Read = tuple[str, ...]
 ANY = "*"
 #: Roots of reported values, and of variables that may store them.
-_ROOTS = frozenset({"input", "event", "request", "given", "context", "item", "target", "param"})
+_ROOTS = frozenset({"input", "event", "request", "given", "context", "item", "target", "param", "clock"})
 #: Roots that may be read as a whole, too.
 _WHOLE = frozenset({"event", "item", "target"})
 #: With more bounds, a value is counted up or propagated in a cycle.
 _MOST_BOUNDS = 16
+#: The types of the robot's clock, and the names of both: texts that conditions compare by their order.
+_CLOCK: Mapping[str, Type] = {"time": TIME_OF_DAY, "today": DATE}
+_TIMES = frozenset(kind.name for kind in _CLOCK.values())
 #: Roots of the machine's own state.
-_CHANGING = ("in_state", "held", "itinerary", "clock")
+_CHANGING = ("in_state", "held", "itinerary")
 _ORDERINGS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 #: The operators of a linear expression, and the calls that the checker inserts into one.
 _LINEAR = (ast.Add, ast.Sub, ast.USub)
@@ -133,7 +136,8 @@ class Compared:
         if not self.decides(read):
             return None
         if self.read is None or any(one == read[: len(one)] for one in self.read):
-            return side(value, self.edges(read)) if self._is_clear(read, value) else repr(value)
+            edges = self.texts(read) if isinstance(value, str) else self.edges(read)
+            return side(value, edges) if self._is_clear(read, value) else repr(value)
         names = sorted({one[len(read)] for one in self.read if one[: len(read)] == read})
         if ANY in names:
             return repr(value)
@@ -141,7 +145,8 @@ class Compared:
 
     def _is_clear(self, read: Read, value: Any) -> bool:
         is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        return is_number and read in self.bounds and read not in self.unclear
+        is_time = isinstance(value, str) and any(kind.name in _TIMES for kind in self.kinds(read))
+        return (is_number or is_time) and read in self.bounds and read not in self.unclear
 
     # -- one expression -----------------------------------------------------------------------------------
 
@@ -219,7 +224,7 @@ class Compared:
             return None
         try:
             value = to_function(ast.unparse(node))(self._env)
-        except Exception:  # it reads the clock, an element of a list, or another value that is not constant
+        except Exception:  # it reads an element of a list, or another value that is not constant
             return None
         every = value if isinstance(value, list) else _parts(value) if within else [value]
         if any(isinstance(one, (list, Mapping)) for one in every):
@@ -457,8 +462,8 @@ def _code(value: Value | None) -> str | None:
     return compiled.code if isinstance(compiled, Compiled) else None
 
 
-def side(value: float, edges: Sequence[float]) -> tuple[int, ...]:
-    """Return for each edge whether a number lies below (-1), at (0) or above (1) it."""
+def side(value: Any, edges: Sequence[Any]) -> tuple[int, ...]:
+    """Return for each edge whether a number, time of day or date lies below (-1), at (0) or above (1) it."""
     return tuple((value > edge) - (value < edge) for edge in edges)
 
 
@@ -499,6 +504,8 @@ def _set_by_states(chart: Chart) -> Iterator[tuple[Read, Value]]:
 def _declared(chart: Chart, read: Read) -> list[Type]:
     """Return the declared types of the first name below a root."""
     root, name = read[0], read[1] if len(read) > 1 else ""
+    if root == "clock" and name:
+        return [_CLOCK[name]]
     if root == "input" and name in chart.inputs:
         spec = chart.inputs[name]
         declared = chart.catalog.values.get(spec.value)

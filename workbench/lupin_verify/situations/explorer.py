@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, cast
 from lupin_engine.chart import Level
 from lupin_engine.errors import reason
 from lupin_engine.machine import (
+    CLOCK,
     RESUMED,
     Act,
     Attempt,
@@ -50,7 +51,7 @@ from lupin_engine.properties import (
     unfinished,
 )
 from lupin_engine.sim import label_of
-from lupin_verify.situations.classes import Classes
+from lupin_verify.situations.classes import MORNING, Classes
 from lupin_verify.situations.found import Does, Effect, Is
 from lupin_verify.situations.memo import Rows
 from lupin_verify.situations.relevance import Relevance, invokes
@@ -88,8 +89,6 @@ from lupin_verify.situations.worlds import (
 
 #: The initial room for slots.
 ROOM = 128
-#: The constant time of the robot's clock, in POSIX time: six in the morning of 2026-01-01, UTC.
-MORNING = 1767247200.0
 #: The property that no step raises an exception.
 NO_EXCEPTION = "no_exception"
 
@@ -136,7 +135,9 @@ class SituationExplorer:
     def _begin(self) -> None:
         self.table = SlotTable(self.relevance, self._room, self.bounds.most_values)
         self.moves = WorldMoves(self.table, self.classes, self.bounds.owed, self.bounds.restarts)
-        self.table.reported = frozenset(self.moves.unconstrained_values())
+        unconstrained = self.moves.unconstrained_values()
+        self.table.reported = frozenset(s for s in unconstrained if self.table.names[s][0] == "inputs")
+        self.table.may_be_dead |= unconstrained.keys()
 
     # -- one move -----------------------------------------------------------------------------------------
 
@@ -166,6 +167,8 @@ class SituationExplorer:
         move = self.moves.all[number]
         if move.timer[0] == OF_PROPERTY:
             return self._late(memory, situation, move.timer[1])
+        if move.event is not None and move.event.name == CLOCK:  # no step: time passes without an event
+            return Effect(tuple(memory.change(self.table.index["wall", ""], move.event.data["ahead"])))
         machine = _TrackedMachine(self.world, memory)
         if move.timer[0] != "fresh":
             machine.restore_known_false(memory.fetch(self.table.index[KNOWN_FALSE]))

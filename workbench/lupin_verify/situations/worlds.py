@@ -21,6 +21,7 @@ from lupin_engine.chart import Chart, State
 from lupin_engine.machine import (
     ANSWERED,
     CANCELLED_CODE,
+    CLOCK,
     RELEASED,
     RESUMED,
     WAITS,
@@ -95,8 +96,8 @@ class WorldMove:
 
     @property
     def reports_value(self) -> bool:
-        """Whether it reports a live value."""
-        return self.event is not None and self.event.name == "value"
+        """Whether it reports a live value, or the robot's clock."""
+        return self.event is not None and self.event.name in ("value", CLOCK)
 
 
 class Due(NamedTuple):
@@ -147,6 +148,8 @@ class WorldMoves:
             yield f"request {number}", WorldMove(side, event)
         for number, event in enumerate(self._classes.values):
             yield f"value {number}", WorldMove(Mover.WORLD, event)
+        for number, event in enumerate(self._classes.moments):
+            yield f"clock {number}", WorldMove(Mover.WORLD, event)
         for number, event in enumerate(self._classes.events):
             yield f"event {number}", WorldMove(Mover.WORLD, event)
         yield "stray", WorldMove(Mover.WORLD, events.done("long over", {}))
@@ -169,12 +172,17 @@ class WorldMoves:
     def unconstrained_values(self) -> dict[int, dict[int, int]]:
         """Return the slots of inputs that may be unconstrained: one for its live value, and never stale.
 
-        Each has the numbers of its values with the numbers of the moves that report them.
+        The robot's clock is one, too. Each has the numbers of its values with those of the moves that report
+        them.
         """
         found: dict[int, dict[int, int]] = {}
         for number in self.everywhere:
             event = self.all[number].event
             if event is None or not self.all[number].reports_value:
+                continue
+            if event.name == CLOCK:
+                slot = self._table.index["wall", ""]
+                found.setdefault(slot, {})[self._table.number(slot, event.data["ahead"])] = number
                 continue
             specs = [i for i in self._table.relevance.chart.inputs.values() if i.value == event.data["name"]]
             if len(specs) == 1 and specs[0].freshness is None:
@@ -319,6 +327,8 @@ class WorldMoves:
         found = next(t for t in timers if (t[2], *t[3]) == wanted)
         timers.remove(found)
         timers.insert(0, (0.0, found[1], kind, (owner, event)))
+        if kind == "at" and self._classes.moments:
+            memory.wall = self._classes.time_comes(event.split(" ")[-1], lambda: memory.wall)
         if kind == "fresh":
             known, freshness = memory.inputs[owner], machine.chart.inputs[owner].freshness
             memory.inputs[owner] = known._replace(stamp=-(freshness or 0.0))
