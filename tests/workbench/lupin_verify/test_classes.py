@@ -240,26 +240,28 @@ def test_what_a_condition_can_tell_apart_is_tried(
     ("said", "told"),
     [
         (
-            {"CONFIRMED": "round(event.confidence) < 0"},
-            "event.confidence: only 0, 0.5, 1 were tried, although `round(event.confidence) < 0` reads it",
+            {"CONFIRMED": "round(event.confidence) == 7"},
+            "event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried,"
+            " although `round(event.confidence) == 7` reads it",
         ),
         (
-            {"CONFIRMED": "event.confidence < -input.charge"},
-            "event.confidence: only 0, 0.5, 1 were tried,"
-            " although `event.confidence < -input.charge` reads it",
+            {"CONFIRMED": "event.confidence == -40 - input.charge"},
+            "event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried,"
+            " although `event.confidence == -40 - input.charge` reads it",
         ),
         (
-            {"KEPT": "c + event.confidence", "SEEN": "c > 40"},
-            "event.confidence: only 0, 0.5, 1 were tried, although `c + event.confidence` reads it",
+            {"KEPT": "c + event.confidence", "SEEN": "c > 40000"},
+            "event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried,"
+            " although `c + event.confidence` reads it",
         ),
         (
             {"FAILED": "error.detail == 'stuck'"},
             "error.detail: no other values were tried, although `error.detail == 'stuck'` reads it",
         ),
         (
-            {"CONFIRMED": "any(event.confidence > one for one in [7, 9])"},
-            "event.confidence: only 0, 0.5, 1 were tried,"
-            " although `any(event.confidence > one for one in [7, 9])` reads it",
+            {"CONFIRMED": "any(event.confidence == one for one in [7, 9])"},
+            "event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried,"
+            " although `any(event.confidence == one for one in [7, 9])` reads it",
         ),
         (
             {"ASKED_FOR": REQUEST, "SEEN": "'9' in request.tags"},
@@ -294,17 +296,18 @@ def test_what_a_condition_can_tell_apart_is_tried(
         ),
         (
             {"ASKED_FOR": LATEST, "SEEN": "clock.time > request.latest"},
-            "clock.time: only 06:00, 05:59, 06:01 were tried, although `clock.time > request.latest` reads it",
+            "clock.time: only 06:00, 05:59, 06:01 were tried,"
+            " although `clock.time > request.latest` reads it",
         ),
         (
             {"CONFIRMED": "event.confidence in [input.charge + 3, 9 + input.charge]"},
-            "event.confidence: only 0, 0.5, 1 were tried,"
+            "event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried,"
             " although `event.confidence in [input.charge + 3, 9 + input.charge]` reads it",
         ),
         (
-            {"CONFIRMED": "event.confidence * (event.confidence - 1) > 6"},
-            "event.confidence: only 0, 0.5, 1 were tried,"
-            " although `event.confidence * (event.confidence - 1) > 6` reads it",
+            {"CONFIRMED": "event.confidence * (event.confidence - 1) == 42"},
+            "event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried,"
+            " although `event.confidence * (event.confidence - 1) == 42` reads it",
         ),
     ],
     ids=lambda one: next(iter(one.values())) if isinstance(one, dict) else "",
@@ -322,6 +325,27 @@ def test_what_is_not_understood_is_told(
     assert code == 0
     assert f"    Not all values were tried: {told}.\n" in printed
     assert re.search(r": proven for (.*, )?the values that were tried; ", printed)
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "event.confidence > input.charge",
+        "event.confidence < -input.charge",
+        "event.confidence * input.charge > 400",
+        "event.confidence * event.confidence > 400",
+        "round(event.confidence) % 10 == 9",
+    ],
+)
+def test_of_what_is_not_understood_a_few_values_are_tried(
+    condition: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Zero, one, large ones and their opposites, besides those around bounds: what these break is found."""
+    monkeypatch.chdir(tmp_path)
+    code, told = proven(tmp_path, capsys, {"CONFIRMED": condition})
+    assert code == 1, told
+    assert "✗ never_there: never in_state('THERE')\n" in told
+    assert "Not all values were tried: event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried" in told
 
 
 def test_the_values_are_told(

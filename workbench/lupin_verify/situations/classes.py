@@ -43,6 +43,8 @@ MORNING = 1767247200.0
 MISSION_ID = "proof"
 #: The most combinations of fields of one result, event or request that are tried.
 MOST_COMBINED = 16
+#: Numbers that are tried of a value that conditions read in another way than by comparing it with constants.
+_SAMPLES = (-1000.0, -1.0, 0.0, 1.0, 1000.0)
 #: How many values of one read are listed in words, and the most letters of each.
 MOST_LISTED, MOST_LETTERS = 8, 40
 
@@ -157,7 +159,7 @@ class Classes:
             least = int(max(field.minimum or 0, field.type.minimum or 0))
             counts = list(range(least, max(least, self.targets) + 1))
             usual = [] if usual is None else [usual]
-            return self._distinguished(read, [*counts, *usual, *_around(self.compared.edges(read), kind)])
+            return self._distinguished(read, [*counts, *usual, *self._numbers([read], kind)])
         return self._variants(read, kind, self._sample(kind, 1) if usual is None else usual)
 
     def _lists(self, kind: Type, usual: Any) -> list[Any]:
@@ -211,8 +213,7 @@ class Classes:
         kind = within(kind, spec.minimum, spec.maximum)
         usual = self._sample(kind, 1)
         if kind.kind in ("number", "integer"):
-            edges = [edge for each in specs for edge in self.compared.edges(("input", each.name))]
-            return [*(_around(edges, kind) or [usual]), *more]
+            return [*(self._numbers([("input", each.name) for each in specs], kind) or [usual]), *more]
         return [usual, *self._others(read, kind, usual), *more]
 
     def _events(self) -> Iterator[Event]:
@@ -271,7 +272,7 @@ class Classes:
         if kind.kind == "bool":
             return [False, True]
         if kind.kind in ("number", "integer"):
-            return _around(self.compared.edges(read), kind)
+            return self._numbers([read], kind)
         if kind.kind == "text":
             return kind.values or self._words(read, kind, usual)
         if kind.named:
@@ -280,6 +281,17 @@ class Classes:
             return self._of_list(kind, usual)
         parts = {name: self._variants((*read, name), of, usual[name]) for name, of in kind.fields.items()}
         return self._combined(self._shown(read), parts)
+
+    def _numbers(self, reads: Sequence[Read], kind: Type) -> list[Any]:
+        """Return numbers around the bounds of some reads of one value; samples, too, if one is unclear."""
+        around = _around((edge for read in reads for edge in self.compared.edges(read)), kind)
+        if self.compared.unclear.keys().isdisjoint(reads):
+            return around
+        low = -math.inf if kind.minimum is None else kind.minimum
+        high = math.inf if kind.maximum is None else kind.maximum
+        samples = (one for one in (low, high, *_SAMPLES) if low <= one <= high and math.isfinite(one))
+        of_kind = int if kind.kind == "integer" else float
+        return list(dict.fromkeys([*around, *map(of_kind, samples)]))
 
     def _words(self, read: Read, kind: Type, usual: str) -> list[str]:
         """Return the texts that conditions name and another one; note where there is no other one."""
