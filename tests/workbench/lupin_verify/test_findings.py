@@ -180,7 +180,7 @@ BOUNDS = """\
     Servers that refuse a cancel are not explored; meanwhile, nothing else begins with what they use.
     A deadline fires at any time, but not before one that was certainly due earlier.
     7 requests, 7 values of inputs and 0 events of plugins come at any time.
-    During a hold at most one event of each kind, and one time of day, waits for the release.
+    During a hold at most 2 events of each kind, and as many times of day, wait for the release.
     The robot's clock may come to any time of day between two steps; nobody sets it.
     If an operation sets a live value (such as the pose), that value is known before the operation succeeds.
     The process does not end, and missions are not reloaded.

@@ -94,12 +94,17 @@ NO_EXCEPTION = "no_exception"
 
 
 class Bounds(NamedTuple):
-    """The bounds of a proof. `owed`: how many abandoned attempts of one operation may still be answered."""
+    """The bounds of a proof.
+
+    `owed`: how many abandoned attempts of one operation may still be answered. `deferred`: how many events of
+    one name, and how many times of day, wait during a hold.
+    """
 
     targets: int = 2
     owed: int = 0
     restarts: bool = True
     most_values: int = 2000
+    deferred: int = 2
 
 
 class SituationExplorer:
@@ -134,7 +139,8 @@ class SituationExplorer:
 
     def _begin(self) -> None:
         self.table = SlotTable(self.relevance, self._room, self.bounds.most_values)
-        self.moves = WorldMoves(self.table, self.classes, self.bounds.owed, self.bounds.restarts)
+        bounds = self.bounds
+        self.moves = WorldMoves(self.table, self.classes, bounds.owed, bounds.restarts, bounds.deferred)
         unconstrained = self.moves.unconstrained_values()
         self.table.reported = frozenset(s for s in unconstrained if self.table.names[s][0] == "inputs")
         self.table.may_be_dead |= unconstrained.keys()

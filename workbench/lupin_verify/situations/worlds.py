@@ -110,7 +110,7 @@ class Due(NamedTuple):
 class WorldMoves:
     """All moves of one chart, numbered when they are first enabled."""
 
-    def __init__(self, table: SlotTable, classes: Classes, owed: int, restarts: bool) -> None:
+    def __init__(self, table: SlotTable, classes: Classes, owed: int, restarts: bool, deferred: int) -> None:
         """Begin with the moves that are enabled everywhere.
 
         Args:
@@ -118,11 +118,13 @@ class WorldMoves:
             classes: the representative values of answers, live values and requests.
             owed: how many abandoned attempts of one operation may still be answered.
             restarts: whether the process may end and be continued by another, and missions be reloaded.
+            deferred: how many events of one name, and how many times of day, wait during a hold.
         """
         self._table = table
         self._classes = classes
         self.owed = owed
-        #: Whether a second event of a kind, or a time of day, was left out during a hold.
+        self._deferred = deferred
+        #: Whether an event of which so many wait already, or a time of day, was left out during a hold.
         self.cuts_waiting = False
         self.all: list[WorldMove] = []
         self._numbers: dict[tuple[Any, ...], int] = {}
@@ -291,15 +293,14 @@ class WorldMoves:
     def carry_out(self, machine: Machine, memory: TrackedMemory, move: WorldMove) -> Step | None:
         """Make the step of a move; None where it is beyond the bounds.
 
-        Beyond them are a second event of one name or time of day in a hold, and a success before the live
-        values that the operation sets are known.
+        Beyond them are an event of one name and a time of day of which enough wait for the end of a hold,
+        and a success before the live values that the operation sets are known.
         """
         if move.event is None:
             return self._fire(machine, memory, move.timer)
         name = move.event.name
-        if name in machine.chart.catalog.events and any(e.name == name for e in memory.deferred):
-            self.cuts_waiting = True
-            return None  # at most one event of a name is deferred during a hold
+        if name in machine.chart.catalog.events and self._is_full(memory, name):
+            return None
         if name == "attempt.done" and not self._is_reported(memory, move.event.data["attempt"]):
             return None
         if name == RESUMED:
@@ -312,6 +313,12 @@ class WorldMoves:
                 return machine.handle(move.event, 0.0)
         return machine.handle(move.event, 0.0)
 
+    def _is_full(self, memory: TrackedMemory, name: str) -> bool:
+        """Return whether no more events of a name may wait for the end of a hold."""
+        found = sum(waiting.name == name for waiting in memory.deferred) >= self._deferred
+        self.cuts_waiting = self.cuts_waiting or found
+        return found
+
     def _is_reported(self, memory: TrackedMemory, attempt: str) -> bool:
         """Return whether all live values are known that the operation of an attempt sets."""
         found = None if is_abandoned(attempt) else memory.attempts.get(attempt)
@@ -320,9 +327,8 @@ class WorldMoves:
 
     def _fire(self, machine: Machine, memory: TrackedMemory, wanted: TimerName) -> Step | None:
         kind, owner, event = wanted
-        if kind == "at" and any(waiting.name == WAITS for waiting in memory.deferred):
-            self.cuts_waiting = True
-            return None  # at most one time of day is deferred during a hold
+        if kind == "at" and self._is_full(memory, WAITS):
+            return None
         timers = memory.timers
         found = next(t for t in timers if (t[2], *t[3]) == wanted)
         timers.remove(found)
