@@ -9,6 +9,12 @@ from pathlib import Path
 import pytest
 
 from lupin_cli.main import main
+from lupin_engine.missions.load import load_chart
+from lupin_engine.properties.authored import properties_of
+from lupin_engine.runtime.setup import make_world
+from lupin_verify.situations.explorer import Bounds, SituationExplorer
+from lupin_verify.situations.levels import explore
+from tests import shipped
 from tests.workbench.lupin_verify.test_counterexamples import LIFECYCLE
 
 #: Two deadlines after each other inside of a state that has one, too; what is late sets `late`.
@@ -155,3 +161,42 @@ def test_what_is_cut_stands_in_the_last_line(
     assert main(["prove", "sums.yaml", "--targets", "0", "--no-restarts", "--quiet", "--whole"]) == (
         3 if wanted.startswith("proven for ") else 0
     )
+
+
+#: Waits for a time of day; where it goes then depends on what the clock says.
+EVENING = """\
+mission: Evening
+properties:
+  never_there: {never: "in_state('THERE')"}
+  never_late: {never: "in_state('LATE') and clock.time == '22:00'"}
+initial: A
+states:
+  A:
+    at: {"22:00": [{target: THERE, guard: "GUARD"}, {target: LATE}]}
+    after: {100 s: done}
+  LATE: {after: {1 s: done}}
+  THERE: {after: {1 s: done}}
+  done: {type: final}
+"""
+
+
+@pytest.mark.parametrize(
+    ("guard", "broken"),
+    [
+        ("clock.time == '22:00'", {"never_there", "never_late"}),
+        ("clock.time == '21:00'", {"never_there", "never_late"}),
+        ("clock.time < '05:00' and held(pause)", {"never_late"}),
+        ("clock.today > '2026-02-01' and clock.time >= '12:00'", {"never_there", "never_late"}),
+    ],
+)
+def test_a_clock_that_is_not_stored_changes_nothing(guard: str, broken: set[str], tmp_path: Path) -> None:
+    """It is chosen when it is read: the same is broken and reached as if each moment were a situation."""
+    mission = tmp_path / "evening.yaml"
+    mission.write_text(EVENING.replace("GUARD", guard), encoding="utf-8")
+    world = make_world(load_chart(LIFECYCLE, [mission], shipped.catalog()), {})
+    properties = properties_of(world.chart)
+    explorers = [SituationExplorer(world, properties, Bounds(restarts=False)) for _ in range(2)]
+    fast, slow = (explore(one, open_values=not at) for at, one in enumerate(explorers))
+    assert fast.progress.situations < slow.progress.situations
+    assert fast.breaches.keys() == slow.breaches.keys() == broken
+    assert (fast.taken, fast.entered) == (slow.taken, slow.entered)
