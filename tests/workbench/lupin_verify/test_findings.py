@@ -57,7 +57,7 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copy(LIFECYCLE, tmp_path)
     Path("breaks.yaml").write_text(BREAKS, encoding="utf-8")
     Path("grows.yaml").write_text(GROWS, encoding="utf-8")
-    monkeypatch.setattr(Bounds.__new__, "__defaults__", (2, 0, True, 60))
+    monkeypatch.setattr(Bounds.__new__, "__defaults__", (2, 0, True, 60, 2))
 
 
 def test_growth_is_a_result_of_its_own_mission(capsys: pytest.CaptureFixture[str]) -> None:
