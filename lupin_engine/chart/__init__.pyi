@@ -55,6 +55,7 @@ from .model import Hold as Hold
 from .model import Input as Input
 from .model import Invoke as Invoke
 from .model import Kind as Kind
+from .model import Level as Level
 from .model import Mission as Mission
 from .model import Prompt as Prompt
 from .model import State as State

@@ -2,6 +2,7 @@ from . import event as event
 from .actions import CompiledAction as CompiledAction
 from .actions import ExecutableContent as ExecutableContent
 from .event import ANSWERED as ANSWERED
+from .event import CLOCK as CLOCK
 from .event import CODE_REPORTED as CODE_REPORTED
 from .event import HELD_BACK as HELD_BACK
 from .event import NOTHING as NOTHING
@@ -16,6 +17,7 @@ from .event import Start as Start
 from .event import Trigger as Trigger
 from .holds import all_holds as all_holds
 from .inputs import WAITS as WAITS
+from .inputs import Inputs as Inputs
 from .itineraries import identity_of as identity_of
 from .machine import Machine as Machine
 from .memory import Attempt as Attempt

@@ -120,7 +120,7 @@ class Inputs:
             name = f"input.{spec.name}.{level.name}"
             before = memory.levels.get(name)
             try:
-                memory.levels[name] = reached = self._is_reached(level, name, found.value, step)
+                memory.levels[name] = reached = self.is_reached(level, name, found.value, step)
                 same = same and reached is before
             except Exception as problem:
                 step.fail("", f"{level.place}: level {level.name}: {reason(problem)}")
@@ -142,7 +142,7 @@ class Inputs:
         if timers.left("fresh", spec.name, step.now) is None:
             timers.arm("fresh", spec.name, found.stamp, spec.freshness)
 
-    def _is_reached(self, level: Level, name: str, value: float, step: Macrostep) -> bool:
+    def is_reached(self, level: Level, name: str, value: float, step: Macrostep) -> bool:
         """Compare a value with a level; a level that was reached is left only beyond its hysteresis."""
         env = self._scope.see("", step)
         margin = 0.0

@@ -109,8 +109,9 @@ class Machine:
         "scope",
     )
 
-    #: What carries out its actions.
+    #: What carries out its actions, and what takes in its live values.
     content: ClassVar[type[ExecutableContent]] = ExecutableContent
+    inputs: ClassVar[type[Inputs]] = Inputs
 
     def __init__(self, world: World, memory: Memory | None = None) -> None:
         """Make a machine that is not started.
@@ -126,7 +127,7 @@ class Machine:
         self._operations = Operations(scope, self._content, self._table.arguments)
         self._holds = Holds(scope, self._table.hold_reads, self._operations.suspend, self._content.resume)
         self._requests = Requests(scope, self._holds, self._table.structure)
-        self._inputs = Inputs(scope)
+        self._inputs = self.inputs(scope)
         self._wall = WallClock(scope)
         self._state_timers = StateTimers(scope, self._wall)
         self._missions = MissionStart(scope, self._content, self._table.walks)

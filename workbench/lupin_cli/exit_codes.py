@@ -14,7 +14,8 @@ INTERRUPTED = 130
 #: there was nothing; nobody was asked, because no orchestrator is there or the command line is wrong.
 ACCEPTED, REFUSED, NOBODY = 0, 1, 2
 
-#: How a proof ends that is none: something is broken; or it is not shown that everything holds.
+#: How a proof ends that is none: something is broken; or it is not shown that everything holds, or, where
+#: that is demanded, only within bounds.
 BROKEN, NOT_PROVEN = 1, 3
 
 

@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from lupin_engine.chart import DECIDING, Chart, walk
+from lupin_engine.chart import Chart
 from lupin_engine.errors import Place, Problems, UsageError
 from lupin_engine.machine import Step, World
 from lupin_engine.properties import properties_of
@@ -331,12 +331,7 @@ def _cut(explorer: SituationExplorer) -> Iterator[str]:
     if any(one.itinerary or one.for_each for one in states) or any(kind.kind == "list" for kind in fields):
         yield f"lists of up to {most} element{'' if most == 1 else 's'}" if most else "empty lists"
     if explorer.moves.cuts_waiting:
-        yield "one event of each kind that waits in a hold"
-    things = (*states, *chart.holds.values(), *chart.properties.values(), *chart.invariants.values())
-    if any(
-        root == "clock" for one in things for said in walk(one, DECIDING) for root, _ in reads(said.value)
-    ):
-        yield "06:00 as the robot's time of day"
+        yield f"up to {explorer.bounds.deferred} events of each kind that wait in a hold"
     if explorer.classes.left_out:
         yield "the values that were tried"
 
@@ -365,8 +360,9 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
         "A deadline fires at any time, but not before one that was certainly due earlier.",
         f"{len(classes.requests)} requests, {len(classes.values)} values of inputs and {len(classes.events)}"
         " events of plugins come at any time.",
-        "During a hold at most one event of each kind, and one time of day, waits for the release.",
-        "Conditions that read the robot's clock always see 06:00.",
+        f"During a hold at most {bounds.deferred} events of each kind, and as many times of day, wait for the"
+        " release.",
+        "The robot's clock may come to any time of day between two steps; nobody sets it.",
         "If an operation sets a live value (such as the pose), that value is known before the operation"
         " succeeds.",
     ]
@@ -382,8 +378,8 @@ def in_words(explorer: SituationExplorer, explored: Explored) -> list[str]:
         found.append(f"Values on which no condition depends are not distinguished: {names}.")
     if explored.cut:
         found.append(
-            f"{explored.cut:,} moves were not followed, because they lead beyond these bounds: a second event"
-            " of one kind in a hold, one more order given up, success before a live value is known."
+            f"{explored.cut:,} moves were not followed, because they lead beyond these bounds: one more event"
+            " of a kind in a hold, one more order given up, success before a live value is known."
         )
     found += classes.words()
     found += [f"Not all values were tried: {text}." for text in classes.left_out]

@@ -52,7 +52,8 @@ def _can_be_done(chart: Chart, state: State) -> bool:
 def waits_for_ever(index: Index) -> Iterator[Diagnostic]:
     """Find an operation that has no timeout on purpose, and no other way out of its state either.
 
-    A way out that only the lifecycle has, such as an abort, is a warning: nobody is told to take it.
+    It is a warning if only the lifecycle has a way out, such as an abort, because nothing tells a person to
+    take it; or if only a live value or an event of a plugin leads out, because it may never come.
     """
     for work in index.works:
         node = index.composed.drafts[work.state.name].node
@@ -62,26 +63,37 @@ def waits_for_ever(index: Index) -> Iterator[Diagnostic]:
             problem = f"{work.invoke.name} may take for ever, and nothing else leaves this state"
             hint = "add an 'after', an 'always' or an answer to an event"
             yield Diagnostic(node.invoke.at("timeout"), "no-deadline", work.state.name, problem, hint)
-        elif work.state.mission and not _has_own_way_out(index, work.state):
-            problem = (
-                f"{work.invoke.name} may take for ever, and only the lifecycle leads out: nobody is told"
-            )
+        elif work.state.mission:
+            why = _why_no_end(index, work.state)
             hint = "write 'timeout: {after: 30 s, code: CODE}', or add an 'after' or an 'on' here"
-            place = node.invoke.at("timeout")
-            yield Diagnostic(place, "no-deadline", work.state.name, problem, hint, Severity.WARN)
+            problem = f"{work.invoke.name} may take for ever, and {why}"
+            if why:
+                place = node.invoke.at("timeout")
+                yield Diagnostic(place, "no-deadline", work.state.name, problem, hint, Severity.WARN)
 
 
-def _has_own_way_out(index: Index, state: State) -> bool:
-    """Say whether a mission itself leaves a state otherwise than when its operation ends."""
+def _why_no_end(index: Index, state: State) -> str:
+    """Return why a mission itself may never leave a state whose operation does not end; '' where it does."""
     around = (index.chart.states[name] for name in index.lineage[state.name])
-    ways = (t for one in around if one.mission for t in one.transitions)
-    return any(t.target is not None and t.event not in ("done", "error") for t in ways)
+    every = (t for one in around if one.mission for t in one.transitions)
+    ways = [t for t in every if t.target is not None and t.event not in ("done", "error")]
+    raised = _raised(index)
+    if not ways:
+        return "only the lifecycle leads out: nobody is told"
+    if all(_comes_from_the_world(t.event, raised) for t in ways):
+        return f"{ways[0].event}, which leads out, may never come"
+    return ""
+
+
+def _raised(index: Index) -> set[str]:
+    """Return the events that actions raise."""
+    events = [call.action.arguments["event"] for call in index.calls if call.action.name == "raise"]
+    return {str(event.value) for event in events if isinstance(event, Constant)}
 
 
 def waits_for_the_world(index: Index) -> Iterator[Diagnostic]:
     """Find a state of a mission that only live values and events of plugins lead out of, and no time."""
-    events = [call.action.arguments["event"] for call in index.calls if call.action.name == "raise"]
-    raised = {str(event.value) for event in events if isinstance(event, Constant)}
+    raised = _raised(index)
     for state in index.states:
         if not state.mission or state.kind is not Kind.ATOMIC or _does_something(index, state):
             continue

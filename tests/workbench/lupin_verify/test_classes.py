@@ -160,7 +160,9 @@ COLD = "known(event.reading['temperature']) and event.reading['temperature'] < '
 def doubt(said: dict[str, str]) -> str:
     """Return the mission that says this."""
     text = DOUBT
-    begins = {"pose": "{x: 0 m, y: 0 m, yaw: 0 rad}", "text": "p"}.get(said.get("OF_TYPE", ""), "0.0")
+    begins = {"time_of_day": "'06:00'", "pose": "{x: 0 m, y: 0 m, yaw: 0 rad}", "text": "p"}.get(
+        said.get("OF_TYPE", ""), "0.0"
+    )
     for word, what in {**NOTHING, "BEGINS": begins, **said}.items():
         text = text.replace(f"<{word}>", what)
     return text
@@ -206,9 +208,13 @@ def proven(folder: Path, capsys: pytest.CaptureFixture[str], said: dict[str, str
         {"ASKED_FOR": REQUEST, "SEEN": "len(request.tags) == 0"},
         {"ASKED_FOR": WORD, "SEEN": "request.word == 'b'"},
         {"ASKED_FOR": WORD, "SEEN": "request.word not in ['a', 'b']"},
+        {"ASKED_FOR": WORD, "SEEN": "request.word in 'abc' and request.word not in ['abc', 'a', 'b', 'c']"},
         {"ASKED_FOR": LATEST, "SEEN": "request.latest < '06:30'"},
         {"ASKED_FOR": LATEST, "SEEN": "request.latest > '07:00'"},
         {"ASKED_FOR": SHARE, "SEEN": "0.1 < request.share < 0.3"},
+        {"SEEN": "clock.time >= '12:00' and clock.time < '12:30'"},
+        {"SEEN": "clock.today > '2026-03-01' and clock.time == '00:00'"},
+        {"KEPT": "clock.time", "OF_TYPE": "time_of_day", "SEEN": "c == '22:15'"},
         {"READ": "event.reading.tag_id not in ['1', '2']"},
         {"READ": f"{COLD} and event.reading['humidity'] > '99 %'"},
         {"SEEN": "input.charge < 0.1 and input.battery.value > 0.09"},
@@ -234,30 +240,42 @@ def test_what_a_condition_can_tell_apart_is_tried(
     ("said", "told"),
     [
         (
-            {"CONFIRMED": "round(event.confidence) < 0"},
-            "event.confidence: only 0, 0.5, 1 were tried, although `round(event.confidence) < 0` reads it",
+            {"CONFIRMED": "round(event.confidence) == 7"},
+            "event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried,"
+            " although `round(event.confidence) == 7` reads it",
         ),
         (
-            {"CONFIRMED": "event.confidence < -input.charge"},
-            "event.confidence: only 0, 0.5, 1 were tried,"
-            " although `event.confidence < -input.charge` reads it",
+            {"CONFIRMED": "event.confidence == -40 - input.charge"},
+            "event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried,"
+            " although `event.confidence == -40 - input.charge` reads it",
         ),
         (
-            {"KEPT": "c + event.confidence", "SEEN": "c > 40"},
-            "event.confidence: only 0, 0.5, 1 were tried, although `c + event.confidence` reads it",
+            {"KEPT": "c + event.confidence", "SEEN": "c > 40000"},
+            "event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried,"
+            " although `c + event.confidence` reads it",
         ),
         (
             {"FAILED": "error.detail == 'stuck'"},
             "error.detail: no other values were tried, although `error.detail == 'stuck'` reads it",
         ),
         (
-            {"CONFIRMED": "any(event.confidence > one for one in [7, 9])"},
-            "event.confidence: only 0, 0.5, 1 were tried,"
-            " although `any(event.confidence > one for one in [7, 9])` reads it",
+            {"CONFIRMED": "any(event.confidence == one for one in [7, 9])"},
+            "event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried,"
+            " although `any(event.confidence == one for one in [7, 9])` reads it",
         ),
         (
             {"ASKED_FOR": REQUEST, "SEEN": "'9' in request.tags"},
             "request.tags: only lists of 0, 1 elements were tried, although `'9' in request.tags` reads it",
+        ),
+        (
+            {"ASKED_FOR": WORD, "SEEN": "'b' in request.word and request.word != 'b'"},
+            "request.word: only a, b, x1 were tried,"
+            " although `'b' in request.word and request.word != 'b'` reads it",
+        ),
+        (
+            {"ASKED_FOR": WORD, "SEEN": "request.word in 'bcdefg' and request.word == 'cdef'"},
+            'request.word: only a, "", b, bc, bcd, bcdefg, c, cd and 10 more were tried,'
+            " although `request.word in 'bcdefg' and request.word == 'cdef'` reads it",
         ),
         (
             {"ASKED_FOR": WORD, "SEEN": "len(request.word) > 9"},
@@ -277,14 +295,19 @@ def test_what_a_condition_can_tell_apart_is_tried(
             "request.a: only 07:00, 06:59, 07:01 were tried, although `request.a > request.b` reads it",
         ),
         (
+            {"ASKED_FOR": LATEST, "SEEN": "clock.time > request.latest"},
+            "clock.time: only 06:00, 05:59, 06:01 were tried,"
+            " although `clock.time > request.latest` reads it",
+        ),
+        (
             {"CONFIRMED": "event.confidence in [input.charge + 3, 9 + input.charge]"},
-            "event.confidence: only 0, 0.5, 1 were tried,"
+            "event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried,"
             " although `event.confidence in [input.charge + 3, 9 + input.charge]` reads it",
         ),
         (
-            {"CONFIRMED": "event.confidence * (event.confidence - 1) > 6"},
-            "event.confidence: only 0, 0.5, 1 were tried,"
-            " although `event.confidence * (event.confidence - 1) > 6` reads it",
+            {"CONFIRMED": "event.confidence * (event.confidence - 1) == 42"},
+            "event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried,"
+            " although `event.confidence * (event.confidence - 1) == 42` reads it",
         ),
     ],
     ids=lambda one: next(iter(one.values())) if isinstance(one, dict) else "",
@@ -302,6 +325,27 @@ def test_what_is_not_understood_is_told(
     assert code == 0
     assert f"    Not all values were tried: {told}.\n" in printed
     assert re.search(r": proven for (.*, )?the values that were tried; ", printed)
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "event.confidence > input.charge",
+        "event.confidence < -input.charge",
+        "event.confidence * input.charge > 400",
+        "event.confidence * event.confidence > 400",
+        "round(event.confidence) % 10 == 9",
+    ],
+)
+def test_of_what_is_not_understood_a_few_values_are_tried(
+    condition: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Zero, one, large ones and their opposites, besides those around bounds: what these break is found."""
+    monkeypatch.chdir(tmp_path)
+    code, told = proven(tmp_path, capsys, {"CONFIRMED": condition})
+    assert code == 1, told
+    assert "✗ never_there: never in_state('THERE')\n" in told
+    assert "Not all values were tried: event.confidence: only -1000, -1, 0, 0.5, 1, 1000 were tried" in told
 
 
 def test_the_values_are_told(

@@ -57,7 +57,7 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copy(LIFECYCLE, tmp_path)
     Path("breaks.yaml").write_text(BREAKS, encoding="utf-8")
     Path("grows.yaml").write_text(GROWS, encoding="utf-8")
-    monkeypatch.setattr(Bounds.__new__, "__defaults__", (2, 0, True, 60))
+    monkeypatch.setattr(Bounds.__new__, "__defaults__", (2, 0, True, 60, 2))
 
 
 def test_growth_is_a_result_of_its_own_mission(capsys: pytest.CaptureFixture[str]) -> None:
@@ -180,8 +180,8 @@ BOUNDS = """\
     Servers that refuse a cancel are not explored; meanwhile, nothing else begins with what they use.
     A deadline fires at any time, but not before one that was certainly due earlier.
     7 requests, 7 values of inputs and 0 events of plugins come at any time.
-    During a hold at most one event of each kind, and one time of day, waits for the release.
-    Conditions that read the robot's clock always see 06:00.
+    During a hold at most 2 events of each kind, and as many times of day, wait for the release.
+    The robot's clock may come to any time of day between two steps; nobody sets it.
     If an operation sets a live value (such as the pose), that value is known before the operation succeeds.
     The process does not end, and missions are not reloaded.
     Values on which no condition depends are not distinguished: reason.

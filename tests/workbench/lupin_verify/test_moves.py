@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lupin_engine.machine import event as events
-from lupin_engine.machine.event import RELEASED, RESUMED, Event
+from lupin_engine.machine.event import CLOCK, RELEASED, RESUMED, Event
 from lupin_verify.situations.moves import move_text
 from lupin_verify.situations.worlds import LOADED, OF_PROPERTY, Mover, WorldMove
 from tests.workbench.lupin_verify.toys import round_trip
@@ -18,6 +18,7 @@ TOLD = [
     (events.done("long over", {}), "a server answers an attempt that ended long ago"),
     (events.observed("robot.battery", 0.31, 0.0), "robot.battery = 0.31"),
     (events.observed("robot.estop", True, 0.0), "robot.estop = true"),
+    (Event(CLOCK, {"ahead": 0.0, "says": "2026-01-01 22:00"}), "the robot's clock says 2026-01-01 22:00"),
     (Event("operator.dock", {}), "operator.dock"),
     (Event("mission.start", {"mission_id": "proof", "tags": ["1", "2"]}), "mission.start (tags: [1, 2])"),
     (Event(RESUMED, {"away": 1.0}), "the process ends, and a new one continues"),

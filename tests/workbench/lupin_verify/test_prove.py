@@ -18,6 +18,7 @@ import pytest
 from lupin_cli.main import main
 from lupin_cli.verbs.prove import so_far
 from lupin_engine.machine.machine import Machine
+from lupin_engine.machine.memory import Memory
 from lupin_engine.machine.reload import successor
 from lupin_engine.missions.folders import lifecycle_of
 from lupin_engine.missions.load import load_chart
@@ -30,7 +31,7 @@ from lupin_verify.situations.levels import explore
 from lupin_verify.situations.situation import CARRIED_OVER, DROPPED, TrackedMemory
 from lupin_verify.situations.worlds import LOADED
 from tests import shipped
-from tests.workbench.lupin_verify.toys import KeepingExplorer
+from tests.workbench.lupin_verify.toys import LIFECYCLE, KeepingExplorer, two_holds
 
 ROOT = Path(__file__).parents[3]
 
@@ -204,6 +205,37 @@ def test_missions_are_loaded_anew_only_where_none_is_under_way() -> None:
         assert all(getattr(after, name) == getattr(before, name) for name in CARRIED_OVER)
         assert not any(getattr(after, name) for name in DROPPED)
     assert dropped
+
+
+def test_a_reload_of_the_same_missions_leaves_levels_as_they_are(tmp_path: Path) -> None:
+    """Where only the level of an input is read, a situation stands for values on both sides of its bound."""
+    of_levels = """\
+      WAITS: {always: {guard: input.battery.low, target: LOW}}
+      LOW: {always: {guard: not input.battery.low, target: WAITS}}
+"""
+    ready = f"  READY:\n    on: {{mission.start: MISSION}}\n    initial: WAITS\n    states:\n{of_levels}"
+    lifecycle = LIFECYCLE.replace("  READY: {on: {mission.start: MISSION}}\n", ready)
+    (tmp_path / "lifecycle.yaml").write_text(lifecycle.replace("freshness: 6 s, ", ""), encoding="utf-8")
+    mission = tmp_path / "short.yaml"
+    mission.write_text("mission: Short\ninitial: done\nstates: {done: {type: final}}\n", encoding="utf-8")
+    explorer = KeepingExplorer(load_chart(tmp_path / "lifecycle.yaml", [mission], shipped.catalog()))
+    explore(explorer)
+    loaded = next(number for number, move in enumerate(explorer.moves.all) if move.event is LOADED)
+    levels = {explorer.table.get(one, ("levels", "input.battery.low")) for one in explorer.situations}
+    assert levels == {False, True}
+    assert {explorer.step(one, loaded).taken for one in explorer.situations} == {()}
+
+
+def test_after_a_reload_a_hold_is_released_that_may_not_be_engaged() -> None:
+    """Holds stay a set whose names are asked for one by one."""
+    explorer = KeepingExplorer(two_holds())
+    situation, _ = explorer.initial()
+    memory = TrackedMemory(explorer.table, situation)
+    memory.assign(Memory(held=["stop"]))
+    memory.release(["pause"])
+    assert list(memory.held) == ["stop"]
+    memory.release(["pause", "stop"])
+    assert list(memory.held) == []
 
 
 def test_the_estimate_comes_first() -> None:

@@ -9,6 +9,12 @@ from pathlib import Path
 import pytest
 
 from lupin_cli.main import main
+from lupin_engine.missions.load import load_chart
+from lupin_engine.properties.authored import properties_of
+from lupin_engine.runtime.setup import make_world
+from lupin_verify.situations.explorer import Bounds, SituationExplorer
+from lupin_verify.situations.levels import explore
+from tests import shipped
 from tests.workbench.lupin_verify.test_counterexamples import LIFECYCLE
 
 #: Two deadlines after each other inside of a state that has one, too; what is late sets `late`.
@@ -118,20 +124,79 @@ def test_the_page_says_which_verdict_is_when(
 #: What is limited in a proof -> what the last line begins with.
 CUT = {
     "nothing": ("A: {after: {1 s: done}}", "proven;"),
-    "the time of day": (
+    "the time of day, which is tried": (
         "A: {after: {1 s: [{target: done, guard: \"clock.time < '12:00'\"}, {target: done}]}}",
-        "proven for 06:00 as the robot's time of day;",
+        "proven;",
+    ),
+    "lists": (
+        "A: {itinerary: {items: [1, 2]}, after: {1 s: done}}",
+        "proven for empty lists;",
+    ),
+    "values": (
+        "A: {after: {1 s: [{target: done, guard: round(input.battery.value) > 7}, {target: done}]}}",
+        "proven for the values that were tried;",
+    ),
+    "events that wait": (
+        "A: {on: {nav.battery_silent: done}, after: {1 s: done}}",
+        "proven for up to 2 events of each kind that wait in a hold;",
+    ),
+    "times of day that wait": (
+        "A: {at: {'06:30': B, '07:00': B, '08:00': B}, after: {1 s: done}}\n  B: {after: {1 s: done}}",
+        "proven for up to 2 events of each kind that wait in a hold;",
     ),
 }
 
 
 @pytest.mark.parametrize("name", CUT)
 def test_what_is_cut_stands_in_the_last_line(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """And nothing else does."""
+    """And nothing else does; it counts in the exit code if the whole is asked for."""
     state, wanted = CUT[name]
     text = f"mission: Sums\ninitial: A\nstates:\n  {state}\n  done: {{type: final}}\n"
+    monkeypatch.chdir(tmp_path)
     code, told = proven(tmp_path, capsys, text, "--no-restarts")
     assert code == 0
     assert told.startswith(f"Sums: {wanted} "), told
+    assert main(["prove", "sums.yaml", "--targets", "0", "--no-restarts", "--quiet", "--whole"]) == (
+        3 if wanted.startswith("proven for ") else 0
+    )
+
+
+#: Waits for a time of day; where it goes then depends on what the clock says.
+EVENING = """\
+mission: Evening
+properties:
+  never_there: {never: "in_state('THERE')"}
+  never_late: {never: "in_state('LATE') and clock.time == '22:00'"}
+initial: A
+states:
+  A:
+    at: {"22:00": [{target: THERE, guard: "GUARD"}, {target: LATE}]}
+    after: {100 s: done}
+  LATE: {after: {1 s: done}}
+  THERE: {after: {1 s: done}}
+  done: {type: final}
+"""
+
+
+@pytest.mark.parametrize(
+    ("guard", "broken"),
+    [
+        ("clock.time == '22:00'", {"never_there", "never_late"}),
+        ("clock.time == '21:00'", {"never_there", "never_late"}),
+        ("clock.time < '05:00' and held(pause)", {"never_late"}),
+        ("clock.today > '2026-02-01' and clock.time >= '12:00'", {"never_there", "never_late"}),
+    ],
+)
+def test_a_clock_that_is_not_stored_changes_nothing(guard: str, broken: set[str], tmp_path: Path) -> None:
+    """It is chosen when it is read: the same is broken and reached as if each moment were a situation."""
+    mission = tmp_path / "evening.yaml"
+    mission.write_text(EVENING.replace("GUARD", guard), encoding="utf-8")
+    world = make_world(load_chart(LIFECYCLE, [mission], shipped.catalog()), {})
+    properties = properties_of(world.chart)
+    explorers = [SituationExplorer(world, properties, Bounds(restarts=False)) for _ in range(2)]
+    fast, slow = (explore(one, open_values=not at) for at, one in enumerate(explorers))
+    assert fast.progress.situations < slow.progress.situations
+    assert fast.breaches.keys() == slow.breaches.keys() == broken
+    assert (fast.taken, fast.entered) == (slow.taken, slow.entered)

@@ -1,7 +1,8 @@
 """`lupin prove`: proves properties of missions by state-space exploration.
 
-Exit codes: 0 all that was asked holds; 1 something is broken; 2 wrong usage, or a mission has errors; 3 not
-shown, because no times were found for a breach, the budget ran out or somebody interrupted.
+Exit codes: 0 everything holds within the bounds that the last line names; 1 something is broken; 2 wrong
+usage, or a mission has errors; 3 not shown, because no times were found for a breach, the budget ran out or
+it was interrupted, and with `--whole` also because of a bound.
 """
 
 from __future__ import annotations
@@ -76,6 +77,9 @@ if TYPE_CHECKING:
 @click.option(
     "--budget", metavar="DURATION", help="Stop after this time, for all proofs together, such as '60 s'."
 )
+@click.option(
+    "--whole", is_flag=True, help="Exit with 3 if a proof has bounds: 'proven for ...' is not enough."
+)
 @click.option("--no-scenarios", is_flag=True, help="Write no failing scenarios beside the mission.")
 @click.option(
     "--report",
@@ -106,6 +110,7 @@ def prove(
     listed: bool,
     jobs: int | None,
     budget: str | None,
+    whole: bool,
     no_scenarios: bool,
     report: Path | None,
     field: tuple[Path, ...],
@@ -119,8 +124,9 @@ def prove(
     or nothing; inputs change; every request comes at any time. For each broken property a failing scenario
     is written beside the mission, named after the property.
 
-    Exit code: 0 everything holds; 1 something is broken; 2 wrong usage, or a mission has errors; 3 not
-    shown: no times were found at which a breach can happen, the budget ran out, or it was interrupted.
+    Exit code: 0 everything holds within the bounds that the last line names; 1 something is broken; 2 wrong
+    usage, or a mission has errors; 3 not shown: no times were found at which a breach can happen, the budget
+    ran out, or it was interrupted; with --whole also if the proof has bounds.
     """
     from lupin_cli.proofs.evidence import origin
     from lupin_cli.settings import settings_in
@@ -172,7 +178,7 @@ def prove(
             _show(one, proof, written, quiet, not no_scenarios)
     for one, proof, _ in proofs if outcomes == NEW else ():
         _write_outcomes(one, proof, settings, bounds, as_json)
-    return _exit_code([proof for _, proof, _ in proofs])
+    return _exit_code([proof for _, proof, _ in proofs], whole)
 
 
 def _write_report(
@@ -229,10 +235,12 @@ def _show_not_meant(loaded: LoadedMissions, indent: str) -> None:
             click.echo(f"{indent}not meant of {mission}: {rule.name}, because {why}")
 
 
-def _exit_code(proofs: Sequence[Proof]) -> int:
+def _exit_code(proofs: Sequence[Proof], whole: bool) -> int:
+    """Return the exit code of proofs; with `whole` a bound counts as not shown."""
     if any(proof.broken for proof in proofs):
         return BROKEN
-    return 0 if all(proof.complete and not proof.not_shown for proof in proofs) else NOT_PROVEN
+    shown = (proof.complete and not proof.not_shown and not (whole and proof.cut) for proof in proofs)
+    return 0 if all(shown) else NOT_PROVEN
 
 
 def read_budget(option: str, budget: str | None) -> float | None:

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import date, time
 from typing import Any
 
 from lupin_engine.chart import Chart, Field, Input, Mission
 from lupin_engine.errors import shortened
-from lupin_engine.machine import EvaluationScope, Event, Memory, World, identity_of
+from lupin_engine.machine import CLOCK, EvaluationScope, Event, Memory, World, identity_of
 from lupin_engine.machine import event as events
 from lupin_engine.plugin import ANY as ANY_TYPE
 from lupin_engine.plugin import (
@@ -37,10 +37,14 @@ from lupin_verify.situations.relevance import (
     invokes,
 )
 
+#: The robot's clock at the beginning, in POSIX time: six in the morning of 2026-01-01, UTC.
+MORNING = 1767247200.0
 #: The mission id in a proof.
 MISSION_ID = "proof"
 #: The most combinations of fields of one result, event or request that are tried.
 MOST_COMBINED = 16
+#: Numbers that are tried of a value that conditions read in another way than by comparing it with constants.
+_SAMPLES = (-1000.0, -1.0, 0.0, 1.0, 1000.0)
 #: How many values of one read are listed in words, and the most letters of each.
 MOST_LISTED, MOST_LETTERS = 8, 40
 
@@ -71,10 +75,55 @@ class Classes:
         for _, invoke in invokes(world.chart):
             self._more[invoke.name] += invoke.classes
         self.names: list[str] = []
+        relevance.clock_key = self.clock_key
+        #: A moment of each class of the robot's clock; empty if no condition reads it.
+        self.moments = tuple(self._moments())
         starts = {m.name: self._starts(m) for m in self.chart.missions.values()}
         self.requests = tuple(self._requests(starts))
         self.values = tuple(self._values())
         self.events = tuple(self._events())
+
+    # -- the robot's clock --------------------------------------------------------------------------------
+
+    def _moments(self) -> Iterator[Event]:
+        """Yield a moment of each class of dates and times of day; `says` has it in words."""
+        calendar = self.world.calendar
+        if calendar is None or not self.compared.decides(("clock",)):
+            return
+        today, now = calendar.shown(MORNING)
+        dates = self._variants(("clock", "today"), DATE, today)
+        times = self._variants(("clock", "time"), TIME_OF_DAY, now)
+        for each in itertools.product(dates, times):
+            yield Event(CLOCK, {"ahead": self.moment(*each), "says": " ".join(each)})
+
+    def moment(self, day: str, time: str) -> float:
+        """Return the moment at which the robot's clock comes to a time of a day (a date)."""
+        calendar = self.world.calendar
+        assert calendar is not None, "there is no clock without a calendar"
+        days = (
+            date.fromisoformat(day).toordinal() - date.fromisoformat(calendar.shown(MORNING)[0]).toordinal()
+        )
+        found, _ = calendar.next(time, MORNING + 86400.0 * (days - 2), ())
+        while calendar.shown(found)[0] < day:
+            found, _ = calendar.next(time, found, ())
+        return found
+
+    def time_comes(self, time: str, wall: Callable[[], float | None]) -> float:
+        """Return the moment at which a wait for a time of day ends, given the clock before.
+
+        Which day that is matters only if a condition reads the date.
+        """
+        calendar = self.world.calendar
+        assert calendar is not None, "there is no clock without a calendar"
+        is_read = self.compared.decides(("clock", "today"))
+        before = wall() if is_read else None
+        return self.moment(calendar.shown(MORNING if before is None else before)[0], time)
+
+    def clock_key(self, moment: float) -> str:
+        """Return the class of a moment."""
+        assert self.world.calendar is not None, "there is no clock without a calendar"
+        today, time = self.world.calendar.shown(moment)
+        return repr(self.compared.abstracted(("clock",), {"today": today, "time": time}))
 
     # -- requests -----------------------------------------------------------------------------------------
 
@@ -110,7 +159,7 @@ class Classes:
             least = int(max(field.minimum or 0, field.type.minimum or 0))
             counts = list(range(least, max(least, self.targets) + 1))
             usual = [] if usual is None else [usual]
-            return self._distinguished(read, [*counts, *usual, *_around(self.compared.edges(read), kind)])
+            return self._distinguished(read, [*counts, *usual, *self._numbers([read], kind)])
         return self._variants(read, kind, self._sample(kind, 1) if usual is None else usual)
 
     def _lists(self, kind: Type, usual: Any) -> list[Any]:
@@ -164,8 +213,7 @@ class Classes:
         kind = within(kind, spec.minimum, spec.maximum)
         usual = self._sample(kind, 1)
         if kind.kind in ("number", "integer"):
-            edges = [edge for each in specs for edge in self.compared.edges(("input", each.name))]
-            return [*(_around(edges, kind) or [usual]), *more]
+            return [*(self._numbers([("input", each.name) for each in specs], kind) or [usual]), *more]
         return [usual, *self._others(read, kind, usual), *more]
 
     def _events(self) -> Iterator[Event]:
@@ -224,7 +272,7 @@ class Classes:
         if kind.kind == "bool":
             return [False, True]
         if kind.kind in ("number", "integer"):
-            return _around(self.compared.edges(read), kind)
+            return self._numbers([read], kind)
         if kind.kind == "text":
             return kind.values or self._words(read, kind, usual)
         if kind.named:
@@ -233,6 +281,17 @@ class Classes:
             return self._of_list(kind, usual)
         parts = {name: self._variants((*read, name), of, usual[name]) for name, of in kind.fields.items()}
         return self._combined(self._shown(read), parts)
+
+    def _numbers(self, reads: Sequence[Read], kind: Type) -> list[Any]:
+        """Return numbers around the bounds of some reads of one value; samples, too, if one is unclear."""
+        around = _around((edge for read in reads for edge in self.compared.edges(read)), kind)
+        if self.compared.unclear.keys().isdisjoint(reads):
+            return around
+        low = -math.inf if kind.minimum is None else kind.minimum
+        high = math.inf if kind.maximum is None else kind.maximum
+        samples = (one for one in (low, high, *_SAMPLES) if low <= one <= high and math.isfinite(one))
+        of_kind = int if kind.kind == "integer" else float
+        return list(dict.fromkeys([*around, *map(of_kind, samples)]))
 
     def _words(self, read: Read, kind: Type, usual: str) -> list[str]:
         """Return the texts that conditions name and another one; note where there is no other one."""

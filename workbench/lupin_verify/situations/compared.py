@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from lupin_engine.chart import Chart, Compiled, Expression, Input, Value, to_function
 from lupin_engine.machine import EvaluationScope, Memory, World
-from lupin_engine.plugin import Type
+from lupin_engine.plugin import DATE, TIME_OF_DAY, Notation, Type, problems
 from lupin_verify.situations.relevance import (
     STORING,
     Relevance,
@@ -32,13 +32,16 @@ from lupin_verify.situations.relevance import (
 Read = tuple[str, ...]
 ANY = "*"
 #: Roots of reported values, and of variables that may store them.
-_ROOTS = frozenset({"input", "event", "request", "given", "context", "item", "target", "param"})
+_ROOTS = frozenset({"input", "event", "request", "given", "context", "item", "target", "param", "clock"})
 #: Roots that may be read as a whole, too.
 _WHOLE = frozenset({"event", "item", "target"})
 #: With more bounds, a value is counted up or propagated in a cycle.
 _MOST_BOUNDS = 16
+#: The types of the robot's clock, and the names of both: texts that conditions compare by their order.
+_CLOCK: Mapping[str, Type] = {"time": TIME_OF_DAY, "today": DATE}
+_TIMES = frozenset(kind.name for kind in _CLOCK.values())
 #: Roots of the machine's own state.
-_CHANGING = ("in_state", "held", "itinerary", "clock")
+_CHANGING = ("in_state", "held", "itinerary")
 _ORDERINGS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 #: The operators of a linear expression, and the calls that the checker inserts into one.
 _LINEAR = (ast.Add, ast.Sub, ast.USub)
@@ -133,7 +136,8 @@ class Compared:
         if not self.decides(read):
             return None
         if self.read is None or any(one == read[: len(one)] for one in self.read):
-            return side(value, self.edges(read)) if self._is_clear(read, value) else repr(value)
+            edges = self.texts(read) if isinstance(value, str) else self.edges(read)
+            return side(value, edges) if self._is_clear(read, value) else repr(value)
         names = sorted({one[len(read)] for one in self.read if one[: len(read)] == read})
         if ANY in names:
             return repr(value)
@@ -141,7 +145,8 @@ class Compared:
 
     def _is_clear(self, read: Read, value: Any) -> bool:
         is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        return is_number and read in self.bounds and read not in self.unclear
+        is_time = isinstance(value, str) and any(kind.name in _TIMES for kind in self.kinds(read))
+        return (is_number or is_time) and read in self.bounds and read not in self.unclear
 
     # -- one expression -----------------------------------------------------------------------------------
 
@@ -163,9 +168,14 @@ class Compared:
             elif is_reported and key not in dealt_with:
                 self._note(read, source, (lambda _: True) if ANY in read else _has_number)
 
-    def _compare_side(self, side: ast.expr, other: ast.expr, tree: _Tree, source: str) -> None:
-        """Add the bounds of one side; its reads are unclear where the other is not constant."""
-        bounds = self._constants(other, tree)
+    def _compare_side(
+        self, side: ast.expr, other: ast.expr, tree: _Tree, source: str, within: bool = False
+    ) -> None:
+        """Add the bounds of one side; its reads are unclear where the other is not constant.
+
+        With `within` the condition is `side in other`: in one text are all of its parts.
+        """
+        bounds = self._constants(other, tree, within)
         for bound in bounds or ():
             self._carry(side, bound, tree, source)
         for read in {tree.reads[key] for key in tree.inside(side)} if bounds is None else ():
@@ -174,7 +184,7 @@ class Compared:
     def _call(self, node: ast.Call, tree: _Tree, source: str) -> None:
         """Record the arguments of a function as unclear, unless it is `known`, or `len` of a list."""
         if isinstance(node.func, ast.Name) and node.func.id != "_known":
-            is_meant = _is_word if node.func.id == "len" else _is_list
+            is_meant = _is_free_text if node.func.id == "len" else _is_list
             for key in filter(tree.reads.__contains__, map(id, node.args)):
                 self._note(tree.reads[key], source, is_meant)
         elif isinstance(node.func, ast.Subscript):  # a function of a plugin
@@ -185,20 +195,27 @@ class Compared:
     def _compare(
         self, operator: ast.cmpop, left: ast.expr, right: ast.expr, tree: _Tree, source: str
     ) -> None:
-        self._compare_side(left, right, tree, source)
+        is_in = isinstance(operator, (ast.In, ast.NotIn))
+        self._compare_side(left, right, tree, source, within=is_in)
         self._compare_side(right, left, tree, source)
+        one_text = is_in and not isinstance(right, ast.List)
+        for read in {tree.reads[key] for key in tree.inside(right)} if one_text else ():
+            self._note(read, source, _is_free_text)  # a text has more parts than can be tried
         reads = [{tree.reads[key] for key in tree.inside(one)} for one in (left, right)]
         of_world = [{read for read in one if read[0] != "param"} for one in reads]
         if not all(of_world) or self._is_count(left, tree) or self._is_count(right, tree):
             return
         if isinstance(operator, _ORDERINGS):
             self._carry(ast.BinOp(left, ast.Sub(), right), 0.0, tree, source)
-        elif not (isinstance(operator, (ast.In, ast.NotIn)) and any(map(_is_of_itinerary, of_world[0]))):
+        elif not (is_in and any(map(_is_of_itinerary, of_world[0]))):
             for read in itertools.chain(*of_world):
                 self._note(read, source, _is_unbounded)
 
-    def _constants(self, node: ast.expr, tree: _Tree) -> list[Any] | None:
-        """Return the constants of one side of a comparison; none if it reads a value, None if not known."""
+    def _constants(self, node: ast.expr, tree: _Tree, within: bool) -> list[Any] | None:
+        """Return the constants of one side of a comparison; none if it reads a value, None if not known.
+
+        Of one text these are its parts if the condition asks what is `within` it.
+        """
         if self._is_count(node, tree):
             return list(range(self._targets + 1))
         if any(tree.reads[key][0] != "param" for key in tree.inside(node)):
@@ -207,9 +224,9 @@ class Compared:
             return None
         try:
             value = to_function(ast.unparse(node))(self._env)
-        except Exception:  # it reads the clock, an element of a list, or another value that is not constant
+        except Exception:  # it reads an element of a list, or another value that is not constant
             return None
-        every = value if isinstance(value, list) else [value]
+        every = value if isinstance(value, list) else _parts(value) if within else [value]
         if any(isinstance(one, (list, Mapping)) for one in every):
             return None
         return [one for one in every if isinstance(one, (int, float, str)) and not isinstance(one, bool)]
@@ -288,6 +305,8 @@ class Compared:
         found = self.bounds.get(read, set())
         if read == origin or bound in found:
             return
+        if isinstance(bound, str) and self._is_no_value(read, bound):
+            return
         is_whole = any(kind.kind not in ("number", "integer", "text", "bool") for kind in self.kinds(read))
         is_whole = is_whole or (read[0] == "request" and len(read) > 2 and self._is_target(read[:2]))
         if ANY in read or is_whole or read[0] in ("item", "target") or len(found) >= _MOST_BOUNDS:
@@ -295,6 +314,11 @@ class Compared:
             return
         self.bounds.setdefault(read, found).add(bound)
         self._waiting.append((read, bound))
+
+    def _is_no_value(self, read: Read, text: str) -> bool:
+        """Return whether a read never has a text: it is none of its words, no time, or no date."""
+        kinds = self.kinds(read)
+        return bool(kinds) and all(_is_text(kind) and problems(text, kind, Notation.DATA) for kind in kinds)
 
     def _is_target(self, read: Read) -> bool:
         """Return whether a plugin reads this by name, as a target; only one is tried."""
@@ -438,9 +462,18 @@ def _code(value: Value | None) -> str | None:
     return compiled.code if isinstance(compiled, Compiled) else None
 
 
-def side(value: float, edges: Sequence[float]) -> tuple[int, ...]:
-    """Return for each edge whether a number lies below (-1), at (0) or above (1) it."""
+def side(value: Any, edges: Sequence[Any]) -> tuple[int, ...]:
+    """Return for each edge whether a number, time of day or date lies below (-1), at (0) or above (1) it."""
     return tuple((value > edge) - (value < edge) for edge in edges)
+
+
+def _parts(text: Any) -> list[Any]:
+    """Return a text and its parts, up to one more than are tried; of another value that itself."""
+    if not isinstance(text, str):
+        return [text]
+    sizes = range(min(len(text), _MOST_BOUNDS))
+    parts = (text[at : at + size] for size in sizes for at in range(len(text) - size + 1))
+    return list(dict.fromkeys((text, *parts)))[: _MOST_BOUNDS + 1]
 
 
 def _set_from(chart: Chart) -> dict[Read, list[Value]]:
@@ -471,6 +504,8 @@ def _set_by_states(chart: Chart) -> Iterator[tuple[Read, Value]]:
 def _declared(chart: Chart, read: Read) -> list[Type]:
     """Return the declared types of the first name below a root."""
     root, name = read[0], read[1] if len(read) > 1 else ""
+    if root == "clock" and name:
+        return [_CLOCK[name]]
     if root == "input" and name in chart.inputs:
         spec = chart.inputs[name]
         declared = chart.catalog.values.get(spec.value)
@@ -505,7 +540,7 @@ def _has_number(kind: Type) -> bool:
 def _is_unbounded(kind: Type) -> bool:
     """Return whether a type has numbers, or texts without a list of values."""
     inner = (*kind.fields.values(), *((kind.item,) if kind.item is not None else ()))
-    return _has_number(kind) or (kind.kind == "text" and not kind.values) or any(map(_is_unbounded, inner))
+    return _has_number(kind) or _is_free_text(kind) or any(map(_is_unbounded, inner))
 
 
 def _is_of_itinerary(read: Read) -> bool:
@@ -513,8 +548,13 @@ def _is_of_itinerary(read: Read) -> bool:
     return read[0] in ("item", "target")
 
 
-def _is_word(kind: Type) -> bool:
+def _is_text(kind: Type) -> bool:
     return kind.kind == "text"
+
+
+def _is_free_text(kind: Type) -> bool:
+    """Return whether a type has texts without a list of values."""
+    return _is_text(kind) and not kind.values
 
 
 def _is_list(kind: Type) -> bool:

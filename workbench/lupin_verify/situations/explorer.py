@@ -13,14 +13,17 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, cast
 
+from lupin_engine.chart import Level
 from lupin_engine.errors import reason
 from lupin_engine.machine import (
+    CLOCK,
     RESUMED,
     Act,
     Attempt,
     CompiledAction,
     EvaluationScope,
     ExecutableContent,
+    Inputs,
     Machine,
     Macrostep,
     Memory,
@@ -48,7 +51,7 @@ from lupin_engine.properties import (
     unfinished,
 )
 from lupin_engine.sim import label_of
-from lupin_verify.situations.classes import Classes
+from lupin_verify.situations.classes import MORNING, Classes
 from lupin_verify.situations.found import Does, Effect, Is
 from lupin_verify.situations.memo import Rows
 from lupin_verify.situations.relevance import Relevance, invokes
@@ -86,19 +89,22 @@ from lupin_verify.situations.worlds import (
 
 #: The initial room for slots.
 ROOM = 128
-#: The constant time of the robot's clock, in POSIX time: six in the morning of 2026-01-01, UTC.
-MORNING = 1767247200.0
 #: The property that no step raises an exception.
 NO_EXCEPTION = "no_exception"
 
 
 class Bounds(NamedTuple):
-    """The bounds of a proof. `owed`: how many abandoned attempts of one operation may still be answered."""
+    """The bounds of a proof.
+
+    `owed`: how many abandoned attempts of one operation may still be answered. `deferred`: how many events of
+    one name, and how many times of day, wait during a hold.
+    """
 
     targets: int = 2
     owed: int = 0
     restarts: bool = True
     most_values: int = 2000
+    deferred: int = 2
 
 
 class SituationExplorer:
@@ -133,8 +139,11 @@ class SituationExplorer:
 
     def _begin(self) -> None:
         self.table = SlotTable(self.relevance, self._room, self.bounds.most_values)
-        self.moves = WorldMoves(self.table, self.classes, self.bounds.owed, self.bounds.restarts)
-        self.table.reported = frozenset(self.moves.unconstrained_values())
+        bounds = self.bounds
+        self.moves = WorldMoves(self.table, self.classes, bounds.owed, bounds.restarts, bounds.deferred)
+        unconstrained = self.moves.unconstrained_values()
+        self.table.reported = frozenset(s for s in unconstrained if self.table.names[s][0] == "inputs")
+        self.table.may_be_dead |= unconstrained.keys()
 
     # -- one move -----------------------------------------------------------------------------------------
 
@@ -164,6 +173,8 @@ class SituationExplorer:
         move = self.moves.all[number]
         if move.timer[0] == OF_PROPERTY:
             return self._late(memory, situation, move.timer[1])
+        if move.event is not None and move.event.name == CLOCK:  # no step: time passes without an event
+            return Effect(tuple(memory.change(self.table.index["wall", ""], move.event.data["ahead"])))
         machine = _TrackedMachine(self.world, memory)
         if move.timer[0] != "fresh":
             machine.restore_known_false(memory.fetch(self.table.index[KNOWN_FALSE]))
@@ -179,7 +190,7 @@ class SituationExplorer:
                 if not is_idle(machine):
                     return Effect()
                 memory.assign(successor(Machine(self.world, memory.plain()), self.world).memory)
-                machine = _TrackedMachine(self.world, memory)
+                machine = _ReloadedMachine(self.world, memory)
                 with ExitStack() as unread:
                     for field in RECOMPUTED:
                         unread.enter_context(memory.unread(field, self.table.keys[field]))
@@ -440,6 +451,25 @@ class _TrackedMachine(Machine):
 
     __slots__ = ()
     content = _TrackedContent
+
+
+class _SameInputs(Inputs):
+    """Live values after a reload of the same missions: a known level stays as it is.
+
+    Of an input that is read by its levels alone, a situation has some value, on either side of a bound.
+    """
+
+    def is_reached(self, level: Level, name: str, value: float, step: Macrostep) -> bool:
+        """Return a level as it was; compare only where it is not known."""
+        known: bool | None = self._scope.memory.levels.get(name)
+        return super().is_reached(level, name, value, step) if known is None else known
+
+
+class _ReloadedMachine(_TrackedMachine):
+    """A machine after a reload of the same missions."""
+
+    __slots__ = ()
+    inputs = _SameInputs
 
 
 class _LazyGlance:

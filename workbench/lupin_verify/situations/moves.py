@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lupin_engine.chart import Chart
-from lupin_engine.machine import RELEASED, RESUMED
+from lupin_engine.machine import CLOCK, RELEASED, RESUMED
 from lupin_engine.sim import short_name, shorten
 from lupin_verify.situations.relevance import ANY_ABANDONED, is_abandoned, kind_of
 from lupin_verify.situations.worlds import LOADED, OF_PROPERTY, WorldMove
@@ -26,6 +26,8 @@ def move_text(chart: Chart, move: WorldMove) -> str:
         return "the process ends, and a new one continues"
     if name == RELEASED:
         return f"the resume policy ends the hold {data['hold']}"
+    if name == CLOCK:
+        return f"the robot's clock says {data['says']}"
     if name == "value":
         return f"{data['name']} = {shorten(data['value'])}"
     if name.startswith("attempt."):

@@ -86,6 +86,8 @@ class Relevance:
 
     def __init__(self, chart: Chart) -> None:
         self.chart = chart
+        #: The key of a moment of the robot's clock; all are one where no condition reads it (see `Classes`).
+        self.clock_key: Callable[[float], Hashable] = lambda _: ()
         #: The reads that each variable is computed from.
         self._computed_from: dict[str, set[tuple[str, str]]] = {}
         decides: set[tuple[str, str]] = set()
@@ -225,7 +227,10 @@ def _key_of(one: MemoryField) -> _Key:
     return of
 
 
-_KEYS: Mapping[str, _Key] = {one.name: _key_of(one) for one in Memory.schema()}
+_KEYS: Mapping[str, _Key] = {
+    **{one.name: _key_of(one) for one in Memory.schema()},
+    "wall": lambda self, _, value: self.clock_key(value),
+}
 
 
 def frozen(value: Any) -> Hashable:

@@ -69,7 +69,6 @@ WHOLE = _named(lambda one: one.kind is FieldKind.WHOLE)
 #: Whole fields that are lists.
 LISTS = _named(lambda one: one.kind is FieldKind.WHOLE and one.empty is list)
 #: Fields of which entries may be dead: those with names of the chart as keys. Others decide the moves.
-#: exist. moves.
 MAY_BE_DEAD = _named(lambda one: one.kind in (FieldKind.BY_KEY, FieldKind.ORDERED) and one.owner is not None)
 #: Fields that a reload of the same missions empties, computes again, and leaves as they are.
 DROPPED = _named(lambda one: one.name in MAY_BE_DEAD and _owner(one).goes_on is GoesOn.NONE)
@@ -365,8 +364,10 @@ class TrackedMemory(Memory):
 
     def assign(self, other: Memory, whole: bool = False) -> None:
         """Take over the fields of another memory: a successor of this one, or a `whole` new one."""
-        for name in (*WHOLE, *NAMES):
+        for name in WHOLE:
             setattr(self, name, getattr(other, name))
+        for name in NAMES:  # the machine may release a hold that is not engaged: a list would raise
+            getattr(self, name).replace(getattr(other, name))
         for name in (*ORDERED, *UNORDERED):
             if whole or name not in (*CARRIED_OVER, *RECOMPUTED):
                 getattr(self, name).replaced(getattr(other, name))
@@ -425,12 +426,11 @@ class TrackedMemory(Memory):
         if entries.order is not None:
             yield from self.change(self.table.index[name, ""], tuple(entries.order) or None)
 
-    def _name_changes(self, field: str, names: TrackedNames | list[str]) -> Iterator[tuple[int, int]]:
-        index, every = self.table.index, self.table.keys[field]
-        known = names.known if isinstance(names, TrackedNames) else {n: n in names for n in every}
-        for name, is_there in known.items():
+    def _name_changes(self, field: str, names: TrackedNames) -> Iterator[tuple[int, int]]:
+        index = self.table.index
+        for name, is_there in names.known.items():
             yield from self.change(index[field, name], is_there or None)
-        if known:
+        if names.known:
             yield from self.change(index[field, ""], bool(names) or None)
 
     def change(self, slot: int, value: Any) -> Iterator[tuple[int, int]]:
@@ -476,6 +476,12 @@ class TrackedNames:
             some = self.known or self._has("")
             self._all = [n for n in self._memory.table.keys[self._field] if n in self] if some else []
         return self._all
+
+    def replace(self, by: Iterable[str]) -> None:
+        """Replace all names."""
+        there = frozenset(by)
+        self.known = {name: name in there for name in self._memory.table.keys[self._field]}
+        self._all = None
 
     def append(self, name: str) -> None:
         """Add a name."""

@@ -12,8 +12,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from lupin_engine.machine import Machine, Step, Timer, successor
-from lupin_verify.situations.explorer import MORNING, SituationExplorer
+from lupin_engine.machine import CLOCK, Machine, Step, Timer, successor
+from lupin_engine.machine import event as events
+from lupin_verify.situations.classes import MORNING
+from lupin_verify.situations.explorer import SituationExplorer
 from lupin_verify.situations.found import Effect
 from lupin_verify.situations.situation import Situation, is_new
 from lupin_verify.situations.worlds import (
@@ -31,6 +33,9 @@ GAP = 0.01
 _ROUNDS = 12
 #: The tolerance of a deadline, for sums of floats.
 _CERTAINLY = 1e-6
+
+#: How long after a time of day the robot's clock is set to it: so it shows that time in spite of rounding.
+_AFTER = 1e-3
 
 _Condition = tuple[int, int, float]
 
@@ -118,7 +123,8 @@ def _go_on(one: Deadline, number: int, frozen: bool, armed: bool) -> None:
 
 
 def _by_name(timers: Sequence[Timer] | None) -> dict[TimerName, float]:
-    return {(kind, *about): due for due, _, kind, about in timers or ()}
+    """Return deadlines with their delays; a time of day has none, as the clock is set to it."""
+    return {(kind, *about): due for due, _, kind, about in timers or () if kind != "at"}
 
 
 def _earliest(
@@ -171,6 +177,8 @@ def _run(
         if any(step.taken for step in passed):
             return None
         steps += passed
+        if move.timer[0] == "at":
+            steps.append(_come_to(machine, move.timer, time))
         if move.event is LOADED:
             machine = successor(machine, explorer.world)
             step: Step | None = machine.go_on(time)
@@ -197,6 +205,21 @@ def _pass(machine: Machine, until: float) -> Iterator[Step]:
             yield step
 
 
+def _come_to(machine: Machine, wanted: TimerName, time: float) -> Step:
+    """Set the robot's clock to the time of day that ends a wait: a path does not have the hours before it."""
+    _, owner, event = wanted
+    word, _, of_day = event.split(" ")
+    due = next(
+        (
+            t[0]
+            for t in machine.memory.timers
+            if t[3][0] == owner and t[3][1].split(" ")[::2] == [word, of_day]
+        ),
+        time,
+    )
+    return machine.handle(events.clock((machine.memory.wall or 0.0) + due - time + _AFTER), time)
+
+
 def _carry_out(machine: Machine, move: WorldMove, time: float, names: dict[str, str]) -> Step | None:
     if move.event is None:
         due = machine.next_deadline
@@ -206,4 +229,6 @@ def _carry_out(machine: Machine, move: WorldMove, time: float, names: dict[str, 
         data["attempt"] = names.get(data["attempt"], data["attempt"])
     if move.event.name == "value":
         data["stamp"] = time
+    if move.event.name == CLOCK:
+        return machine.handle(events.clock(data["ahead"] - time), time)
     return machine.handle(replace(move.event, data=data), time)

@@ -21,6 +21,7 @@ from lupin_engine.chart import Chart, State
 from lupin_engine.machine import (
     ANSWERED,
     CANCELLED_CODE,
+    CLOCK,
     RELEASED,
     RESUMED,
     WAITS,
@@ -95,8 +96,8 @@ class WorldMove:
 
     @property
     def reports_value(self) -> bool:
-        """Whether it reports a live value."""
-        return self.event is not None and self.event.name == "value"
+        """Whether it reports a live value, or the robot's clock."""
+        return self.event is not None and self.event.name in ("value", CLOCK)
 
 
 class Due(NamedTuple):
@@ -109,7 +110,7 @@ class Due(NamedTuple):
 class WorldMoves:
     """All moves of one chart, numbered when they are first enabled."""
 
-    def __init__(self, table: SlotTable, classes: Classes, owed: int, restarts: bool) -> None:
+    def __init__(self, table: SlotTable, classes: Classes, owed: int, restarts: bool, deferred: int) -> None:
         """Begin with the moves that are enabled everywhere.
 
         Args:
@@ -117,11 +118,13 @@ class WorldMoves:
             classes: the representative values of answers, live values and requests.
             owed: how many abandoned attempts of one operation may still be answered.
             restarts: whether the process may end and be continued by another, and missions be reloaded.
+            deferred: how many events of one name, and how many times of day, wait during a hold.
         """
         self._table = table
         self._classes = classes
         self.owed = owed
-        #: Whether a second event of a kind, or a time of day, was left out during a hold.
+        self._deferred = deferred
+        #: Whether an event of which so many wait already, or a time of day, was left out during a hold.
         self.cuts_waiting = False
         self.all: list[WorldMove] = []
         self._numbers: dict[tuple[Any, ...], int] = {}
@@ -147,6 +150,8 @@ class WorldMoves:
             yield f"request {number}", WorldMove(side, event)
         for number, event in enumerate(self._classes.values):
             yield f"value {number}", WorldMove(Mover.WORLD, event)
+        for number, event in enumerate(self._classes.moments):
+            yield f"clock {number}", WorldMove(Mover.WORLD, event)
         for number, event in enumerate(self._classes.events):
             yield f"event {number}", WorldMove(Mover.WORLD, event)
         yield "stray", WorldMove(Mover.WORLD, events.done("long over", {}))
@@ -169,12 +174,17 @@ class WorldMoves:
     def unconstrained_values(self) -> dict[int, dict[int, int]]:
         """Return the slots of inputs that may be unconstrained: one for its live value, and never stale.
 
-        Each has the numbers of its values with the numbers of the moves that report them.
+        The robot's clock is one, too. Each has the numbers of its values with those of the moves that report
+        them.
         """
         found: dict[int, dict[int, int]] = {}
         for number in self.everywhere:
             event = self.all[number].event
             if event is None or not self.all[number].reports_value:
+                continue
+            if event.name == CLOCK:
+                slot = self._table.index["wall", ""]
+                found.setdefault(slot, {})[self._table.number(slot, event.data["ahead"])] = number
                 continue
             specs = [i for i in self._table.relevance.chart.inputs.values() if i.value == event.data["name"]]
             if len(specs) == 1 and specs[0].freshness is None:
@@ -283,15 +293,14 @@ class WorldMoves:
     def carry_out(self, machine: Machine, memory: TrackedMemory, move: WorldMove) -> Step | None:
         """Make the step of a move; None where it is beyond the bounds.
 
-        Beyond them are a second event of one name or time of day in a hold, and a success before the live
-        values that the operation sets are known.
+        Beyond them are an event of one name and a time of day of which enough wait for the end of a hold,
+        and a success before the live values that the operation sets are known.
         """
         if move.event is None:
             return self._fire(machine, memory, move.timer)
         name = move.event.name
-        if name in machine.chart.catalog.events and any(e.name == name for e in memory.deferred):
-            self.cuts_waiting = True
-            return None  # at most one event of a name is deferred during a hold
+        if name in machine.chart.catalog.events and self._is_full(memory, name):
+            return None
         if name == "attempt.done" and not self._is_reported(memory, move.event.data["attempt"]):
             return None
         if name == RESUMED:
@@ -304,6 +313,12 @@ class WorldMoves:
                 return machine.handle(move.event, 0.0)
         return machine.handle(move.event, 0.0)
 
+    def _is_full(self, memory: TrackedMemory, name: str) -> bool:
+        """Return whether no more events of a name may wait for the end of a hold."""
+        found = sum(waiting.name == name for waiting in memory.deferred) >= self._deferred
+        self.cuts_waiting = self.cuts_waiting or found
+        return found
+
     def _is_reported(self, memory: TrackedMemory, attempt: str) -> bool:
         """Return whether all live values are known that the operation of an attempt sets."""
         found = None if is_abandoned(attempt) else memory.attempts.get(attempt)
@@ -312,13 +327,14 @@ class WorldMoves:
 
     def _fire(self, machine: Machine, memory: TrackedMemory, wanted: TimerName) -> Step | None:
         kind, owner, event = wanted
-        if kind == "at" and any(waiting.name == WAITS for waiting in memory.deferred):
-            self.cuts_waiting = True
-            return None  # at most one time of day is deferred during a hold
+        if kind == "at" and self._is_full(memory, WAITS):
+            return None
         timers = memory.timers
         found = next(t for t in timers if (t[2], *t[3]) == wanted)
         timers.remove(found)
         timers.insert(0, (0.0, found[1], kind, (owner, event)))
+        if kind == "at" and self._classes.moments:
+            memory.wall = self._classes.time_comes(event.split(" ")[-1], lambda: memory.wall)
         if kind == "fresh":
             known, freshness = memory.inputs[owner], machine.chart.inputs[owner].freshness
             memory.inputs[owner] = known._replace(stamp=-(freshness or 0.0))
