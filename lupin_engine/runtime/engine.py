@@ -69,6 +69,7 @@ class Engine:
         listener: Callable[[Step], None],
         wall: Callable[[], float | None] = lambda: None,
         log: InputLog | None = None,
+        failed: Callable[[Exception], None] | None = None,
     ) -> None:
         """Make a loop that is not started.
 
@@ -79,6 +80,8 @@ class Engine:
             listener: called with every step, before its commands are carried out; only cancels go first.
             wall: the robot's clock, in POSIX time, or None while it is unknown; then times of day wait.
             log: records every input of the machine.
+            failed: gets an exception of listener, clock, log or machine, and the loop goes on. Without it the
+                exception is raised, after what the step had to end was ended.
         """
         self.machine = machine
         self.clock = clock
@@ -86,9 +89,7 @@ class Engine:
         self.listener = listener
         self._wall = wall
         self._log = log
-        #: Gets an exception of listener, clock, log or machine, and the loop goes on. Without it the
-        #: exception is raised, after what the step had to end was ended.
-        self.failed: Callable[[Exception], None] | None = None
+        self._failed = failed
         #: Attempts that wait for the log, and are not begun yet.
         self._withheld: set[str] = set()
         self._queue: deque[Event] = deque()
@@ -175,9 +176,9 @@ class Engine:
         try:
             return call(*arguments)
         except Exception as problem:
-            if self.failed is None:
+            if self._failed is None:
                 raise
-            self.failed(problem)
+            self._failed(problem)
         return None
 
     def drain(self, more: bool = False) -> None:
