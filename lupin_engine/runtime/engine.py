@@ -69,7 +69,6 @@ class Engine:
         listener: Callable[[Step], None],
         wall: Callable[[], float | None] = lambda: None,
         log: InputLog | None = None,
-        failed: Callable[[Exception], None] | None = None,
     ) -> None:
         """Make a loop that is not started.
 
@@ -80,8 +79,6 @@ class Engine:
             listener: called with every step, before its commands are carried out; only cancels go first.
             wall: the robot's clock, in POSIX time, or None while it is unknown; then times of day wait.
             log: records every input of the machine.
-            failed: gets an exception of listener, clock, log or machine, and the loop goes on. Without it the
-                exception is raised, after what the step had to end was ended.
         """
         self.machine = machine
         self.clock = clock
@@ -89,7 +86,7 @@ class Engine:
         self.listener = listener
         self._wall = wall
         self._log = log
-        self._failed = failed
+        self._failed: Callable[[Exception], None] | None = None
         #: Attempts that wait for the log, and are not begun yet.
         self._withheld: set[str] = set()
         self._queue: deque[Event] = deque()
@@ -98,6 +95,13 @@ class Engine:
         #: What is entered and begun over and over.
         self._entered: dict[str, None] = {}
         self._begun: dict[str, None] = {}
+
+    def on_failure(self, callback: Callable[[Exception], None]) -> None:
+        """Call `callback` with each exception of listener, clock, log or machine, and go on.
+
+        Without a callback the exception is raised, after what the step had to end was ended.
+        """
+        self._failed = callback
 
     def start(self) -> None:
         """Enter the chart's initial states."""
@@ -172,7 +176,7 @@ class Engine:
         return self.machine.handle(event, now)
 
     def _safely(self, call: Callable[..., _T], *arguments: Any) -> _T | None:
-        """Call a function; with `failed` set, report its exception there instead of raising."""
+        """Call a function; with a callback of `on_failure`, report its exception there instead of raising."""
         try:
             return call(*arguments)
         except Exception as problem:

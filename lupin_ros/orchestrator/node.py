@@ -74,8 +74,8 @@ class Orchestrator:
         is_resumed = recovery is not None and recovery.machine is not None
         clients = PluginClients(ros, loaded, outlet, machine.world.parameters, is_resumed)
         drivers, journal = clients.drivers, gate.journal
-        stepped, failed = publisher.stepped, publisher.failed
-        engine = Engine(machine, clock, drivers, stepped, clock.wall, journal, failed)
+        engine = Engine(machine, clock, drivers, publisher.stepped, clock.wall, journal)
+        engine.on_failure(publisher.failed)
         loop.run(engine, gate, records)
         missions = MissionSwitch(ros, folder, loop, records, gate, clients)
         requests = RequestServer(ros, loop, gate, publisher, missions, gate.commands_of(recovery))

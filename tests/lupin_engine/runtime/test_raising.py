@@ -72,8 +72,8 @@ def test_what_ends_leaves_first(raises: str) -> None:
     """In any order of the commands; the request gets its answer, and the next one as well."""
     for commands in itertools.permutations(COMMANDS.values()):
         told, failed = Telling(raises), []
-        heard, wall = told.listener, told.wall
-        engine = Engine(machine(commands), VirtualClock(), {"nav": told}, heard, wall, told, failed.append)
+        engine = Engine(machine(commands), VirtualClock(), {"nav": told}, told.listener, told.wall, told)
+        engine.on_failure(failed.append)
         for _ in range(2):
             step = engine.request(Event("operator.pause"))
             assert step.accepted
