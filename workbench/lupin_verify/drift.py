@@ -24,7 +24,7 @@ NEWEST, BEFORE, MOST_BEFORE = (5, 10), 20, 100
 #: Chance alone may report one of so many comparisons: once in some 200 missions to 16 targets.
 RARE = 15_000.0
 #: The smallest slow-down (of the medians), deviation, and number of deviations of an outlier.
-SLOWER, DEVIATION, MOST_DEVIATIONS = 0.2, 0.02, 4.0
+SLOWER, DEVIATION, MOST_DEVIATIONS = 0.25, 0.02, 4.0
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,10 @@ def _drifts(row: Sequence[ObservedAttempt]) -> Iterator[Drift]:
 
 
 def deviations(by_target: Mapping[str, Sequence[ObservedAttempt]]) -> dict[str, tuple[Logarithms, float]]:
-    """Return for each target by how much its attempts took longer than usual, and the deviation of all.
+    """Return for each target by how much its attempts took longer than usual, as logarithms.
 
-    Both are logarithms; attempts that failed are left out.
+    With them is the standard deviation at all targets, without the newest attempts at each. Failed attempts
+    are left out.
     """
     done = [one for row in by_target.values() for one in row if not one.code]
     if not done:
@@ -77,7 +78,8 @@ def deviations(by_target: Mapping[str, Sequence[ObservedAttempt]]) -> dict[str, 
         usual = np.maximum(np.polyval(np.polyfit(metres, seconds, 1), metres), seconds.min())
     ends = np.cumsum([len(row) - failed_of(row) for row in by_target.values()])
     parts = np.split(np.log(seconds / usual), ends[:-1])
-    apart = np.concatenate([part - np.median(part) for part in parts if len(part)])
+    before = [part[: -NEWEST[0]] for part in parts if len(part) > NEWEST[0]] or [np.zeros(1)]
+    apart = np.concatenate([part - np.median(part) for part in before])
     most = MOST_DEVIATIONS * max(DEVIATION, 1.5 * float(np.median(np.abs(apart))))
     deviation = max(DEVIATION, float(np.std(np.clip(apart, -most, most))))
     return {target: (part, deviation) for target, part in zip(by_target, parts, strict=True)}
@@ -91,13 +93,12 @@ def _slower(done: Sequence[ObservedAttempt], logs: Logarithms, deviation: float)
         if len(before) < BEFORE:
             continue
         usual = np.median(before)
-        limits = -MOST_DEVIATIONS * deviation, MOST_DEVIATIONS * deviation
-        apart = np.clip(now - usual, *limits).mean() - np.clip(before - usual, *limits).mean()
+        ends = -MOST_DEVIATIONS * deviation, MOST_DEVIATIONS * deviation
+        apart = np.clip(now - usual, *ends).mean() - np.clip(before - usual, *ends).mean()
         found = apart / deviation / math.sqrt(1.0 / newest + 1.0 / len(before))
         slower = math.expm1(float(np.median(now) - usual))
         if found > most and slower >= SLOWER:
-            most = found
-            best = Drift(*done[0][:2], newest, len(before), slower, done[-newest].wall)
+            best, most = Drift(*done[0][:2], newest, len(before), slower, done[-newest].wall), found
     return best
 
 
