@@ -37,7 +37,7 @@ def notes(inside: str) -> list[str]:
     return [f"{note.line}: {note.text}" for note in imported(inside).notes]
 
 
-# -- fields of events -----------------------------------------------------------------------------------------
+# -- fields of events ----------------------------------------------------------------------------------------
 
 
 def test_a_field_has_the_type_that_the_senders_of_its_event_give_it() -> None:
