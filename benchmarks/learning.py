@@ -37,8 +37,9 @@ from lupin_engine.sim.scripted import MockOutcome, Stage
 from lupin_engine.sim.simulation import Script, SetValue, Simulation
 from lupin_sim.floor import Floor
 from lupin_sim.layout import load_layout
+from lupin_verify.drift import Drift, drifts
 from lupin_verify.expecting import expect, learned_script, mission_seconds
-from lupin_verify.learning import Drift, drifts, gather, table
+from lupin_verify.learning import gather, table
 from lupin_verify.rates import read_rates
 
 LOADED = load_missions(["inspection"], load_catalog())
@@ -210,7 +211,7 @@ def predicted(seed: int, missions: int, then: int) -> tuple[list[float], str]:
         rates = read_rates(file, LOADED.chart)
     tags = next(asked)
     script = learned_script(rates, LOADED.names[0], {"tag_sequence": tags})
-    found = expect(LOADED, rates, script, rates.parameters, range(then))
+    found = expect(LOADED, rates, script, make_world(LOADED.chart, rates.parameters), range(then))
     real = [robot.play(missions + number, tags) for number in range(then)]
     mine, its = p50_p90(found.seconds), p50_p90([one.seconds for one in real])
     off = [a / b - 1.0 for a, b in zip(mine, its, strict=True)]

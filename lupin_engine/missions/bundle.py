@@ -21,7 +21,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from lupin_engine.bindings.catalog import LUPIN_FILE, lupin_file
 from lupin_engine.errors import UsageError, shortened
@@ -74,11 +74,10 @@ def make_bundle(
 ) -> bytes:
     """Return the bytes of a bundle; the same arguments make the same bundle.
 
-    `files` are by their names in a folder of missions. The limits `MAX_FILES` and `MAX_BYTES` are checked
-    only by `read_bundle`.
+    `files` are by their names in a folder of missions, and `mission` is one of them.
 
     Raises:
-        UsageError: a name or version is not allowed, or the key cannot be used.
+        UsageError: `read_bundle` would refuse it, or the key cannot be used.
     """
     wrong = [name for name in files if not _is_good(name)]
     if wrong:
@@ -88,6 +87,8 @@ def make_bundle(
     digests = {name: hashlib.sha256(raw).hexdigest() for name, raw in sorted(files.items())}
     named = {"name": name, "version": version} if version else {}
     _check_named(named)
+    if mission not in files:
+        raise UsageError(f"no bundle can be made of {mission!r}: its file must stand beside the lifecycle")
     fields = {"bundle": FORMAT, "mission": mission, "hash": chart_hash, "files": digests, **named}
     manifest = json.dumps(fields, indent=1).encode()
     inside = {MANIFEST: manifest, **dict(sorted(files.items()))}
@@ -97,6 +98,10 @@ def make_bundle(
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, raw in inside.items():
             archive.writestr(zipfile.ZipInfo(name), raw, zipfile.ZIP_DEFLATED)
+    try:
+        _content(content)
+    except ValueError as problem:
+        raise UsageError(f"no bundle can be made of {mission!r}: {problem}") from None
     return content.getvalue()
 
 
@@ -135,7 +140,8 @@ def read_bundle(path: Path) -> Bundle:
         UsageError: it cannot be read, or has a wrong content.
     """
     try:
-        inside = _content(path)
+        with path.open("rb") as file:
+            inside = _content(file)
         manifest = inside.pop(MANIFEST, b"null")
         fields = json.loads(manifest)
     except _BROKEN as problem:
@@ -159,11 +165,12 @@ def read_bundle(path: Path) -> Bundle:
     return Bundle(path, str(mission), str(fields.get("hash")), inside, manifest, signature, *named)
 
 
-def _content(path: Path) -> dict[str, bytes]:
+def _content(file: BinaryIO) -> dict[str, bytes]:
     """Return the files of an archive; ValueError for a forbidden content, before it is unpacked."""
-    if path.stat().st_size > MAX_BYTES:
-        raise ValueError(f"it has {path.stat().st_size} bytes; at most {MAX_BYTES} are read")
-    with zipfile.ZipFile(path) as archive:
+    size = file.seek(0, io.SEEK_END)
+    if size > MAX_BYTES:
+        raise ValueError(f"it has {size} bytes; at most {MAX_BYTES} are read")
+    with zipfile.ZipFile(file) as archive:
         entries = archive.infolist()
         if len(entries) > MAX_FILES:
             raise ValueError(f"it has {len(entries)} files; at most {MAX_FILES} are read")
@@ -174,8 +181,8 @@ def _content(path: Path) -> dict[str, bytes]:
                 raise ValueError(f"it has a file {shortened(entry.filename)!r}, which does not belong there")
             if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                 raise ValueError(f"{entry.filename} is packed in an unusual way")
-            with archive.open(entry) as file:
-                raw = file.read(left + 1)  # whatever the entry says of its size
+            with archive.open(entry) as packed:
+                raw = packed.read(left + 1)  # whatever the entry says of its size
             left -= len(raw)
             if left < 0:
                 raise ValueError(f"its files have more than {MAX_BYTES} bytes")

@@ -67,11 +67,11 @@ def _at_its_target(state: Remembered, passage: Passage) -> tuple[Remembered, Ver
         if rule.event == "done" and drives.get(rule.source):
             walk_of, arrives = traversal_of(chart, memory, rule.source), True
             state = () if walk_of is None else (math.inf,) * (walk_of.index + 1)
-    for walked, indices, visit in _told_good(passage):
+    for walked, indices, visit in _good_results(passage):
         if any(walked.state in chart.lineage[name] for name in drives):
             verdict = HOLDS
             if not arrives and len(state) - 1 not in indices:
-                what = f"{visit.target} is told as {visit.status}, but no drive to it has succeeded"
+                what = f"{visit.target} is reported as {visit.status}, but no drive to it has succeeded"
                 return state, Verdict(True, f"{what}, or the robot has driven elsewhere since")
     drives_on = any(isinstance(each, Start) and each.state in drives for each in passage.step.commands)
     is_over = drives_on or _leaves_itinerary(passage) or _has_result(passage, len(state) - 1)
@@ -92,7 +92,7 @@ def _has_result(passage: Passage, index: int) -> bool:
 _found.append(
     Property(
         "good_at_its_target",
-        "Where a mission drives to its targets, a good result is told of one only where the robot is at it.",
+        "Where a mission drives to its targets, a target gets a good result only where the robot is at it.",
         _at_its_target,
         of_values=False,
         about=lambda passage: _is_drive_or_good(passage),
@@ -101,7 +101,7 @@ _found.append(
 
 
 def _is_drive_or_good(passage: Passage) -> bool:
-    """Return whether a drive begins or ends well in a step, or a good result is told."""
+    """Return whether a drive begins or ends well in a step, or a target gets a good result."""
     drives = _drives(passage.chart)
     return bool(drives) and (
         any(isinstance(each, Start) and each.state in drives for each in passage.step.commands)
@@ -112,12 +112,12 @@ def _is_drive_or_good(passage: Passage) -> bool:
 
 
 def _good_after_success(passage: Passage) -> str | None:
-    good = [visit for _, _, visit in _told_good(passage)]
+    good = [visit for _, _, visit in _good_results(passage)]
     if not good:
         return None
     for rule in taken(passage):
         if rule.event == "error":
-            return f"{good[0].target} is told as {good[0].status} because {rule.source} failed"
+            return f"{good[0].target} is reported as {good[0].status} because {rule.source} failed"
     return ""
 
 
@@ -129,7 +129,7 @@ _named(
 )
 
 
-def _told_good(passage: Passage) -> Iterator[tuple[Traversal, list[int], Visit]]:
+def _good_results(passage: Passage) -> Iterator[tuple[Traversal, list[int], Visit]]:
     """Yield the visits that get a good result in a step, with their indices: a target may be named twice."""
     for command in passage.step.commands:
         outcome = passage.chart.profile.outcome(command.status) if isinstance(command, Publish) else None
@@ -182,10 +182,10 @@ _named(
 def _no_second_round(passage: Passage) -> str | None:
     memory, step = passage.after, passage.step
     before = passage.before.unfinished if step.entered and memory.itineraries else ()
-    told = sum(isinstance(command, Publish) for command in step.commands)
+    published = sum(isinstance(command, Publish) for command in step.commands)
     for name, rounds, left in before if passage.before.mission_id == memory.mission_id else ():
         walked = memory.itineraries.get(name)
-        if name in step.entered and walked is not None and walked.before > rounds and told < left:
+        if name in step.entered and walked is not None and walked.before > rounds and published < left:
             return f"the itinerary of {name} begins anew, though it has targets without a result"
     return "" if before else None
 

@@ -105,11 +105,9 @@ class Engine:
         self.listener = listener
         self._wall = wall
         self._log = log
-        #: Gets an exception of listener, clock, log or machine, and the loop goes on. Without it the
-        #: exception is raised, after what the step had to end was ended.
-        self.failed: Callable[[Exception], None] | None = None
         #: Watches the properties of the missions; None: nothing does.
         self.watch: StepWatch | None = None
+        self._failed: Callable[[Exception], None] | None = None
         #: Attempts that wait for the log, and are not begun yet.
         self._withheld: set[str] = set()
         self._queue: deque[Event] = deque()
@@ -118,6 +116,13 @@ class Engine:
         #: What is entered and begun over and over.
         self._entered: dict[str, None] = {}
         self._begun: dict[str, None] = {}
+
+    def on_failure(self, callback: Callable[[Exception], None]) -> None:
+        """Call `callback` with each exception of listener, clock, log or machine, and go on.
+
+        Without a callback the exception is raised, after what the step had to end was ended.
+        """
+        self._failed = callback
 
     def start(self) -> None:
         """Enter the chart's initial states."""
@@ -194,13 +199,13 @@ class Engine:
         return self.machine.handle(event, now)
 
     def _safely(self, call: Callable[..., _T], *arguments: Any) -> _T | None:
-        """Call a function; with `failed` set, report its exception there instead of raising."""
+        """Call a function; with a callback of `on_failure`, report its exception there instead of raising."""
         try:
             return call(*arguments)
         except Exception as problem:
-            if self.failed is None:
+            if self._failed is None:
                 raise
-            self.failed(problem)
+            self._failed(problem)
         return None
 
     def drain(self, more: bool = False) -> None:

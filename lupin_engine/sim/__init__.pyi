@@ -4,7 +4,6 @@ from .by_hand import Read as Read
 from .by_hand import Wrong as Wrong
 from .by_hand import first as first
 from .measured import Drain as Drain
-from .measured import HourShare as HourShare
 from .measured import Measured as Measured
 from .measured import distance_of as distance_of
 from .measured import is_pose as is_pose

@@ -1,4 +1,4 @@
-"""What was measured of a robot as a whole: shares by the hour of day, and what drains a live value."""
+"""What was measured of a robot: what drains live values, and which values missions began with."""
 
 from __future__ import annotations
 
@@ -10,16 +10,6 @@ from typing import Any
 from lupin_engine.plugin.contract import Operation
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import POSE
-
-
-@dataclass(frozen=True)
-class HourShare:
-    """How long attempts take in an hour of the day (0 to 23), and how often they fail, as shares of usual."""
-
-    operation: str
-    hour: int
-    takes: float = 1.0
-    fails: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -38,7 +28,6 @@ class Measured:
     `values` are the live values with which missions began: mocks that report fixed ones report these instead.
     """
 
-    hours: tuple[HourShare, ...] = ()
     drains: tuple[Drain, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict)
 

@@ -152,6 +152,7 @@ class MockNode(Node):
     )
     target: str | None = Field(None, description="the current target that an attempt must be for")
     metres: MetresNode | None = Field(None, description="how far an attempt must drive, as the crow flies")
+    hour: int | None = Field(None, description="hour of the day in which an attempt begins", ge=0, le=23)
     then: Outcomes = Field(description="what happens")
 
     @property

@@ -333,7 +333,7 @@ class ScriptReader:
         arguments = {} if given is None else self._words.parts("argument", given, declared, mock.do)
         outcomes = tuple(self._outcome(outcome, mock.do, operation) for outcome in mock.then)
         metres = None if mock.metres is None else Metres(*mock.metres.between)
-        yield Rule(mock.do, outcomes, arguments, mock.target, mock.in_turn, metres)
+        yield Rule(mock.do, outcomes, arguments, mock.target, mock.in_turn, metres, mock.hour)
 
     def _outcome(self, node: OutcomeNode, name: str, operation: Operation) -> MockOutcome | AnyOf:
         ends = [word for word in _ENDS if getattr(node, word) not in (None, False)]

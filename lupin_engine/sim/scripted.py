@@ -19,7 +19,7 @@ from lupin_engine.plugin.contract import Operation, Outlet
 from lupin_engine.plugin.mocks import contains
 from lupin_engine.runtime.clock import UTC, VirtualClock, calendar_of
 from lupin_engine.sim.agenda import Agenda
-from lupin_engine.sim.measured import HourShare, Measured, Metres, distance_of, is_pose
+from lupin_engine.sim.measured import Measured, Metres, distance_of, is_pose
 
 
 class OnCancel(enum.Enum):
@@ -91,9 +91,9 @@ class Rule:
     """The outcomes of attempts of one operation.
 
     It covers an attempt that has all of `arguments` (records need only contain the given fields) and, with
-    `target`, that is made at the itinerary's current target of that name, with `metres`, that drives so far.
-    With `once` each outcome is used once, in order, and the rule is spent after the last; else the first one
-    is used always.
+    `target`, that is made at the itinerary's current target of that name, with `metres`, that drives so far,
+    with `hour`, that begins in that hour of the day. With `once` each outcome is used once, in order, and the
+    rule is spent after the last; else the first one is used always.
     """
 
     operation: str
@@ -102,6 +102,7 @@ class Rule:
     target: str | None = None
     once: bool = False
     metres: Metres | None = None
+    hour: int | None = None
 
     @property
     def is_random(self) -> bool:
@@ -109,10 +110,17 @@ class Rule:
         return any(outcome.is_random for outcome in self.outcomes)
 
     def covers(
-        self, operation: str, arguments: Mapping[str, Any], target: str, distance: float | None = None
+        self,
+        operation: str,
+        arguments: Mapping[str, Any],
+        target: str,
+        distance: float | None = None,
+        hour: int | None = None,
     ) -> bool:
-        """Say whether an attempt, which drives so many metres, falls under this rule."""
+        """Say whether an attempt falls under this rule; it drives so many metres in that hour of the day."""
         if operation != self.operation or (self.target is not None and self.target != target):
+            return False
+        if self.hour is not None and self.hour != hour:
             return False
         if self.metres is not None and distance not in self.metres:
             return False
@@ -134,15 +142,6 @@ def _drawn(duration: float | Between | None, dice: random.Random) -> float | Non
     return duration.draw(dice) if isinstance(duration, Between) else duration
 
 
-def _at_hour(outcome: MockOutcome | AnyOf, share: HourShare) -> MockOutcome | AnyOf:
-    """Return an outcome as it is at an hour of the day, where attempts fail more or less often."""
-    if isinstance(outcome, MockOutcome) or share.fails == 1.0:
-        return outcome
-    fails = (isinstance(one, MockOutcome) and bool(one.code or one.never) for one in outcome.outcomes)
-    both = zip(outcome.weights, fails, strict=True)
-    return replace(outcome, weights=tuple(w * share.fails if is_failure else w for w, is_failure in both))
-
-
 class _Server:
     """A rule in use, with its remaining outcomes and the number of uses."""
 
@@ -158,14 +157,13 @@ class _Server:
         """Whether every outcome was that of an attempt."""
         return not self._left if self.rule.once else self.used > 0
 
-    def covers(
-        self, operation: str, arguments: Mapping[str, Any], target: str, distance: float | None
-    ) -> bool:
-        """Say whether an attempt falls under the rule and the rule is not spent."""
-        return bool(self._left) and self.rule.covers(operation, arguments, target, distance)
+    @property
+    def has_outcomes(self) -> bool:
+        """Whether there is an outcome for one more attempt."""
+        return bool(self._left)
 
-    def next_outcome(self, share: HourShare | None = None) -> MockOutcome:
-        """Return the outcome of the next attempt, in an hour of the day that has this `share`.
+    def next_outcome(self) -> MockOutcome:
+        """Return the outcome of the next attempt.
 
         Every use of every rule has its own random numbers, so the draws of one mock do not depend on
         another's.
@@ -175,12 +173,7 @@ class _Server:
         if isinstance(found, MockOutcome) and not found.is_random:
             return found
         # Chance for tests: the same every time, and good enough to guess by.
-        dice = random.Random(f"{self._name}/{self.used}")
-        if share is None:
-            return drawn(found, dice)
-        outcome = drawn(_at_hour(found, share), dice)
-        assert not isinstance(outcome.after, Between), "every duration was drawn"
-        return replace(outcome, after=None if outcome.after is None else outcome.after * share.takes)
+        return drawn(found, random.Random(f"{self._name}/{self.used}"))
 
 
 @dataclass
@@ -223,7 +216,6 @@ class Stage:
         self._now, self._wall = clock.now, clock.wall
         self._target = target
         self._calendar = calendar_of(world.parameters.get(TIME_ZONE, UTC))
-        self._hours = {(one.operation, one.hour): one for one in measured.hours}
         self._measured, self._drained = measured, clock.now()
         #: How many attempts of each operation, at each target and of each distance, fell under which rule.
         self.answered: Counter[tuple[str, str, float | None, int | None]] = Counter()
@@ -369,11 +361,11 @@ class Stage:
         self._agenda.note(self._now() + wait, action)
 
     def _choose(self, operation: str, arguments: Mapping[str, Any], distance: float | None) -> MockOutcome:
-        target = self._target()
+        target, hour = self._target(), self._calendar.hour(self._wall())
         for number, server in enumerate(self._servers):
-            if server.covers(operation, arguments, target, distance):
+            if server.has_outcomes and server.rule.covers(operation, arguments, target, distance, hour):
                 self.answered[operation, target, distance, number] += 1
-                return server.next_outcome(self._hours.get((operation, self._calendar.hour(self._wall()))))
+                return server.next_outcome()
         self.answered[operation, target, distance, None] += 1
         return MockOutcome()
 

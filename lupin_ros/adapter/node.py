@@ -291,7 +291,11 @@ class RosNode:
         self._declared.on_change(callback, stored and self.guarded(stored))
 
     def set_parameter(self, name: str, value: Any) -> None:
-        """Correct a declared parameter from inside the node; the `on_parameter` callbacks hear of it."""
+        """Correct a declared parameter from inside the node; the `on_parameter` callbacks get the value.
+
+        Raises:
+            LupinError: one of them refuses it, or ROS does; the parameter is as before.
+        """
         self._declared.set(name, value)
 
     def values_with(self, specs: Declared) -> dict[str, Any]:

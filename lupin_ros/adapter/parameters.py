@@ -208,8 +208,17 @@ class DeclaredParameters:
             self._hear_of_stored.append(stored)
 
     def set(self, name: str, value: Any) -> None:
-        """Correct a parameter from inside the node; a refusal by a callback is not reported."""
-        self._node.set_parameters([to_ros(name, self._specs[name], value)])
+        """Correct a parameter from inside the node.
+
+        Raises:
+            LupinError: a callback refuses the value, or ROS does; the parameter is as before.
+        """
+        self._store(to_ros(name, self._specs[name], value))
+
+    def _store(self, parameter: RosParameter) -> None:
+        (result,) = self._node.set_parameters([parameter])
+        if not result.successful:
+            raise LupinError(f"parameter {parameter.name!r} was not set: {result.reason}")
 
     def values_with(self, specs: Declared) -> dict[str, Any]:
         """Return the values after a `declare_anew`, without changing anything."""
@@ -242,7 +251,7 @@ class DeclaredParameters:
         self._node.declare_parameter(name, kind, descriptor(spec), ignore_override=True)
         given = to_ros(name, spec, value)
         if given.type_ != RosParameter.Type.NOT_SET:
-            self._node.set_parameters([given])
+            self._store(given)
 
     # --- at the start
 

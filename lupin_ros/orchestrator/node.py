@@ -77,7 +77,7 @@ class Orchestrator:
         clients = PluginClients(ros, loaded, outlet, machine.world.parameters, is_resumed)
         drivers, journal = clients.drivers, gate.journal
         engine = Engine(machine, clock, drivers, publisher.stepped, clock.wall, journal)
-        engine.failed = publisher.failed
+        engine.on_failure(publisher.failed)
         engine.watch = watch = _first_watch(loaded, recovery)
         gate.watched = watch.kept
         loop.run(engine, gate, records)

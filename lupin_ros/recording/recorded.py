@@ -16,8 +16,8 @@ from lupin_engine.machine import Machine
 from lupin_engine.missions import LoadedMissions, lifecycle_in, load_files, mission_files
 from lupin_engine.plugin import Access, Catalog, PageMessage, Profile
 from lupin_engine.runtime import JournalMoments, explanation
-from lupin_ros.recording.file import JOURNAL_TYPE
 from lupin_ros.recording.reader import Recording
+from lupin_ros.recording.unpacked import unpack_journal, write_files
 from lupin_ros.service import names
 from lupin_ros.service.drawn import drawn, shown
 
@@ -153,13 +153,9 @@ class RecordedPages:
     @cached_property
     def _moments(self) -> JournalMoments:
         """The attached journal; without one, the given one."""
-        files = dict(self._recording.attached(JOURNAL_TYPE))
-        if not files:
-            return JournalMoments(self._journal)
         self._unpacked = TemporaryDirectory(prefix="lupin-journal-")  # it is there as long as this object
-        for name, data in files.items():
-            (Path(self._unpacked.name) / Path(name).name).write_bytes(data)
-        return JournalMoments(Path(self._unpacked.name))
+        folder = Path(self._unpacked.name)
+        return JournalMoments(folder if unpack_journal(self._recording, folder) else self._journal)
 
     def _chart(self, asked: str) -> LoadedMissions:
         """Return a chart that ran, by its hash, loaded from its recorded files.
@@ -191,12 +187,7 @@ class RecordedPages:
 
 def _load(files: Mapping[str, str], folder: Path, catalog: Catalog) -> LoadedMissions:
     """Load missions from the texts of their files, written into an empty folder."""
-    for name, text in files.items():
-        file = folder / name
-        if folder.resolve() not in file.resolve().parents:
-            raise LupinError(f"a file that was recorded is outside of its folder: {shortened(name)!r}")
-        file.parent.mkdir(exist_ok=True)
-        file.write_text(text, encoding="utf-8", newline="")
+    write_files(files, folder)
     try:
         return load_files(lifecycle_in(folder), mission_files(folder), catalog)
     except LupinError as problem:

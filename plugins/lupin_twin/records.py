@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict, dataclass
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 _STRICT = ConfigDict(extra="forbid")
+
+#: No place in a greenhouse is farther from the origin of its map, and no box is larger, in metres.
+FARTHEST_M = 10_000.0
+
+
+def is_near(x: float, y: float) -> bool:
+    """Return whether a place is finite, and at most `FARTHEST_M` from the origin of the map."""
+    return math.hypot(x, y) <= FARTHEST_M  # false for NaN
 
 
 @dataclass(frozen=True)

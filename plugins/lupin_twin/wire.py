@@ -18,14 +18,23 @@ from lupin_engine.errors import LupinError, shortened
 from lupin_engine.plugin import seconds_of
 from lupin_greenhouse import frame_name, seen_rotation
 from lupin_twin.field import OccupancyMap
-from lupin_twin.records import Anomaly, Bloom, BoxOutline, Corners, Discovery, Flowers, Observed, Pin, Reading
+from lupin_twin.records import (
+    FARTHEST_M,
+    Anomaly,
+    Bloom,
+    BoxOutline,
+    Corners,
+    Discovery,
+    Flowers,
+    Observed,
+    Pin,
+    Reading,
+    is_near,
+)
 
 #: `Observation.kind` and `.status`; existing numbers never change.
 TAG_READING, FLOWER, ANOMALY = 0, 1, 2
 STATUS_OK, STATUSES = 0, range(4)
-
-#: No planter box is farther away or larger, in metres.
-FARTHEST_M = 1e6
 
 #: No tag and no sensor has a longer name; both are published with every state, and listed in answers.
 LONGEST_NAME = 64
@@ -168,7 +177,7 @@ def _box(entry: Mapping[str, Any]) -> BoxOutline:
     tag_id.encode()  # JSON can tell half a letter, which no message could publish
     names = ("x", "y", "yaw", "width", "depth")
     x, y, yaw, width, depth = numbers = [float(entry[name]) for name in names]
-    if not tag_id or not all(abs(number) <= FARTHEST_M for number in numbers):
+    if not (tag_id and is_near(x, y) and all(abs(number) <= FARTHEST_M for number in numbers)):
         raise ValueError(f"box {shortened(tag_id)!r} has no id, or no place and size in this greenhouse")
     ahead, aside = max(0.0, depth) / 2.0, max(0.0, width) / 2.0
     nx, ny = math.cos(yaw), math.sin(yaw)

@@ -6,18 +6,18 @@ import re
 from pathlib import Path
 
 from lupin_engine.errors import UsageError
-from lupin_engine.plugin import NAME
+from lupin_engine.plugin import NAME, write_atomically
 
 
 def write_text(file: Path, text: str) -> None:
-    """Write a file, in a folder that is made where it is missing.
+    """Write a file as a whole or not at all, in a folder that is made where it is missing.
 
     Raises:
         UsageError: it cannot be written.
     """
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
+        write_atomically(file, text.encode())
     except OSError as problem:
         raise UsageError(f"cannot write {str(file)!r}: {problem.strerror}") from None
 

@@ -42,7 +42,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "prove": "Explore every way that missions can go, without ROS.",
         "campaign": "Run a mission in thousands of random worlds.",
         "learn": "Learn times and failures from the journal, for simulations.",
-        "expect": "Tell how long a mission will take and what it misses.",
+        "expect": "Predict how long a mission will take, and what it misses.",
         "diagram": "Draw a mission.",
         "graph": "Show the ROS graph: topics, services and actions with their nodes.",
         "record": "Record every topic into a file for Foxglove, Lichtblick, rosbag2.",

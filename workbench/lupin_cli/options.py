@@ -130,6 +130,8 @@ pages_port = click.option(
 opened = click.option(
     "--open", "opened", is_flag=True, help="With --hmi: to other machines too; asks for TLS files and tokens."
 )
+#: The file that `lupin learn` writes and `lupin expect` reads when no other is named.
+LEARNED = Path("learned.yaml")
 domain = click.option(
     "--domain", type=read_domain, metavar="NUMBER", help="ROS domain; default: ROS_DOMAIN_ID, else 0."
 )

@@ -12,7 +12,7 @@ from lupin_cli.run_folders import writable
 from lupin_engine.errors import Severity, UsageError
 
 if TYPE_CHECKING:
-    from lupin_ros.recording import TopicRecorder
+    from lupin_ros.recording import Recording, TopicRecorder
 
 
 def check_recording(path: Path) -> None:
@@ -26,6 +26,19 @@ def check_recording(path: Path) -> None:
     if path.exists():
         raise UsageError(f"{str(path)!r} is there already; name another file")
     writable(path.parent, "recording")
+
+
+def open_recording(path: Path) -> Recording:
+    """Open a recording to read it.
+
+    Raises:
+        UsageError: it cannot be read, or packages are missing.
+    """
+    if any(importlib.util.find_spec(name) is None for name in ("mcap", "mcap_ros2")):
+        raise UsageError("to read a recording, packages are needed: `pip install 'lupin-engine[record]'`")
+    from lupin_ros.recording import Recording
+
+    return Recording(path)
 
 
 def amount(recorder: TopicRecorder) -> str:

@@ -5,6 +5,7 @@ from .cases import DriverContract as DriverContract
 from .live import apply as apply
 from .live import live_cases as live_cases
 from .referee import ContractBroken as ContractBroken
+from .referee import NeedsArguments as NeedsArguments
 from .referee import Untried as Untried
 from .rehearsal import declared_by as declared_by
 from .rules import PluginUnderTest as PluginUnderTest

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from lupin_engine.errors import LupinError, PluginError
 from lupin_engine.plugin import Argument, Driver, Plugin, convert, make_client, told
 from lupin_harness.domains import claimed_domain
 from lupin_harness.examples import arguments_for, defaults_of
-from lupin_harness.referee import ContractBroken, Referee, RefereedAttempt, Untried
+from lupin_harness.referee import ContractBroken, NeedsArguments, Referee, RefereedAttempt, Untried
 from lupin_harness.rules import Given, changes, declarations
 from lupin_ros.adapter import RosNode, child_environment, interfaces
 from lupin_ros.launch import Death, Patience, Supervisor
@@ -322,25 +322,33 @@ class Bench:
         """Wait until an attempt has succeeded."""
         known = self.until_ended(attempt)
         if "done" not in known.reports:
-            raise ContractBroken(f"{attempt}: {known}; give arguments with which it succeeds")
+            broken = NeedsArguments if "failed" in known.reports else ContractBroken
+            raise broken(f"{attempt}: {known}; give arguments with which it succeeds")
 
     def _insist(self, operation: str) -> str:
         """Repeat attempts until one is done: a driver that does not wait names no missing server."""
         done: list[str] = []
+        failed = ""
         attempt, given_up = self.begin(operation), time.monotonic() + TRY_S
 
         def has_worked() -> bool:
-            nonlocal attempt, given_up
+            nonlocal attempt, failed, given_up
             known = self.referee.attempts[attempt]
             if "done" in known.reports:
                 done.append(attempt)
             elif known.ended:
+                failed = f"{attempt}: {known}" if "failed" in known.reports else failed
                 attempt, given_up = self.begin(operation), time.monotonic() + TRY_S
             elif time.monotonic() > given_up and not known.cancelled:
                 self.cancel(attempt)
             return bool(done)
 
-        self.until(has_worked, f"{operation!r} is to be done; give arguments with which it succeeds")
+        try:
+            self.until(has_worked, f"{operation!r} is to be done; give arguments with which it succeeds")
+        except ContractBroken as broken:
+            if failed:
+                raise NeedsArguments(f"{failed}; give arguments with which it succeeds") from None
+            raise broken
         return done[0]
 
     def close(self) -> None:
@@ -392,6 +400,11 @@ class Lab:
             bench.until_ready()
             self._hopeless = False
             yield bench
+
+    def find_out_whether_it_waits(self) -> None:
+        """Set `waits` of the setting: the driver waits for servers if it misses one where there is none."""
+        with self.lonely_bench() as bench:
+            self.setting = replace(self.setting, waits=bool(bench.missing()))
 
     def restart(self) -> None:
         """Start the servers that do not run."""

@@ -17,6 +17,10 @@ class ContractBroken(AssertionError):
     """A driver violates the contract; the text says how."""
 
 
+class NeedsArguments(ContractBroken):
+    """An operation fails, as it may, with arguments that were made up for it: they must be given."""
+
+
 class Untried(ContractBroken):
     """A rule could not be tested because the driver does not get ready; another rule reports why."""
 

@@ -127,7 +127,7 @@ class Content:
     def _full(self, sender: Element, event: str, given: dict[str, Any]) -> dict[str, Any]:
         """Return the fields of an event; the language wants the same ones wherever it is raised."""
         fields = self._events.carried(frozenset({event})) or set()
-        lacking = {name: self._data.lacking(name) for name in sorted(fields - given.keys())}
+        lacking = {name: self._data.lacking(event, name) for name in sorted(fields - given.keys())}
         known = {name: value for name, value in lacking.items() if value is not None}
         for name, value in {} if self._own else known.items():
             self._notes.note(

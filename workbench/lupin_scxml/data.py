@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -84,8 +85,8 @@ class DataModel:
         self._taken: set[str] = {*WORDS, *ROOTS, *BUILTIN_CALLS}
         #: Variables that are objects; each of their fields is a variable of its own.
         self._objects: dict[str, Element] = {}
-        #: By event field, the type that its last sender gives it.
-        self._fields: dict[str, str] = {}
+        #: By event field, the type that each sender gives it, as far as it is known.
+        self._fields: defaultdict[str, dict[Element, str]] = defaultdict(dict)
         #: There are scripts that cannot be read, which may declare more.
         self._has_code = False
         self._durations = {
@@ -99,6 +100,7 @@ class DataModel:
             self._infer()
         if not own:
             self._begin()
+            self._note_several_types()
 
     # -- declarations ---------------------------------------------------------------------------------------
 
@@ -213,11 +215,31 @@ class DataModel:
             if variable is not None and not variable.type and array.startswith("list of "):
                 variable.type = array.removeprefix("list of ")
         for holder in self._root.every("send", "donedata"):
+            given = {name: name for name in holder.get("namelist").split()}
             for param in holder.all("param", "content"):
-                given = param.get("expr") or param.get("location") or content_text(param)
-                self._fields[field(param.get("name") or "data")] = self._type(given, None)
-            for name in holder.get("namelist").split():
-                self._fields[field(name)] = self._type(name, None)
+                text = param.get("expr") or param.get("location") or content_text(param)
+                given[param.get("name") or "data"] = text
+            for name, text in given.items():
+                if kind := self._type(text, None):
+                    self._fields[field(name)][holder] = kind
+
+    def _field_types(self, name: str, seen: Seen) -> set[str]:
+        """Return the known types that the senders of the seen events give a field; unknown events: of all."""
+        by_sender, senders = self._fields.get(name, {}), self._events.senders(seen)
+        return {by_sender[one] for one in (by_sender if senders is None else senders) if one in by_sender}
+
+    def _field_type(self, name: str, seen: Seen) -> str:
+        """Return the type of a field of the seen events; '' where none is known, or several are."""
+        kinds = self._field_types(name, seen)
+        return kinds.pop() if len(kinds) == 1 else ""
+
+    def _note_several_types(self) -> None:
+        for event in self._events.all:
+            seen = frozenset({event})
+            for name in sorted(self._events.carried(seen) or ()):
+                if len(kinds := self._field_types(name, seen)) > 1:
+                    several = f"{event!r} carries {name} as {' and as '.join(sorted(kinds))}"
+                    self._notes.note(self._events.sent(event)[-1], f"{several}: its type is not known")
 
     def _around(self, element: Element) -> Seen:
         """Return the events that an assignment may see, by its transition."""
@@ -323,7 +345,7 @@ class DataModel:
         for event in seen or ():
             if event in self._events.outside:
                 self._events.outside[event].add(name)
-        return Operand(ast.Attribute(ast.Name("event"), name), self._fields.get(name, ""))
+        return Operand(ast.Attribute(ast.Name("event"), name), self._field_type(name, seen))
 
     def condition(self, text: str, seen: Seen) -> str:
         """Return a condition of the language.
@@ -410,7 +432,10 @@ class DataModel:
             CannotSay: its type is not known.
         """
         variable = self._add(f"{event}.{name}", None)
-        variable.type, variable.default = self._fields.get(name, ""), self.lacking(name)
+        variable.type, variable.default = (
+            self._field_type(name, frozenset({event})),
+            self.lacking(event, name),
+        )
         if not variable.type:
             raise CannotSay(f"a delayed event with the field {name!r}")
         return variable.name
@@ -421,9 +446,9 @@ class DataModel:
         variable.type, variable.default = "text", ""
         return variable.name
 
-    def lacking(self, name: str) -> Any:
+    def lacking(self, event: str, name: str) -> Any:
         """Return the default of a field that an event is sent without; None if its type is unknown."""
-        kind = self._fields.get(name, "")
+        kind = self._field_type(name, frozenset({event}))
         return [] if kind.startswith("list") else _NEUTRAL.get(kind)
 
     def is_changed(self, name: str) -> bool:

@@ -263,7 +263,7 @@ class Events:
         beginning = state.parent is None or state.parent.all(*REGIONS)[:1] == [state]
         return frozenset(found) if found and not beginning else None
 
-    def _senders(self, seen: Seen) -> list[Element] | None:
+    def senders(self, seen: Seen) -> list[Element] | None:
         """Return the elements that may have raised the seen event; None where unknown."""
         found: list[Element] = []
         for event in seen or ():
@@ -280,7 +280,7 @@ class Events:
     def carried(self, seen: Seen) -> set[str] | None:
         """Return the fields that the seen event may have; None where unknown."""
         if seen not in self._carried:
-            senders = self._senders(seen)
+            senders = self.senders(seen)
             fields = [set() if sender in self.failing else params_of(sender) for sender in senders or ()]
             self._carried[seen] = set().union(*fields) if fields else None
         return self._carried[seen]
@@ -290,7 +290,7 @@ class Events:
         if name == "name":
             names = {self.original(event) for event in seen or ()}
             return constant(names.pop()) if len(names) == 1 else None
-        senders = self._senders(seen)
+        senders = self.senders(seen)
         found = {_properties(sender).get(name, "") for sender in senders or ()}
         if len(found) != 1 or name not in _PROPERTIES or (name == "origin" and found != {""}):
             return None

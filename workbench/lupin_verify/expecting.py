@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from lupin_engine.machine import World
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import READY, START
-from lupin_engine.runtime import make_world
-from lupin_engine.sim import LIMIT, AnyOf, Happening, Run, Script, SetValue, Simulation
+from lupin_engine.sim import LIMIT, Happening, Run, Script, SetValue, Simulation
 from lupin_verify.learning import ENOUGH
 from lupin_verify.rates import Rates
 
 #: How many targets a remark names.
 MOST = 5
-#: An operation, a target, whether it drives, and the number of the rule that answered.
-Answer = tuple[str, str, bool, int | None]
+#: An operation, a target, and the number of the rule that answered.
+Answer = tuple[str, str, int | None]
 
 
 @dataclass
@@ -40,47 +40,37 @@ class Expected:
 
 
 def learned_script(
-    rates: Rates,
-    mission: str,
-    request: Mapping[str, Any],
-    values: Mapping[str, Any] | None = None,
-    clock: str | None = None,
+    rates: Rates, mission: str, request: Mapping[str, Any], values: Mapping[str, Any] | None = None
 ) -> Script:
     """Return a script that draws from a file of rates alone.
 
     Args:
         request: over that of the file.
         values: live values at the beginning, over those of the file.
-        clock: date and time of day of the beginning; None: as the file says.
     """
     own = rates.own
     began = (Happening(SetValue(name, value)) for name, value in (values or {}).items())
-    return replace(
-        own,
-        mission=mission,
-        request={**own.request, **request},
-        happenings=(*own.happenings, *began),
-        limit=max(own.limit, LIMIT),
-        clock=clock or own.clock,
-    )
+    happenings, limit = (*own.happenings, *began), max(own.limit, LIMIT)
+    request = {**own.request, **request}
+    return replace(own, mission=mission, request=request, happenings=happenings, limit=limit)
 
 
 def expect(
     loaded: LoadedMissions,
     rates: Rates,
     script: Script,
-    parameters: Mapping[str, Any],
+    world: World,
     seeds: Iterable[int],
     report: Callable[[int], object] = lambda runs: None,
 ) -> Expected:
     """Run a script of learned rates once for each seed; `report` is called with the number of runs done."""
-    world, found, answers = make_world(loaded.chart, parameters), Expected(), Counter[Answer]()
+    found, answers = Expected(), Counter[Answer]()
     for seed in seeds:
         seeded = replace(script, seed=script.seed + seed)
-        simulation = Simulation(loaded.chart, seeded, parameters, world)
+        simulation = Simulation(loaded.chart, seeded, {}, world)
         _add(found, simulation.run())
-        for (operation, target, metres, rule), count in simulation.answered.items():
-            answers[operation, target, metres is not None, rule] += count
+        for (operation, target, _, rule), count in simulation.answered.items():
+            answers[operation, target, rule] += count
         report(found.runs)
     found.remarks = list(_remarks(rates, answers, loaded.chart.profile.terminal.target))
     return found
@@ -118,25 +108,20 @@ def _add(found: Expected, run: Run) -> None:
 def _remarks(rates: Rates, answers: Mapping[Answer, int], word: str) -> Iterator[str]:
     """Yield remarks on answers drawn from attempts at other places; the most frequent first."""
     known = rates.learned.seen if rates.learned else {}
-    coarse = defaultdict[tuple[str, bool, int | None], dict[str, int]](dict)
-    for (operation, target, drives, number), _ in sorted(answers.items(), key=lambda item: -item[1]):
+    coarse = defaultdict[tuple[str, int | None], dict[str, int]](dict)
+    for (operation, target, number), _ in sorted(answers.items(), key=lambda item: -item[1]):
         is_coarse = bool(target and known and number is not None and rates.own.rules[number].target is None)
         if operation != READY and (number is None or is_coarse):
-            coarse[operation, drives, number][target] = known.get(operation, {}).get(target, 0)
-    for (operation, drives, number), by_target in coarse.items():
+            coarse[operation, number][target] = known.get(operation, {}).get(target, 0)
+    for (operation, number), by_target in coarse.items():
         seen = known.get(operation, {})
         if number is None:
             few = f"{sum(seen.values())} seen, too few" if seen else "never seen"
             yield f"{operation}: {few}; it answers as the mock of its plugin does"
             continue
-        rule = rates.own.rules[number]
-        here = f" of {rule.metres.low:g} m to {rule.metres.high:g} m" if rule.metres else ""
-        used = f"those to any {word}" if here else f"all {'drives' if drives else 'attempts'}"
-        outcome = rule.outcomes[0]
-        counted = isinstance(outcome, AnyOf) or not rule.metres
-        count = round(sum(outcome.weights)) if isinstance(outcome, AnyOf) else sum(seen.values())
+        metres = rates.own.rules[number].metres
+        here = f" of {metres.low:g} m to {metres.high:g} m" if metres else ""
         targets = [f"{target} ({count} seen)" for target, count in by_target.items()]
         more = f" and {len(targets) - MOST} more" if len(targets) > MOST else ""
-        places = ", ".join(targets[:MOST]) + more
-        how_many = f" ({count})" if counted else ""
-        yield f"{operation} at {places}: fewer than {ENOUGH}{here}; {used} are used{how_many}"
+        few = f"fewer than {ENOUGH}{here}; those to any {word} are used"
+        yield f"{operation} at {', '.join(targets[:MOST])}{more}: {few}"

@@ -13,8 +13,7 @@
 
 Operations without a mock answer as `default_rules` say; a mission that has ended, or waits for a person, gets
 the request that goes on (`around_the_clock`). Without `limit` a seed runs for an hour. A file that `learning`
-wrote says also what it was learned from (`learned`), how attempts differ by the hour of day (`hours`), and
-what live values lose (`drain`).
+wrote says also what it was learned from (`learned`), and what live values lose (`drain`).
 """
 
 from __future__ import annotations
@@ -41,7 +40,6 @@ from lupin_engine.sim import (
     Effect,
     Happen,
     Happening,
-    HourShare,
     Latency,
     Measured,
     MockOutcome,
@@ -93,17 +91,6 @@ class LearnedNode(Node):
     )
 
 
-class HourNode(Node):
-    """What attempts of an operation come to in an hour of the day, beside all hours."""
-
-    do: Annotated[str, OPERATION] = Field(description="operation, as plugin.name")
-    hour: int = Field(description="hour of the day, 0 to 23", ge=0, le=23)
-    seen: int = Field(0, description="how many attempts")
-    failed: int = Field(0, description="how many of them failed")
-    takes: Written = Field("100 %", description="how long they take, as a share of usual")
-    fails: Written = Field("100 %", description="how often they fail, as a share of usual")
-
-
 class DrainNode(Node):
     """What a live value loses."""
 
@@ -124,7 +111,6 @@ class CampaignNode(ScriptNode):
         True, description="whether requests, live values and events come at their default rates, too"
     )
     learned: LearnedNode | None = Field(None, description="what the file was learned from")
-    hours: list[HourNode] = Field(default_factory=list, description="how attempts differ by the hour of day")
     drain: list[DrainNode] = Field(default_factory=list, description="what live values lose")
 
 
@@ -322,7 +308,6 @@ def _measured(node: CampaignNode, words: ScenarioNames) -> Measured:
             words.wrong(holder.at(key), key, f"expected a share from 0 on, got {getattr(holder, key)}")
         return given or 0.0
 
-    hours = tuple(HourShare(one.do, one.hour, share(one, "takes"), share(one, "fails")) for one in node.hours)
     drains, values = list[Drain](), dict[str, Any]()
     for drain in node.drain:
         if words.known(drain.at("value"), "value", drain.value, words.catalog.values, "drain"):
@@ -335,7 +320,7 @@ def _measured(node: CampaignNode, words: ScenarioNames) -> Measured:
             values[name] = words.value(
                 learned.value_at("values", name), f"learned.values.{name}", value, kind
             )
-    return Measured(hours, tuple(drains), values)
+    return Measured(tuple(drains), values)
 
 
 def _chance(node: ChanceNode, reader: ScriptReader, words: ScenarioNames) -> Iterator[Chance]:

@@ -197,8 +197,10 @@ class SimNode:
         def show() -> None:
             if self._faults.kind is InjectedFault.NONE:
                 self._correcting_fault = True
-                self._ros.set_parameter("fault", InjectedFault.NONE.value)
-                self._correcting_fault = False
+                try:
+                    self._ros.set_parameter("fault", InjectedFault.NONE.value)
+                finally:
+                    self._correcting_fault = False
 
         self._ros.post(show)
 

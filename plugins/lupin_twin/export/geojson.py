@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from lupin_twin.export.forms import finite, to_json, urn, utc
-from lupin_twin.export.georeference import Georeference, is_near
+from lupin_twin.export.georeference import Georeference
 from lupin_twin.missions import MissionRecord, Observation
-from lupin_twin.records import Anomaly, Corners, Flowers, Reading
+from lupin_twin.records import Anomaly, Corners, Flowers, Reading, is_near
 from lupin_twin.state import TwinTag
 from lupin_twin.text import QUANTITIES
 

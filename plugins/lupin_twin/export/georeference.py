@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lupin_engine.errors import UsageError
+from lupin_twin.records import is_near
 
 #: The ellipsoid of WGS84: half its larger axis in metres, and the square of its eccentricity.
 _AXIS_M = 6378137.0
@@ -18,9 +19,6 @@ _ECCENTRICITY_2 = 6.69437999014e-3
 
 #: Latitudes beyond have no longitude to speak of.
 _HIGHEST = 89.0
-
-#: Metres from its origin in which the map is taken for a map.
-FARTHEST_M = 10_000.0
 
 #: Digits behind the point of a degree: about a millimetre.
 DIGITS = 8
@@ -72,12 +70,7 @@ class Georeference:
         return [round(number, DIGITS) for number in found]
 
     def point(self, x: float, y: float) -> dict[str, Any] | None:
-        """Return a place on the map as a GeoJSON point; None if it is not finite or beyond `FARTHEST_M`."""
+        """Return a place on the map as a GeoJSON point; None if it is not in a greenhouse (`is_near`)."""
         if not is_near(x, y):
             return None
         return {"type": "Point", "coordinates": self.position(x, y)}
-
-
-def is_near(x: float, y: float) -> bool:
-    """Return whether a place is finite, and near enough to the origin for the tangent plane."""
-    return math.hypot(x, y) <= FARTHEST_M  # false for what is no number

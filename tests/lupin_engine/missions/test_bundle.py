@@ -14,7 +14,14 @@ import pytest
 
 from lupin_cli.main import main
 from lupin_engine.errors import UsageError
-from lupin_engine.missions.bundle import MANIFEST, MAX_BYTES, MAX_FILES, check_signed, read_bundle
+from lupin_engine.missions.bundle import (
+    MANIFEST,
+    MAX_BYTES,
+    MAX_FILES,
+    check_signed,
+    make_bundle,
+    read_bundle,
+)
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.registry import load_catalog
@@ -83,6 +90,21 @@ def test_a_bundle_is_the_mission(folder: Path, capsys: pytest.CaptureFixture[str
     assert [*read_bundle(moved).files] == ["bindings/photo_arm.yaml", "lifecycle.yaml", "patrol.yaml"]
     assert main(["check", "--strict", str(moved)]) == 0
     assert main(["simulate", str(moved), "--until", "1 s"]) == 0
+
+
+def test_what_could_not_be_read_is_not_written() -> None:
+    """Too many files, too many bytes, and a mission that is not where a reader looks for it."""
+    files = {"lifecycle.yaml": b"", "patrol.yaml": b""}
+    many = files | {f"parts/a{number}.yaml": b"" for number in range(MAX_FILES)}
+    large = files | {"parts/a.yaml": b" " * MAX_BYTES}
+    for given, reason in (
+        (many, f"it has {MAX_FILES + 3} files; at most {MAX_FILES} are read"),
+        (large, f"its files have more than {MAX_BYTES} bytes"),
+        ({"parts/patrol.yaml": b""}, "its file must stand beside the lifecycle"),
+    ):
+        with pytest.raises(UsageError) as refusal:
+            make_bundle("patrol.yaml", "h", given, None)
+        assert str(refusal.value) == f"no bundle can be made of 'patrol.yaml': {reason}"
 
 
 def test_the_same_files_make_the_same_bundle(folder: Path) -> None:

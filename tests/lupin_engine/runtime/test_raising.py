@@ -73,7 +73,7 @@ def test_what_ends_leaves_first(raises: str) -> None:
     for commands in itertools.permutations(COMMANDS.values()):
         told, failed = Telling(raises), []
         engine = Engine(machine(commands), VirtualClock(), {"nav": told}, told.listener, told.wall, told)
-        engine.failed = failed.append
+        engine.on_failure(failed.append)
         for _ in range(2):
             step = engine.request(Event("operator.pause"))
             assert step.accepted

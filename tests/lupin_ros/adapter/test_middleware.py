@@ -530,6 +530,9 @@ def test_a_change_at_run_time_needs_a_taker(make_node: MakeNode) -> None:
     assert nodes[0].parameters()["nav_timeout_s"] == 90.0
     nodes[0].on_parameter(lambda values: "not now")
     assert set_parameter(nodes, "nav_timeout_s", sixty).reason == "not now"
+    with pytest.raises(LupinError, match=r"^parameter 'nav_timeout_s' was not set: not now$"):
+        nodes[0].set_parameter("nav_timeout_s", 30.0)
+    assert nodes[0].parameters()["nav_timeout_s"] == 90.0
     far = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=601.0)
     assert not set_parameter(nodes, "nav_timeout_s", far).successful
 

@@ -273,8 +273,11 @@ def test_boxes_that_are_something_else_are_dropped(text: str) -> None:
     assert len(str(dropped.value)) < 200
 
 
-def test_a_box_without_sense_is_named() -> None:
-    told = '[{"id": "5", "x": 1e7, "y": 0, "yaw": 0, "width": 1, "depth": 1}]'
+@pytest.mark.parametrize("place", [(1e7, 0.0), (10_001.0, 0.0), (8e3, 8e3)])
+def test_a_box_without_sense_is_named(place: tuple[float, float]) -> None:
+    """What is kept of a box and what is exported end at the same distance: 10 km."""
+    x, y = place
+    told = json.dumps([{"id": "5", "x": x, "y": y, "yaw": 0, "width": 1, "depth": 1}])
     with pytest.raises(wire.Dropped) as dropped:
         wire.boxes(told)
     why = "box '5' has no id, or no place and size in this greenhouse"

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import importlib
 import json
+import struct
 import sys
 from pathlib import Path
 
 import pytest
 
 from lupin_cli.main import main
+from lupin_engine.runtime.journal.journal import CHARTS
+from lupin_ros.recording.file import JOURNAL_TYPE, RecordingFile
+from lupin_ros.service import names
 from tests.benchmarking import BENCHMARKS
 
 TAGS = ["1", "5", "12"]
@@ -90,6 +94,56 @@ def test_a_journal_of_damage_alone_teaches_nothing(
     assert "is no journal" in told
 
 
+def recorded(file: Path, journal: Path, chosen: slice) -> Path:
+    """Record some missions of a journal: their files are attached, and the charts published."""
+    recording = RecordingFile(file)
+    charts = recording.add_topic(names.CHART_TOPIC, "std_msgs/msg/String", "string data", {})
+    for folder in (journal / CHARTS).iterdir():
+        files = {str(one.relative_to(folder)): one.read_text() for one in folder.rglob("*.yaml")}
+        text = json.dumps({"hash": folder.name, "files": files}).encode() + b"\0"
+        recording.add(charts, b"\0\1\0\0" + struct.pack("<I", len(text)) + text, 1, 1)
+    recording.flush()
+    for one in sorted(journal.glob("*.journal"))[chosen]:
+        recording.attach(one.name, one.read_bytes(), 1, JOURNAL_TYPE)
+    recording.finish()
+    return file
+
+
+def test_recordings_are_read_in_place_of_the_journal(
+    learned: Path, journal: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each mission counts once, also if two recordings have it."""
+    files = [
+        recorded(learned / "a.mcap", journal, slice(5)),
+        recorded(learned / "b.mcap", journal, slice(3, 8)),
+    ]
+    assert main(["learn", *map(str, files), "-o", "recorded.yaml"]) == 0
+    assert (learned / "recorded.yaml").read_bytes() == (learned / "learned.yaml").read_bytes()
+    assert main(["learn", str(files[0]), "--journal", str(journal)]) == 2
+    refused = "--journal: recordings are read in place of a journal; name either"
+    assert capsys.readouterr().err.strip().endswith(refused)
+
+
+def test_a_recording_without_a_journal_is_left_out_with_the_reason(
+    learned: Path, journal: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = recorded(Path("b.mcap"), journal, slice(8))
+    recorded(Path("none.mcap"), journal, slice(0))
+    cut = Path("cut.mcap")
+    cut.write_bytes(other.read_bytes()[:-2000])
+    capsys.readouterr()
+    assert main(["learn", "none.mcap", "cut.mcap", "no.mcap"]) == 2
+    hint = "messages alone leave out the poses and charges that changed no state"
+    assert capsys.readouterr().err.splitlines() == [
+        "lupin: no mission in these recordings could be learned from",
+        f"    none.mcap has no journal, because it was not made beside an orchestrator; {hint}",
+        f"    cut.mcap has no journal, because it is cut off; {hint}",
+        "    'no.mcap' cannot be read: No such file or directory",
+    ]
+    assert main(["learn", "none.mcap", "b.mcap"]) == 0
+    assert capsys.readouterr().err.startswith("left out: none.mcap has no journal, because it was not made")
+
+
 def test_expect_tells_durations_the_battery_and_what_is_missed(
     learned: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -129,8 +183,8 @@ def test_all_wrong_options_of_expect_are_told_at_once(
     wrong = ["--value", "batery=1", "--value", "battery=full", "--clock", "noon", "--rates", "no.yaml"]
     assert main(["expect", "inspection", "--tags", "1", *wrong]) == 2
     told = capsys.readouterr().err
-    assert "--value: no live value 'batery'; did you mean 'battery'?" in told
-    assert "--value: battery: expected number, got 'full'" in told
+    assert "--value: unknown parameter 'batery'; did you mean 'battery'?" in told
+    assert "--value: parameter 'battery': expected number, got 'full'" in told
     assert "--clock: expected a date with a time of day, got 'noon'" in told
     assert "--rates: no file 'no.yaml'; 'lupin learn' writes one from the journal" in told
 

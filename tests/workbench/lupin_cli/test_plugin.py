@@ -108,7 +108,8 @@ def test_two_packages_with_a_plugin_of_one_name(
     assert (code, [row["problem"] for row in json.loads(out) if row["name"] == "lamp"]) == (1, [problem] * 2)
     assert run(capsys, "show", "lamp") == (1, "", f"lupin: {problem}\n")
     code, out, _ = run(capsys, "check", "lamp", "--json")
-    assert (code, json.loads(out)[0]) == (1, {"plugin": "lamp", "rule": "registered", "problems": [problem]})
+    verdict = {"plugin": "lamp", "rule": "registered", "problems": [problem], "not_tried": ""}
+    assert (code, json.loads(out)[0]) == (1, verdict)
     assert main(["simulate", "inspection"]) == 2
     assert capsys.readouterr().err == f"lupin: {problem}\n"
 

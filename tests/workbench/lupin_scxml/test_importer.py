@@ -37,6 +37,24 @@ def notes(inside: str) -> list[str]:
     return [f"{note.line}: {note.text}" for note in imported(inside).notes]
 
 
+# -- fields of events ----------------------------------------------------------------------------------------
+
+
+def test_a_field_has_the_type_that_the_senders_of_its_event_give_it() -> None:
+    """Whatever another event carries under that name; of two types of one event none is chosen."""
+    inside = """<datamodel><data id="x"/><data id="y"/></datamodel><state id="a"><onentry>
+        <send event="n"><param name="v" expr="5"/></send>
+        <send event="t"><param name="v" expr="'five'"/></send></onentry>
+        <transition event="n"><assign location="x" expr="_event.data.v"/></transition>
+        <transition event="t"><assign location="y" expr="_event.data.v"/></transition></state>"""
+    variables = {name: one["type"] for name, one in imported(inside).mission["context"].items()}
+    assert variables == {"x": "number", "y": "text"}
+    both = inside.replace('event="t"', 'event="n"', 1)
+    assert "context" not in imported(both).mission
+    assert "4: 'n' carries v as number and as text: its type is not known" in notes(both)
+    assert "5: a value of 'x' cannot be said; it is left out" in notes(both)
+
+
 # -- round trip ---------------------------------------------------------------------------------------------
 
 

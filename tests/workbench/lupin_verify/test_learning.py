@@ -14,17 +14,16 @@ from lupin_engine.errors import ChartError
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.replay.yaml_text import yaml_text
 from lupin_engine.runtime.history import TIMED_OUT
+from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim.scripted import AnyOf, Between, MockOutcome
+from lupin_verify.drift import drifts
 from lupin_verify.expecting import expect, learned_script
 from lupin_verify.learning import (
     Drained,
     Evidence,
     ObservedAttempt,
     bands,
-    drifts,
     fail_more,
-    hours_of,
-    quantile,
     table,
 )
 from lupin_verify.rates import Rates, read_rates
@@ -79,13 +78,12 @@ def test_the_slowest_tenth_has_a_row_of_its_own() -> None:
     assert fast[-1] == slow[0] < 13.0
     assert slow[-1] == 50.0
     assert list(bands([2.0, 1.0])) == [(2, [1.0, 2.0])]
-    assert [quantile([1.0, 2.0, 4.0], share) for share in (0.0, 0.25, 1.0)] == [1.0, 1.5, 4.0]
 
 
 def test_the_finest_row_with_enough_answers(tmp_path: Path) -> None:
     """To tag 1 five drives of 2 to 3 m are known, to tag 7 three: they count for drives of that length."""
     seen = drives("1", [4.0] * 5) + drives("7", [9.0] * 3) + drives("1", [20.0], metres=7.0)
-    rules = [rule for rule in rates_of(seen, tmp_path).own.rules if rule.operation == "nav.go_to"]
+    rules = [rule for rule in rates_of(seen, tmp_path).own.rules if rule.hour is None]
     assert [(rule.target, rule.metres and rule.metres.low) for rule in rules] == [
         ("1", 2.0),
         (None, 2.0),
@@ -116,14 +114,25 @@ def test_a_timeout_is_learned_as_a_server_that_falls_silent(tmp_path: Path) -> N
     assert outcome.outcomes[1] == MockOutcome(never=True)
 
 
-def test_an_hour_that_differs_has_shares_and_the_others_have_counts() -> None:
-    seen = [one for hour in range(8, 14) for one in drives("1", noisy(40, seed=hour), hour=hour)]
-    seen += drives("1", [*noisy(36, 15.0), *[math.inf] * 9], hour=14)
-    found = {one.hour: one for one in hours_of(seen)}
-    assert found[14].takes == pytest.approx(1.5, rel=0.1)
-    assert (found[14].seen, found[14].failed) == (45, 9)
-    assert found[14].fails == pytest.approx(285 / 45, rel=0.01)
-    assert {(found[hour].takes, found[hour].fails) for hour in range(8, 14)} == {(1.0, 1.0)}
+def test_an_hour_has_rows_of_its_own_where_there_are_enough(tmp_path: Path) -> None:
+    """At 14 h drives take longer and fail; at 8 h too few were done for a row of a target in that hour."""
+    seen = [one for hour in range(9, 14) for one in drives("1", [10.0] * 5, hour=hour)]
+    seen += drives("1", [10.0] * 4, hour=8) + drives("2", [10.0], hour=8)
+    seen += drives("1", [*[15.0] * 6, *[math.inf] * 6], hour=14)
+    rates = rates_of(seen, tmp_path)
+
+    def outcome(target: str, hour: int) -> MockOutcome | AnyOf:
+        covers = (rule for rule in rates.own.rules if rule.covers("nav.go_to", {}, target, 2.2, hour))
+        return next(covers).outcomes[0]
+
+    late, early = outcome("1", 14), outcome("1", 8)
+    assert isinstance(late, AnyOf)
+    assert late.outcomes == (MockOutcome(after=15.0), MockOutcome(after=3.0, code="nav_status_6"))
+    assert late.weights == (6.0, 6.0)
+    assert isinstance(early, AnyOf)
+    assert {isinstance(one, MockOutcome) and one.code for one in early.outcomes} == {""}
+    assert outcome("2", 8) == outcome("9", 8) == MockOutcome(after=10.0)
+    assert outcome("1", 9) == MockOutcome(after=10.0)
 
 
 def test_driving_and_standing_drain_apart_where_they_can_be_told() -> None:
@@ -135,19 +144,31 @@ def test_driving_and_standing_drain_apart_where_they_can_be_told() -> None:
 # -- drift -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("newest", [[15.0] * 4, [math.inf] * 4])
-def test_a_target_that_became_slow_or_fails_is_told_with_its_beginning(newest: list[float]) -> None:
+@pytest.mark.parametrize("newest", [[15.0] * 5, [math.inf] * 5])
+def test_a_target_that_became_slow_or_fails_is_reported_with_its_beginning(newest: list[float]) -> None:
     others = [one for tag in range(1, 4) for one in drives(str(tag), noisy(50, seed=tag))]
     (found,) = drifts([*others, *drives("7", [*noisy(50), *newest])])
-    assert (found.operation, found.target, found.newest, found.before) == ("nav.go_to", "7", 4, 50)
+    assert (found.operation, found.target, found.newest, found.before) == ("nav.go_to", "7", 5, 50)
     assert found.since == 50 * 3600.0
     assert found.slower == pytest.approx(newest[0] / 10.0 - 1.0, abs=0.1)
 
 
-def test_chance_a_little_slower_and_too_few_are_not_told() -> None:
+def test_a_slow_down_is_measured_beside_the_way_to_the_target() -> None:
+    """Longer drives than before are not slower ones."""
+    ways = [number * 7 % 10 + 1.0 for number in range(50)] + [9.0] * 10
+    far = [one for n, way in enumerate(ways) for one in drives("7", [2.0 + way], way, 9, 3600.0 * n)]
+    assert drifts(far) == []
+    slow = [one._replace(seconds=one.seconds * 1.5) if one.wall >= 55 * 3600.0 else one for one in far]
+    assert [(one.target, one.newest) for one in drifts(slow)] == [("7", 5)]
+
+
+def test_chance_a_little_slower_outliers_and_too_few_are_not_reported() -> None:
     assert drifts(drives("7", noisy(500))) == []
     assert drifts(drives("7", [*noisy(50), *[11.9] * 10])) == []
-    assert drifts(drives("7", [*noisy(12), *[20.0] * 5])) == []
+    assert drifts(drives("7", [*noisy(50), 9.0, 50.0, 10.0, 50.0, 11.0])) == []
+    assert drifts(drives("7", [*noisy(19), *[20.0] * 5])) == []
+    assert len(drifts(drives("7", [*noisy(20), *[20.0] * 5]))) == 1
+    assert drifts([]) == drifts(drives("7", [math.inf] * 3)) == []
 
 
 # -- the file ----------------------------------------------------------------------------------------------
@@ -155,8 +176,11 @@ def test_chance_a_little_slower_and_too_few_are_not_told() -> None:
 
 def test_a_file_that_was_edited_badly_tells_every_mistake_with_its_place(tmp_path: Path) -> None:
     wrong = {
-        "hours": [{"do": "nav.fly", "hour": 9}, {"do": "nav.dock", "hour": 8, "takes": "-5 %"}],
-        "drain": [{"value": "robot.batery", "per_metre": "much"}],
+        "mocks": [{"do": "nav.fly", "hour": 9, "then": {}}],
+        "drain": [
+            {"value": "robot.batery", "per_metre": "much"},
+            {"value": "robot.battery", "per_metre": "-5 %"},
+        ],
     }
     with pytest.raises(ChartError) as told:
         rates_of(drives("1", [4.0] * 5), tmp_path, **wrong)
@@ -172,8 +196,8 @@ def test_too_little_is_told_instead_of_guessed(tmp_path: Path) -> None:
     at_tag_1 = drives("1", [4.0] * 20, metres=1.2) + drives("1", [4.0] * 20, metres=0.7)
     rates = rates_of(at_tag_1 + drives("7", [9.0] * 3, metres=7.0), tmp_path)
     script = learned_script(rates, LOADED.names[0], {"tag_sequence": ["7"]})
-    found = expect(LOADED, rates, script, rates.parameters, range(10))
-    assert "nav.go_to at 7 (3 seen): fewer than 5; all drives are used (43)" in found.remarks
+    found = expect(LOADED, rates, script, make_world(LOADED.chart, rates.parameters), range(10))
+    assert "nav.go_to at 7 (3 seen): fewer than 5; those to any tag are used" in found.remarks
     assert "bridge.read_tag: never seen; it answers as the mock of its plugin does" in found.remarks
 
 
@@ -181,7 +205,7 @@ def test_a_battery_that_is_not_full_sends_the_robot_home(tmp_path: Path) -> None
     drain = [{"value": "robot.battery", "per_metre": "1 %", "per_minute": "0 %"}]
     rates = rates_of(drives("1", [4.0] * 5), tmp_path, drain=drain)
     script = learned_script(rates, LOADED.names[0], {"tag_sequence": ["1", "7"]}, {"robot.battery": 0.205})
-    found = expect(LOADED, rates, script, {}, range(10))
+    found = expect(LOADED, rates, script, make_world(LOADED.chart, {}), range(10))
     assert found.stuck
     assert "battery_low" in next(iter(found.stuck))
 

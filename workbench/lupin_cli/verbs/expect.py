@@ -1,9 +1,10 @@
-"""`lupin expect`: tells how long a mission will take, what will be left, and what it will miss."""
+"""`lupin expect`: predicts how long a mission will take, what will be left, and what it will miss."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +12,7 @@ import click
 
 from lupin_cli import options
 from lupin_cli.exit_codes import not_done
-from lupin_cli.learned import LEARNED, learned_rates
-from lupin_engine.errors import Problems, UsageError, nearest
-from lupin_engine.plugin import load_catalog
+from lupin_engine.errors import Problems, UsageError
 
 if TYPE_CHECKING:
     from lupin_engine.chart import Chart
@@ -23,14 +22,16 @@ if TYPE_CHECKING:
 _MOST = 8
 
 
-@click.command(cls=options.RequestCommand, short_help="Tell how long a mission will take and what it misses.")
+@click.command(
+    cls=options.RequestCommand, short_help="Predict how long a mission will take, and what it misses."
+)
 @click.argument("mission")
 @options.fields
 @options.mission_settings
 @click.option(
     "--rates",
     type=click.Path(path_type=Path, dir_okay=False),
-    default=LEARNED,
+    default=options.LEARNED,
     show_default=True,
     help="What was learned from the robot, by `lupin learn`.",
 )
@@ -56,77 +57,53 @@ def expect(
     seeds: int,
     as_json: bool,
 ) -> int:
-    """Tell what to expect of a mission, from what was learned of the robot.
+    """Predict a mission, from what was learned of the robot.
 
     The mission runs once for each seed, in virtual time. p50 is what half of the runs keep to, p90 what nine
-    of ten do. What was learned from too little is told.
+    of ten do. Remarks name what was learned from too little.
 
-    Exit code: 0 every run came to its end; 1 some did not; 2 nothing can be told.
+    Exit code: 0 every run came to its end; 1 some did not; 2 nothing can be predicted.
     """
-    from lupin_cli.requests import check_complete, check_fields, request_in
     from lupin_cli.settings import settings_in
-    from lupin_engine.missions import load_missions
-    from lupin_engine.runtime import UTC, calendar_of
+    from lupin_cli.verbs.simulate import check_clock, simulation_task, with_rates
+    from lupin_engine.plugin import Parameter
+    from lupin_engine.sim import Happening, SetValue
     from lupin_verify import expect as run_all
-    from lupin_verify import learned_script
 
-    loaded, problems = load_missions([mission], load_catalog()), Problems(UsageError)
-    with problems.collecting():
-        check_fields(loaded, request)
-    asked, wrong = request_in(loaded, request, fields)
+    problems = Problems(UsageError)
+    task = simulation_task(problems, mission, request, fields, settings, None, started=True)
+    inputs = [(name, one) for one in task.chart.inputs.values() for name in (one.name, one.value)]
+    known = {name: Parameter(one.type, None, one.value) for name, one in inputs}
+    began, wrong = settings_in("--value", values, known)
     problems.add(*wrong)
     with problems.collecting():
-        check_complete(loaded, asked)
-    parameters, wrong = settings_in("--set", settings, loaded.chart.parameters)
-    problems.add(*wrong)
-    began, wrong = _values_in(values, loaded.chart)
-    problems.add(*wrong)
-    try:
-        calendar_of(UTC).moment(clock or "2026-01-01 00:00")
-    except ValueError as problem:
-        problems.add(f"--clock: {problem}")
-    known = None
+        check_clock(clock)
     with problems.collecting():
-        known = learned_rates(rates, loaded.chart)
+        task, learned = with_rates(task, mission, rates, settings)
     problems.raise_any()
-    assert known is not None, "else there was a problem"
-    script = learned_script(known, loaded.names[0], asked, began, clock)
-    found = run_all(loaded, known, script, {**known.parameters, **parameters}, range(seeds))
+    script = replace(task.script, clock=clock or task.script.clock)
+    reports = (Happening(SetValue(known[name].doc, value)) for name, value in began.items())
+    script = replace(script, happenings=(*script.happenings, *reports))
+    found = run_all(task.loaded, learned, script, task.world, range(seeds))
+    name = task.loaded.names[0]
     if as_json:
-        click.echo(json.dumps({"mission": loaded.names[0], **_record(found, known)}))
+        click.echo(json.dumps({"mission": name, **_record(found, learned)}))
     else:
-        for line in _lines(loaded.names[0], found, known, loaded.chart):
+        for line in _lines(name, found, learned, task.chart):
             click.echo(line)
     return int(bool(found.stuck))
 
 
-def _values_in(given: Iterable[str], chart: Chart) -> tuple[dict[str, Any], list[str]]:
-    """Return the live values given as `name=value`, by the plugin's name, and their problems."""
-    from lupin_cli.settings import read_value, split
-    from lupin_engine.plugin import convert
+def p50_p90(values: Sequence[float], much: float = 0.9) -> list[float]:
+    """Return what half of some values keep to, and a share of `much`."""
+    import numpy as np
 
-    texts, wrong = split("--value", given)
-    inputs = chart.inputs.values()
-    named = {one.value: one for one in inputs} | {one.name: one for one in inputs}
-    found = {}
-    for name, text in texts.items():
-        if name not in named:
-            wrong.append(f"--value: no live value {name!r}; {nearest(name, named)}")
-            continue
-        try:
-            found[named[name].value] = convert(read_value(text, named[name].type), named[name].type)
-        except ValueError as problem:
-            wrong.append(f"--value: {name}: {problem}")
-    return found, wrong
+    return [float(found) for found in np.quantile(values, (0.5, much))]
 
 
 def _record(found: Expected, rates: Rates) -> dict[str, Any]:
-    from lupin_verify import quantile
-
-    def both(values: list[float], much: float) -> dict[str, float] | None:
-        if not values:
-            return None
-        return {"p50": quantile(sorted(values), 0.5), "p90": quantile(sorted(values), much)}
+    def both(values: Sequence[float], much: float) -> dict[str, float] | None:
+        return dict(zip(("p50", "p90"), p50_p90(values, much), strict=True)) if values else None
 
     learned = rates.learned
     about = (
@@ -139,7 +116,7 @@ def _record(found: Expected, rates: Rates) -> dict[str, Any]:
         "targets": found.targets,
         "seconds": both(found.seconds, 0.9),
         "left": {name: both(levels, 0.1) for name, levels in found.left.items()},
-        "missed": both([float(count) for count in found.missed], 0.9),
+        "missed": both(found.missed, 0.9),
         "missed_at": dict(found.missed_at.most_common()),
         "not_ended": dict(found.stuck.most_common()),
         "remarks": found.remarks,

@@ -1,15 +1,16 @@
-"""`lupin learn`: learns from the journal how long everything takes and how often it fails."""
+"""`lupin learn`: learns from journals how long everything takes and how often it fails."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,51 +18,53 @@ import click
 from lupin_cli import options
 from lupin_cli.exit_codes import not_done
 from lupin_cli.files import write_text
-from lupin_cli.learned import LEARNED
-from lupin_engine.errors import UsageError
+from lupin_engine.errors import LupinError, UsageError
 from lupin_engine.plugin import load_catalog
 
 if TYPE_CHECKING:
-    from lupin_verify import Drift, Evidence
+    from lupin_verify import Drift, Evidence, ObservedAttempt
 
 #: How a file begins that may be written anew.
 _OURS = 'campaign: "learned from '
 
 
 @click.command(short_help="Learn times and failures from the journal, for simulations.")
+@click.argument("recordings", nargs=-1, type=click.Path(path_type=Path, dir_okay=False))
 @options.domain
 @options.journal
 @click.option(
     "--output",
     "-o",
     type=click.Path(path_type=Path, dir_okay=False),
-    default=LEARNED,
+    default=options.LEARNED,
     show_default=True,
     help="The file of rates that is written.",
 )
-@click.option("--drift", "drift_only", is_flag=True, help="Write nothing: tell what became slower, where.")
+@click.option("--drift", "drift_only", is_flag=True, help="Write nothing: print what became slower, where.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was learned as one JSON object.")
 @not_done()
-def learn(domain: int | None, journal: Path | None, output: Path, drift_only: bool, as_json: bool) -> int:
+def learn(
+    recordings: tuple[Path, ...],
+    domain: int | None,
+    journal: Path | None,
+    output: Path,
+    drift_only: bool,
+    as_json: bool,
+) -> int:
     """Learn from the journal what every operation takes and how often it fails.
 
-    It counts by target, by the metres driven and by the hour of day, and what live values lose. The file is
-    for `lupin expect`, `lupin simulate --rates` and `lupin campaign --rates`.
+    RECORDINGS are files of `lupin record` or `lupin run --record`, which are read in place of the journal.
+    Attempts are counted by target, by the metres driven and by the hour of day; so is what live values lose.
+    The file is for `lupin expect`, `lupin simulate --rates` and `lupin campaign --rates`.
 
     Exit code: 0 learned, or with --drift nothing has changed; 1 --drift has found something; 2 there is no
     journal, or no mission in it could be used.
     """
-    from lupin_engine.runtime import journal_folder
-    from lupin_verify import drifts, gather, table
+    from lupin_verify import drifts, table
 
-    folder = journal or journal_folder(domain=domain)
     if not drift_only:
         _check_output(output)
-    with _progress() as report:
-        found = gather(folder, load_catalog(), report)
-    if not found.seen:
-        why = "".join(f"\n    {problem}" for problem in found.left_out)
-        raise UsageError(f"no mission in {folder} could be learned from{why or '; none was run'}")
+    found = _gathered(recordings, journal, domain)
     changed = drifts(found.seen)
     learned = {} if drift_only else table(found)
     if not drift_only:
@@ -69,8 +72,8 @@ def learn(domain: int | None, journal: Path | None, output: Path, drift_only: bo
 
         write_text(output, yaml_text(learned))
     if as_json:
-        told = [asdict(one) | {"slower": _finite(one.slower)} for one in changed]
-        record = {"file": None if drift_only else str(output), "drift": told, "left_out": found.left_out}
+        changes = [asdict(one) | {"slower": one.slower if one.slower < math.inf else None} for one in changed]
+        record = {"file": None if drift_only else str(output), "drift": changes, "left_out": found.left_out}
         click.echo(json.dumps(record if drift_only else {**record, "rates": learned}))
         return int(drift_only and bool(changed))
     for problem in found.left_out:
@@ -79,11 +82,52 @@ def learn(domain: int | None, journal: Path | None, output: Path, drift_only: bo
         _print_table(found, learned)
     for one in changed:
         click.echo(_drift_text(one))
-    if drift_only and not changed:
-        click.echo(f"nothing has become slower in {found.missions} missions")
-    elif not drift_only:
+    if not drift_only:
         click.echo(f"wrote {output}: {learned['campaign']}")
+    elif not changed:
+        click.echo(f"nothing has become slower in {found.missions} missions")
     return int(drift_only and bool(changed))
+
+
+def _gathered(recordings: Sequence[Path], journal: Path | None, domain: int | None) -> Evidence:
+    """Return the evidence of recordings; without any, of a journal.
+
+    Raises:
+        UsageError: no mission can be used, or both recordings and a journal are named.
+    """
+    from rich.console import Console
+
+    from lupin_engine.runtime import journal_folder
+    from lupin_verify import Evidence, gather
+
+    if recordings and journal:
+        raise UsageError("--journal: recordings are read in place of a journal; name either")
+    found, left_out, where = Evidence(), list[str](), "these recordings"
+    with TemporaryDirectory(prefix="lupin-learn-") as name, Console(stderr=True).status("") as shown:
+        if not recordings:
+            where = str(journal or journal_folder(domain=domain))
+        if not recordings or _unpack(recordings, Path(name), left_out):
+            found = gather(Path(name if recordings else where), load_catalog(), shown.update)
+    found.left_out[:0] = left_out
+    if not found.seen:
+        why = "".join(f"\n    {problem}" for problem in found.left_out)
+        raise UsageError(f"no mission in {where} could be learned from{why or '; none was run'}")
+    return found
+
+
+def _unpack(recordings: Sequence[Path], folder: Path, left_out: list[str]) -> bool:
+    """Unpack the journals of recordings; return whether there is one. The others are added to `left_out`."""
+    from lupin_cli.recording import open_recording
+
+    for file in recordings:
+        try:
+            recording = open_recording(file)
+            from lupin_ros.recording import unpack_learnable  # needs packages, which are there now
+
+            unpack_learnable(recording, folder)
+        except LupinError as problem:
+            left_out.append(str(problem))
+    return len(left_out) < len(recordings)
 
 
 def _check_output(file: Path) -> None:
@@ -94,10 +138,6 @@ def _check_output(file: Path) -> None:
         raise UsageError(f"--output: cannot read {str(file)!r}: {problem.strerror}") from None
     if not ours:
         raise UsageError(f"--output: {str(file)!r} is there and was not written by learn; name another file")
-
-
-def _finite(share: float) -> float | None:
-    return None if math.isinf(share) else share
 
 
 def _drift_text(one: Drift) -> str:
@@ -116,10 +156,13 @@ def _print_table(found: Evidence, learned: dict[str, Any]) -> None:
     from lupin_cli.terminal.outcome import make_console
 
     shown = Table(box=None, pad_edge=False)
-    for head in ("operation", "attempts", "failed", "p50", "p90", "slowest at", "hours that differ"):
+    for head in ("operation", "attempts", "failed", "p50", "p90", "slowest at", "slowest hour"):
         shown.add_column(head)
-    for row in _rows(found, learned):
-        shown.add_row(*row)
+    rows: defaultdict[str, list[ObservedAttempt]] = defaultdict(list)
+    for one in found.seen:
+        rows[one.operation].append(one)
+    for operation, row in sorted(rows.items()):
+        shown.add_row(operation, *_cells(row))
     make_console().print(shown)
     for one in learned["drain"]:
         driving = f"{one['per_metre']} per metre and " if "per_metre" in one else ""
@@ -127,47 +170,27 @@ def _print_table(found: Evidence, learned: dict[str, Any]) -> None:
         click.echo(f"{one['value']}: {rates} ({one['metres']:g} m, {one['minutes']:g} min)")
 
 
-def _rows(found: Evidence, learned: dict[str, Any]) -> Iterator[tuple[str, ...]]:
+def _cells(row: Sequence[ObservedAttempt]) -> Iterator[str]:
+    from lupin_cli.verbs.expect import p50_p90
     from lupin_engine.replay import lasting
-    from lupin_verify import ENOUGH, quantile
 
-    took = defaultdict[str, dict[str, list[float]]](lambda: defaultdict(list))
-    attempts = {name: sum(row.values()) for name, row in learned["learned"]["seen"].items()}
-    for one in found.seen:
-        if not one.code:
-            took[one.operation][one.target].append(one.seconds)
-    for name, count in attempts.items():
-        by_target = {target: _median(row) for target, row in took[name].items() if len(row) >= ENOUGH}
-        every = sorted(second for row in took[name].values() for second in row)
-        slow = max(by_target, key=lambda target: by_target[target], default="")
-        times = (lasting(quantile(every, 0.5)), lasting(quantile(every, 0.9))) if every else ("-", "-")
-        where = f"{slow} ({lasting(by_target[slow])})" if slow and len(by_target) > 1 else ""
-        failed = count - len(every)
-        share = f"{failed} ({failed / count:.1%})" if failed else "-"
-        yield name, str(count), share, *times, where, "; ".join(_hours(learned["hours"], name))
+    took = [one.seconds for one in row if not one.code]
+    failed = len(row) - len(took)
+    yield str(len(row))
+    yield f"{failed} ({failed / len(row):.1%})" if failed else "-"
+    yield from map(lasting, p50_p90(took)) if took else "--"
+    yield _slowest((one.target, one.seconds) for one in row if not one.code)
+    yield _slowest((f"{one.hour} h", one.seconds) for one in row if not one.code)
 
 
-def _median(values: Sequence[float]) -> float:
-    from lupin_verify import quantile
+def _slowest(durations: Iterable[tuple[str, float]]) -> str:
+    """Return the place or hour with the longest median; '' where fewer than two have enough attempts."""
+    from lupin_engine.replay import lasting
+    from lupin_verify import ENOUGH
 
-    return quantile(sorted(values), 0.5)
-
-
-def _hours(hours: list[dict[str, Any]], name: str) -> Iterator[str]:
-    for one in hours:
-        differs = [f"{key} {one[key]}" for key in ("takes", "fails") if key in one]
-        if one["do"] == name and differs:
-            yield f"{one['hour']} h {', '.join(differs)}"
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[str], object]]:
-    """Yield a function that shows the progress, where the error output is a terminal."""
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield lambda text: None
-        return
-    with console.status("reading the journal") as shown:
-        yield lambda text: shown.update(f"reading the journal: {text}")
+    rows = defaultdict[str, list[float]](list)
+    for name, seconds in durations:
+        rows[name].append(seconds)
+    medians = {name: median(row) for name, row in rows.items() if name and len(row) >= ENOUGH}
+    slow = max(medians, key=lambda name: medians[name], default="")
+    return f"{slow} ({lasting(medians[slow])})" if len(medians) > 1 else ""

@@ -157,11 +157,15 @@ def _binding_called(name: str) -> Path | None:
 
 @dataclass(frozen=True)
 class RuleVerdict:
-    """Whether a plugin keeps a rule of the contract: it does where there are no problems."""
+    """Whether a plugin keeps a rule of the contract: it does where there are no problems.
+
+    `not_tried` is why that is not known; '' where it is.
+    """
 
     plugin: str
     rule: str
     problems: tuple[str, ...]
+    not_tried: str = ""
 
 
 @plugin.command()
@@ -173,6 +177,8 @@ def check(name: str | None, live: bool, as_json: bool) -> int:
 
     NAME may be a folder with a pyproject.toml: the plugins that it declares are checked, installed or not.
     With --live, a driver is tried against the nodes that its plugin brings, which are started for that.
+    Rules for operations that fail with made-up arguments are not tried; a test gives arguments with which
+    they succeed (lupin_harness.DriverContract).
     """
     # Python shows these to tests only; here the author looks. See `lupin_engine.moved`.
     warnings.filterwarnings("default", ".* is now lupin_", DeprecationWarning)
@@ -181,7 +187,7 @@ def check(name: str | None, live: bool, as_json: bool) -> int:
     for subject in _subjects(name):
         for verdict in _tried(subject, live, is_named=name is not None):
             verdicts.append(verdict)
-            if not as_json and (verdict.problems or name is not None):
+            if not as_json and (verdict.problems or verdict.not_tried or name is not None):
                 _print_verdict(verdict, printed)
     broken = sum(1 for verdict in verdicts if verdict.problems)
     if as_json:
@@ -189,6 +195,8 @@ def check(name: str | None, live: bool, as_json: bool) -> int:
     else:
         plugins, rules = len({verdict.plugin for verdict in verdicts}), len(verdicts)
         kept = "all kept" if not broken else f"{broken} broken"
+        untried = sum(1 for verdict in verdicts if verdict.not_tried)
+        kept += f", {untried} not tried" if untried else ""
         click.echo(f"{plugins} plugin{'s' * (plugins != 1)}, {rules} rule{'s' * (rules != 1)}, {kept}")
     return 1 if broken else 0
 
@@ -252,25 +260,37 @@ def _tried_live(subject: PluginUnderTest) -> Iterator[RuleVerdict]:
     from lupin_ros.launch import prepare_ros
 
     prepare_ros()
-    from lupin_harness import ContractBroken, Lab, Setting, Untried, apply, live_cases
+    from lupin_harness import ContractBroken, Lab, NeedsArguments, Setting, Untried, apply, live_cases
 
     setting = Setting(plugin, nodes=plugin.serving)
     with Lab(setting).open() as lab:
+        lab.find_out_whether_it_waits()
+        if not lab.setting.waits:
+            click.echo(
+                f"note: the driver of {plugin.name!r} waits for no server: missing() is empty", err=True
+            )
+        problems: tuple[str, ...]
         for rule, operation in live_cases(plugin):
             try:
+                reason, problems = "", ()
                 apply(rule, operation, lab)
-                problems: tuple[str, ...] = ()
             except Untried:
                 continue  # the first rule has reported the reason
+            except NeedsArguments as needed:
+                problems, reason = (), str(needed).splitlines()[0]
             except (ContractBroken, LupinError) as broken:
                 problems = tuple(str(broken).splitlines())
-            yield RuleVerdict(plugin.name, f"{rule}({operation})" if operation else rule, problems)
+            yield RuleVerdict(plugin.name, f"{rule}({operation})" if operation else rule, problems, reason)
 
 
 def _print_verdict(verdict: RuleVerdict, printed: set[str]) -> None:
     """Print a verdict; a problem that several rules have is printed once."""
     sign = click.style("broken", fg="red") if verdict.problems else click.style("kept  ", fg="green")
+    if verdict.not_tried:
+        sign = click.style("not tried", fg="yellow")
     click.echo(f"{sign}  {verdict.plugin}: {verdict.rule}")
+    if verdict.not_tried:
+        click.echo(f"        {verdict.not_tried}")
     new = [problem for problem in verdict.problems if problem not in printed]
     printed.update(new)
     for problem in new or (["as above"] if verdict.problems else []):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -81,16 +80,15 @@ def replay(
 
 def _show(file: Path, port: int, journal: Path | None, domain: int | None) -> int:
     from lupin_cli.pages import find_server, serve
-
-    if any(importlib.util.find_spec(name) is None for name in ("mcap", "mcap_ros2")):
-        raise UsageError("to read a recording, packages are needed: `pip install 'lupin-engine[record]'`")
+    from lupin_cli.recording import open_recording
     from lupin_engine.runtime import journal_folder
-    from lupin_ros.recording import RecordedPages, Recording
 
-    catalog = load_catalog()
+    recording, catalog = open_recording(file), load_catalog()
+    from lupin_ros.recording import RecordedPages  # needs the packages that were just looked for
+
     server = find_server(catalog)
     folder = journal or journal_folder(domain=domain)
-    return serve(RecordedPages(Recording(file), load_profiles(), catalog, folder), server, port)
+    return serve(RecordedPages(recording, load_profiles(), catalog, folder), server, port)
 
 
 def _cut(loaded: LoadedMissions, lived: list[LivedStep], until: str | None) -> list[LivedStep]:

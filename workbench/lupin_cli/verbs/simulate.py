@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from lupin_engine.machine import World
     from lupin_engine.missions import LoadedMissions
     from lupin_engine.sim import Run, Script
+    from lupin_verify import Rates
 
 
 @click.command(cls=options.RequestCommand, short_help="Run a mission in virtual time, without ROS.")
@@ -103,12 +104,12 @@ def simulate(
         _check_picture(picture)
     with problems.collecting():
         started = not (interactive or hmi)
-        subject = _subject(problems, mission, request, fields, settings, until, started=started)
+        subject = simulation_task(problems, mission, request, fields, settings, until, started=started)
     with problems.collecting():
-        _check_clock(clock)
+        check_clock(clock)
     problems.raise_any()
     if rates is not None:
-        subject = _with_rates(subject, mission, rates, settings)
+        subject, _ = with_rates(subject, mission, rates, settings)
     said: dict[str, Any] = {"seed": seed, "clock": clock}
     script = replace(subject.script, **{name: one for name, one in said.items() if one is not None})
     subject = replace(subject, script=script)
@@ -180,7 +181,7 @@ class SimulationTask:
         return replace(run, cut_off=False, stopped=True) if run.cut_off else run
 
 
-def _subject(
+def simulation_task(
     problems: Problems,
     mission: str,
     request: dict[str, Any],
@@ -233,23 +234,29 @@ def _subject(
     return SimulationTask(loaded, script, make_world(chart, parameters), end, is_complete)
 
 
-def _with_rates(
+def with_rates(
     subject: SimulationTask, mission: str, file: Path, settings: tuple[str, ...]
-) -> SimulationTask:
-    """Return the same simulation with the servers of a file of rates, and its parameters below `--set`."""
-    from lupin_cli.learned import learned_rates
+) -> tuple[SimulationTask, Rates]:
+    """Return the same simulation with the servers of a file of rates, and its parameters below `--set`.
+
+    Raises:
+        UsageError: there is no such file, or a scenario is simulated.
+        ChartError: with everything that is wrong with the file.
+    """
     from lupin_cli.settings import settings_in
     from lupin_engine.runtime import make_world
     from lupin_engine.sim import is_scenario
-    from lupin_verify import learned_script
+    from lupin_verify import learned_script, read_rates
 
+    chart, script = subject.chart, subject.script
     if is_scenario(mission):
         raise UsageError("a scenario says how its servers answer; --rates is for missions")
-    chart, script = subject.chart, subject.script
-    rates = learned_rates(file, chart)
+    if not file.is_file():
+        raise UsageError(f"--rates: no file {str(file)!r}; 'lupin learn' writes one from the journal")
+    rates = read_rates(file, chart)
     given, _ = settings_in("--set", settings, chart.parameters)
     world = make_world(chart, {**rates.parameters, **given})
-    return replace(subject, script=learned_script(rates, script.mission, script.request), world=world)
+    return replace(subject, script=learned_script(rates, script.mission, script.request), world=world), rates
 
 
 def read_until(chart: Chart, text: str | None) -> float | str | None:
@@ -272,7 +279,7 @@ def read_until(chart: Chart, text: str | None) -> float | str | None:
     return text
 
 
-def _check_clock(text: str | None) -> None:
+def check_clock(text: str | None) -> None:
     """Check that a text is a date with a time of day."""
     from lupin_engine.runtime import UTC, calendar_of
 

@@ -32,7 +32,7 @@ from lupin_engine.plugin.types import BOOL, COUNT, DURATION
 from lupin_harness import bench as benches
 from lupin_harness.bench import Lab, Setting
 from lupin_harness.live import apply, live_cases
-from lupin_harness.referee import ContractBroken, Untried
+from lupin_harness.referee import ContractBroken, NeedsArguments, Untried
 from lupin_ros.adapter.node import Qos, RosNode
 from lupin_ros.adapter.service_driver import Done, Failed, ServiceDriver, ServiceOperation
 from tests.lupin_ros.launch.processes import until
@@ -370,6 +370,28 @@ def test_what_keeps_a_driver_from_its_work_is_told_once(
         with pytest.raises(ContractBroken, match="cannot be made: KeyError"):
             apply("comes_to_work", "", lab)
         with pytest.raises(Untried, match=r"^not tried: the driver does not come to work among its servers$"):
+            apply("ends_once", "switch", lab)
+
+
+class NotLikeThis(Good):
+    def outcome(self, arguments: Mapping[str, Any], answer: Any) -> Done | Failed:
+        return Failed("lamp_broken")
+
+
+class NotLikeThisAlone(NotLikeThis, WaitsForNobody):
+    """The same, and it waits for no server."""
+
+
+@pytest.mark.parametrize("driver", [NotLikeThis, NotLikeThisAlone])
+def test_a_declared_failure_asks_for_arguments_and_breaks_nothing(
+    driver: type[Good], monkeypatch: pytest.MonkeyPatch, patience: None, ros_domain: int
+) -> None:
+    """`lupin plugin check --live` has none to give: it reports the rule as not tried."""
+    with lab_of(driver, monkeypatch).open() as lab:
+        lab.find_out_whether_it_waits()
+        assert lab.setting.waits is (driver is NotLikeThis)
+        apply("waits_alone", "", lab)
+        with pytest.raises(NeedsArguments, match=r"failed \(lamp_broken: \); give arguments with which"):
             apply("ends_once", "switch", lab)
 
 
