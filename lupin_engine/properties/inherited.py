@@ -22,26 +22,31 @@ from lupin_engine.machine.scope import reads_of, traversal_of
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.profile import ANSWER, Publish
 from lupin_engine.properties.built_in import (
+    COMMANDED,
     HOLDS,
+    MOVED,
     NOT_ABOUT,
+    REQUESTED,
     Passage,
     Property,
     Remembered,
     Rule,
     Verdict,
     is_under_way,
+    of_kinds,
     taken,
 )
 
 _found: list[Property] = []
 
 
-def _named(name: str, says: str, rule: Rule) -> None:
+def _named(name: str, says: str, rule: Rule, of: int) -> None:
     def watch(state: Remembered, passage: Passage) -> tuple[Remembered, Verdict]:
         breach = rule(passage)
         return state, NOT_ABOUT if breach is None else Verdict(True, breach)
 
-    _found.append(Property(name, says, watch, remembers=False, of_values=False))
+    asked = of_kinds(of)
+    _found.append(Property(name, says, watch, remembers=False, of_values=False, is_asked=asked))
 
 
 # -- where the robot is ----------------------------------------------------------------------------------
@@ -92,6 +97,7 @@ _found.append(
         _at_its_target,
         of_values=False,
         about=lambda passage: _is_drive_or_good(passage),
+        is_asked=of_kinds(COMMANDED | MOVED),
     )
 )
 
@@ -118,7 +124,10 @@ def _good_after_success(passage: Passage) -> str | None:
 
 
 _named(
-    "good_after_success", "The failure of an operation gives no target a good result.", _good_after_success
+    "good_after_success",
+    "The failure of an operation gives no target a good result.",
+    _good_after_success,
+    COMMANDED,
 )
 
 
@@ -168,6 +177,7 @@ _named(
     "nothing_after_close",
     "Once a target has its result, nothing begins or goes on that was for it.",
     _nothing_after_close,
+    COMMANDED,
 )
 
 
@@ -186,6 +196,7 @@ _named(
     "no_second_round",
     "An itinerary does not begin anew while targets of it have no result.",
     _no_second_round,
+    MOVED,
 )
 
 
@@ -225,6 +236,7 @@ _named(
     "resume_goes_on",
     "A mission that waits away from its work goes on where it was when it is resumed.",
     _resume_goes_on,
+    REQUESTED,
 )
 
 
@@ -243,6 +255,7 @@ _named(
     "answers_lead_on",
     "Whoever answers a question is not asked the same again at once.",
     _answers_lead_on,
+    REQUESTED,
 )
 
 #: Those that are watched in each step, by name.
