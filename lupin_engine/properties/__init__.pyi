@@ -10,10 +10,12 @@ from .built_in import Passage as Passage
 from .built_in import Property as Property
 from .built_in import Remembered as Remembered
 from .built_in import Verdict as Verdict
+from .built_in import WatchPlans as WatchPlans
 from .built_in import action_moves as action_moves
 from .built_in import begun as begun
 from .built_in import closed as closed
 from .built_in import is_over as is_over
 from .built_in import is_speaking as is_speaking
+from .built_in import kind_of as kind_of
 from .built_in import unfinished as unfinished
 from .live import LiveMonitor as LiveMonitor

@@ -8,13 +8,14 @@ A condition that cannot be evaluated counts as false.
 
 from __future__ import annotations
 
+import ast
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Constant, Environment, Expression
+from lupin_engine.chart.expressions.evaluation import Compiled, Constant, Environment, Expression
 from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.model import Chart, Kind, TemporalProperty
 from lupin_engine.errors import reason
@@ -23,11 +24,18 @@ from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.profile import START
 from lupin_engine.properties.built_in import (
     BUILT_IN,
+    CODED,
+    COMMANDED,
+    ENDED,
+    FAILED,
     HOLDS,
     NOT_ABOUT,
+    NOTED,
+    REQUESTED,
     Passage,
     Property,
     Remembered,
+    StepKind,
     Verdict,
     is_moving,
     released,
@@ -74,19 +82,65 @@ def watched(rule: TemporalProperty) -> Property:
     of_values = remembers or not any(
         "this_step" in names_read(one.source) for one in (rule.always, rule.never) if one
     )
-    return Property(rule.name, rule.summary or sentence(rule), watch, (), end, remembers, of_values)
+    found = Property(rule.name, rule.summary or sentence(rule), watch, (), end, remembers, of_values)
+    if rule.never is None or remembers or rule.mission or rule.not_meant:
+        return found
+    return replace(found, is_asked=partial(_may_be_true, rule.never), otherwise=HOLDS)
+
+
+#: The fields of `this_step` that are empty after a step without these bits, and what they are then.
+_EMPTY: Mapping[str, tuple[int, Any]] = {
+    "accepted": (REQUESTED, ""),
+    "refused": (REQUESTED, ""),
+    "released": (NOTED, []),
+    "begun": (COMMANDED, []),
+    "succeeded": (ENDED, []),
+    "failed": (FAILED, []),
+    "codes": (CODED, []),
+}
+
+
+def _may_be_true(condition: Expression, kind: StepKind) -> bool:
+    """Return whether a condition may be true after steps of a kind: none of its conjuncts is surely false.
+
+    A conjunct is decided if it reads only active states and fields of `this_step` that are empty.
+    """
+    if not isinstance(condition.evaluate, Compiled):
+        return True
+    bits, configuration = kind
+    step = {name: value for name, (of, value) in _EMPTY.items() if not bits & of}
+    env = {"this_step": step, "in_state": lambda names: any(name in configuration for name in names)}
+    return all(_is_true_or_unknown(conjunct, env) for conjunct in _conjuncts(condition.evaluate.code))
+
+
+def _is_true_or_unknown(condition: Compiled, env: Mapping[str, Any]) -> bool:
+    try:
+        return bool(condition(env))
+    except Exception:  # it reads something else
+        return True
+
+
+@lru_cache(4096)
+def _conjuncts(code: str) -> tuple[Compiled, ...]:
+    """Return the operands of checked code that is an `and`; else the code itself."""
+    body = ast.parse(code, mode="eval").body
+    if not (isinstance(body, ast.BoolOp) and isinstance(body.op, ast.And)):
+        return (Compiled(code),)
+    return tuple(Compiled(ast.unparse(one)) for one in body.values)
 
 
 def _named_of(rule: TemporalProperty) -> Property:
     """Return the built-in property that a file names."""
-    known = INHERITED[rule.name]
+    known = replace(INHERITED[rule.name], says=rule.summary or INHERITED[rule.name].says)
+    if not rule.not_meant:
+        return known
 
     def watch(state: Remembered, passage: Passage) -> tuple[Remembered, Verdict]:
         if rule.not_meant and not rule.is_meant(passage.after.mission):
             return (), NOT_ABOUT
         return known.watch(state, passage)
 
-    return replace(known, says=rule.summary or known.says, watch=watch)
+    return replace(known, watch=watch)
 
 
 class StepView(Mapping[str, Any]):

@@ -19,6 +19,7 @@ whatever an author's conditions read); of the step all but its `sequence`.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Collection, Container, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -44,6 +45,8 @@ STANDSTILL = "time_goes_on"
 #: What a watcher remembers: a time at which something is due, and numbers of its own.
 Remembered = tuple[float, ...]
 _T = TypeVar("_T")
+#: Not more plans are kept (see `WatchPlans`).
+_MOST_PLANS = 8192
 
 
 class Glance(NamedTuple):
@@ -90,6 +93,27 @@ class Passage(NamedTuple):
         return self.scope.chart
 
 
+#: What a step is about, as bits: it answers a request, a server reports, something is noted, reported as a
+#: code, commanded, or taken, entered or left, the end of an operation is taken; a hold is engaged after it.
+#: `ANY` is every step.
+ANY, REQUESTED, REPORTED, NOTED, CODED, COMMANDED, MOVED, ENDED, FAILED, HELD = (1 << n for n in range(10))
+#: The bits of a step, and the active states after it.
+StepKind = tuple[int, tuple[str, ...]]
+
+
+def kind_of(passage: Passage) -> StepKind:
+    """Return what a step is about."""
+    _, step, scope, _ = passage
+    memory, event = scope.memory, step.event
+    bits = ANY | (REPORTED if event.is_attempt_event else REQUESTED if event.is_request else 0)
+    bits |= (NOTED if step.notes else 0) | (CODED if step.codes else 0) | (HELD if memory.held else 0)
+    if step.commands:
+        bits |= COMMANDED
+    if step.taken or step.entered or step.exited:
+        bits |= MOVED | _ends_taken(scope.chart, step.taken)
+    return bits, memory.configuration
+
+
 class Verdict(NamedTuple):
     """A property's verdict on a step: whether it applies, and the breach, '' for none.
 
@@ -113,6 +137,7 @@ class Property:
     `watch` returns the next state and the verdict; `first` is the state before the first step. `end` judges
     pending obligations when a run is over. Without `remembers` the state is `()` for ever. No step
     that changes only live values concerns one without `of_values`, none of which `about` is false another.
+    Where `is_asked` is false of the kind of a step, its verdict is `otherwise`, and its state stays.
     """
 
     name: str
@@ -123,6 +148,13 @@ class Property:
     remembers: bool = True
     of_values: bool = True
     about: Callable[[Passage], bool] | None = None
+    is_asked: Callable[[StepKind], bool] = field(default=lambda _: True)
+    otherwise: Verdict = NOT_ABOUT
+
+
+def of_kinds(bits: int) -> Callable[[StepKind], bool]:
+    """Return `Property.is_asked` for one that only steps with one of these bits concern."""
+    return lambda kind: bool(kind[0] & bits)
 
 
 def due(state: Remembered) -> float:
@@ -172,7 +204,7 @@ def begun(memory: Memory) -> tuple[str, ...]:
 def unfinished(memory: Memory) -> tuple[tuple[str, int, int], ...]:
     """Return the active itineraries with targets that are to have a result and have none (see `Glance`)."""
     walks = ((name, walk) for name, walk in memory.itineraries.items() if walk.begun and not walk.leaves_open)
-    owed = ((name, walk.before, sum(not one.closed for one in walk.visits)) for name, walk in walks)
+    owed = ((name, walk.before, sum(not one.status for one in walk.visits)) for name, walk in walks)
     return tuple(one for one in owed if one[2])
 
 
@@ -199,24 +231,53 @@ def is_over(invocation: Invocation, memory: Memory) -> bool:
     return not any(kind == "retry" and owner == invocation.id for _, _, kind, (owner, _) in timers)
 
 
+@dataclass(frozen=True, eq=False)
+class WatchPlan:
+    """What is asked after steps of one kind: the properties, by index, and those that hold without asking."""
+
+    asked: tuple[tuple[int, Callable[[Remembered, Passage], tuple[Remembered, Verdict]]], ...]
+    hold: tuple[int, ...]
+
+
+class WatchPlans(dict[StepKind, WatchPlan]):
+    """The plans of some properties, by the kind of a step; made when they are first needed."""
+
+    def __init__(self, properties: tuple[Property, ...]) -> None:
+        super().__init__()
+        self.properties = properties
+
+    def __missing__(self, kind: StepKind) -> WatchPlan:
+        if len(self) >= _MOST_PLANS:
+            self.clear()
+        every = [(index, one, one.is_asked(kind)) for index, one in enumerate(self.properties)]
+        asked = tuple((index, one.watch) for index, one, is_asked in every if is_asked)
+        hold = tuple(index for index, one, is_asked in every if not is_asked and one.otherwise.relevant)
+        found = self[kind] = WatchPlan(asked, hold)
+        return found
+
+
 class Monitor:
     """Watches the steps of one machine: `breaches` has the first breach of each property, with its step.
 
-    Later breaches of the same property are dropped.
+    Later breaches of the same property are dropped. Machines of one chart may share their `plans`.
     """
 
-    def __init__(self, properties: tuple[Property, ...]) -> None:
-        self.properties = properties
+    def __init__(self, plans: WatchPlans) -> None:
+        self.properties = plans.properties
         self.breaches: dict[str, tuple[Step | None, str]] = {}
+        self._plans = plans
         self._before = Glance()
-        self._states = [one.first for one in properties]
-        self._watches = [one.watch for one in properties]
-        self._relevant = [0] * len(properties)
+        self._states = [one.first for one in self.properties]
+        self._relevant = [0] * len(self.properties)
+        #: How many steps had each plan.
+        self._steps: Counter[WatchPlan] = Counter()
 
     def take(self, step: Step, scope: EvaluationScope) -> None:
         """Judge a step that the machine with this scope has just made."""
         passage, states = Passage(self._before, step, scope), self._states
-        for index, watch in enumerate(self._watches):
+        plan = self._plans[kind_of(passage)]
+        self._steps[plan] += 1
+        for index, watch in plan.asked:
             states[index], verdict = watch(states[index], passage)
             if verdict.relevant:
                 self._relevant[index] += 1
@@ -227,7 +288,11 @@ class Monitor:
     @property
     def relevant(self) -> dict[str, int]:
         """The number of steps that each property applied to, without zeros."""
-        return {one.name: n for one, n in zip(self.properties, self._relevant, strict=True) if n}
+        found = Counter({one.name: n for one, n in zip(self.properties, self._relevant, strict=True) if n})
+        for plan, steps in self._steps.items():
+            for index in plan.hold:
+                found[self.properties[index].name] += steps
+        return found
 
     @property
     def found(self) -> list[tuple[str, str, Step | None]]:
@@ -249,19 +314,19 @@ Rule = Callable[[Passage], "str | None"]
 _found: list[Property] = []
 
 
-def _built_in(name: str, says: str) -> Callable[[Rule], Rule]:
+def _built_in(name: str, says: str, of: int = ANY) -> Callable[[Rule], Rule]:
     def add(rule: Rule) -> Rule:
         def watch(state: Remembered, passage: Passage) -> tuple[Remembered, Verdict]:
             breach = rule(passage)
             return _NOT_ABOUT if breach is None else _HOLDS if not breach else (state, Verdict(True, breach))
 
-        _found.append(Property(name, says, watch, remembers=False))
+        _found.append(Property(name, says, watch, remembers=False, is_asked=of_kinds(of)))
         return rule
 
     return add
 
 
-@_built_in("hold_starts_nothing", "While a hold is engaged, nothing that moves the robot is started.")
+@_built_in("hold_starts_nothing", "While a hold is engaged, nothing that moves the robot is started.", HELD)
 def _hold_starts_nothing(passage: Passage) -> str | None:
     held, commands = passage.after.held, passage.step.commands
     if not held:
@@ -291,6 +356,7 @@ def released(step: Step) -> set[str]:
 @_built_in(
     "hold_stops_all",
     "While a hold is engaged, everything that moves the robot is cancelled, and every cancel has a deadline.",
+    HELD,
 )
 def _hold_stops_all(passage: Passage) -> str | None:
     memory = passage.after
@@ -314,7 +380,10 @@ def _resources_exclude(passage: Passage) -> str | None:
     attempts = passage.after.attempts
     if not any(found.uses for found in touched(attempts)):
         return None
-    using = [attempts[claim.attempt] for claim in passage.after.claims if claim.uses and not claim.waits]
+    claims = [claim for claim in passage.after.claims if claim.uses and not claim.waits]
+    if len(claims) < 2:
+        return "" if claims else None
+    using = [attempts[claim.attempt] for claim in claims]
     begun = {command.operation for command in passage.step.commands if isinstance(command, Start)}
     working = [one for one in using if one.phase not in (Phase.CANCELLING, Phase.REFUSED)]
     for one in working:
@@ -327,7 +396,7 @@ def _resources_exclude(passage: Passage) -> str | None:
                 return (
                     f"{name} is {one.phase.value} while {beside} is {other.phase.value}: both use {shared[0]}"
                 )
-    return "" if using else None
+    return ""
 
 
 def _replacing(chart: Chart) -> set[str]:
@@ -339,7 +408,7 @@ def _moves(chart: Chart, operation: str) -> bool:
     return operation in _moving(chart)
 
 
-@_built_in("no_false_start", "No operation is started and cancelled in the same step.")
+@_built_in("no_false_start", "No operation is started and cancelled in the same step.", COMMANDED)
 def _no_false_start(passage: Passage) -> str | None:
     commands = passage.step.commands
     started = {c.attempt: c.operation for c in commands if isinstance(c, Start)}
@@ -349,7 +418,9 @@ def _no_false_start(passage: Passage) -> str | None:
     return "" if started else None
 
 
-@_built_in("closed_once", "Each visit of a target is reported exactly once, when it is closed.")
+@_built_in(
+    "closed_once", "Each visit of a target is reported exactly once, when it is closed.", COMMANDED | MOVED
+)
 def _closed_once(passage: Passage) -> str | None:
     memory, published = passage.after, [c for c in passage.step.commands if isinstance(c, Publish)]
     if not published and not (memory.itineraries and passage.step.taken):
@@ -370,7 +441,11 @@ def _closed_once(passage: Passage) -> str | None:
     return ""
 
 
-@_built_in("all_closed", "When a mission ends, every target has a result, except those left open on purpose.")
+@_built_in(
+    "all_closed",
+    "When a mission ends, every target has a result, except those left open on purpose.",
+    COMMANDED | MOVED,
+)
 def _all_closed(passage: Passage) -> str | None:
     step, memory, states = passage.step, passage.after, passage.chart.states
     over = passage.chart.profile.stages.over
@@ -404,7 +479,9 @@ def _asked_for(passage: Passage) -> list[str]:
     return found
 
 
-@_built_in("former_attempts", "A server's message about an attempt that was given up changes nothing.")
+@_built_in(
+    "former_attempts", "A server's message about an attempt that was given up changes nothing.", REPORTED
+)
 def _former_attempts(passage: Passage) -> str | None:
     event = passage.step.event
     if event.name not in ("attempt.done", "attempt.failed", "attempt.cancelled"):
@@ -418,7 +495,11 @@ def _former_attempts(passage: Passage) -> str | None:
     return f"{event.name} that nobody waits for reports {codes[0]}" if codes else ""
 
 
-@_built_in("no_execution_error", "No expression or action fails, and every step comes to an end.")
+@_built_in(
+    "no_execution_error",
+    "No expression or action fails, and every step comes to an end.",
+    CODED | COMMANDED | MOVED,
+)
 def _no_execution_error(passage: Passage) -> str | None:
     found = [code.detail for code in passage.step.codes if code.code == EXECUTION_CODE]
     return found[0] if found else "" if passage.step.changed else None
@@ -463,7 +544,7 @@ def _no_deaf_wait(passage: Passage) -> str | None:
     return f"nothing is under way in {memory.configuration[-1]}, and nothing it listens to comes by itself"
 
 
-@_built_in("refusals_have_reasons", "Every request is accepted, or refused with a reason.")
+@_built_in("refusals_have_reasons", "Every request is accepted, or refused with a reason.", REQUESTED)
 def _refusals_have_reasons(passage: Passage) -> str | None:
     step = passage.step
     if not step.event.is_request:
@@ -486,6 +567,13 @@ BUILT_IN: tuple[Property, ...] = tuple(_found)
 @lru_cache(maxsize=32)
 def _rules(chart: Chart) -> Mapping[str, Transition]:
     return {rule.id: rule for state in chart.states.values() for rule in state.transitions}
+
+
+@lru_cache(maxsize=4096)
+def _ends_taken(chart: Chart, taken: tuple[str, ...]) -> int:
+    """Return whether transitions of a step take a good end (`ENDED`) or an error (`FAILED`), as bits."""
+    events = {_rules(chart)[name].event for name in taken if name in _rules(chart)}
+    return (ENDED if "done" in events else 0) | (FAILED if "error" in events else 0)
 
 
 @lru_cache(maxsize=32)

@@ -10,7 +10,7 @@ have such names, too, but no step breaks them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 
 from lupin_engine.chart.expressions.evaluation import Compiled, Expression
@@ -22,30 +22,31 @@ from lupin_engine.machine.scope import reads_of, traversal_of
 from lupin_engine.plugin.contract import OnHold
 from lupin_engine.plugin.profile import ANSWER, Publish
 from lupin_engine.properties.built_in import (
+    COMMANDED,
     HOLDS,
+    MOVED,
     NOT_ABOUT,
+    REQUESTED,
     Passage,
     Property,
     Remembered,
     Rule,
     Verdict,
     is_under_way,
+    of_kinds,
     taken,
 )
 
 _found: list[Property] = []
 
 
-def _named(name: str, says: str, rule: Rule, about: Callable[[Passage], bool]) -> None:
+def _named(name: str, says: str, rule: Rule, of: int) -> None:
     def watch(state: Remembered, passage: Passage) -> tuple[Remembered, Verdict]:
         breach = rule(passage)
         return state, NOT_ABOUT if breach is None else Verdict(True, breach)
 
-    _found.append(Property(name, says, watch, remembers=False, of_values=False, about=about))
-
-
-def _publishes(passage: Passage) -> bool:
-    return any(isinstance(each, Publish) for each in passage.step.commands)
+    asked = of_kinds(of)
+    _found.append(Property(name, says, watch, remembers=False, of_values=False, is_asked=asked))
 
 
 # -- where the robot is ----------------------------------------------------------------------------------
@@ -96,6 +97,7 @@ _found.append(
         _at_its_target,
         of_values=False,
         about=lambda passage: _is_drive_or_good(passage),
+        is_asked=of_kinds(COMMANDED | MOVED),
     )
 )
 
@@ -106,7 +108,7 @@ def _is_drive_or_good(passage: Passage) -> bool:
     return bool(drives) and (
         any(isinstance(each, Start) and each.state in drives for each in passage.step.commands)
         or any(rule.event == "done" and rule.source in drives for rule in taken(passage))
-        or _publishes(passage)
+        or any(isinstance(each, Publish) for each in passage.step.commands)
         or _leaves_itinerary(passage)
     )
 
@@ -125,7 +127,7 @@ _named(
     "good_after_success",
     "The failure of an operation gives no target a good result.",
     _good_after_success,
-    _publishes,
+    COMMANDED,
 )
 
 
@@ -175,7 +177,7 @@ _named(
     "nothing_after_close",
     "Once a target has its result, nothing begins or goes on that was for it.",
     _nothing_after_close,
-    lambda passage: any(isinstance(each, (Start, Publish)) for each in passage.step.commands),
+    COMMANDED,
 )
 
 
@@ -194,7 +196,7 @@ _named(
     "no_second_round",
     "An itinerary does not begin anew while targets of it have no result.",
     _no_second_round,
-    lambda passage: not passage.after.itineraries.keys().isdisjoint(passage.step.entered),
+    MOVED,
 )
 
 
@@ -234,7 +236,7 @@ _named(
     "resume_goes_on",
     "A mission that waits away from its work goes on where it was when it is resumed.",
     _resume_goes_on,
-    lambda passage: passage.step.accepted is True,
+    REQUESTED,
 )
 
 
@@ -253,7 +255,7 @@ _named(
     "answers_lead_on",
     "Whoever answers a question is not asked the same again at once.",
     _answers_lead_on,
-    lambda passage: passage.step.accepted is True,
+    REQUESTED,
 )
 
 #: Those that are watched in each step, by name.

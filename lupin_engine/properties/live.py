@@ -35,6 +35,7 @@ from lupin_engine.properties.built_in import (
     Remembered,
     Verdict,
     due,
+    kind_of,
     unfinished,
 )
 from lupin_engine.properties.clauses import breaches
@@ -166,8 +167,9 @@ class LiveMonitor:
             now = passage.step.time
             late = [each for each in self._written if self._waits.get(each.one.name, math.inf) < now]
             self._ask_written(late, passage, new)
+        kind = kind_of(passage) if is_busy else None
         for one in self._named if is_busy or self._broken else ():
-            if is_busy and (one.about is None or one.about(passage)):
+            if kind and one.is_asked(kind) and (one.about is None or one.about(passage)):
                 self._judge(one, passage, new)
             else:
                 self._broken.discard(one.name)

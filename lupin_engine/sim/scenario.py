@@ -30,7 +30,7 @@ from lupin_engine.missions.folders import (
 from lupin_engine.missions.load import load_chart
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.properties.authored import properties_of
-from lupin_engine.properties.built_in import STANDSTILL, Monitor
+from lupin_engine.properties.built_in import STANDSTILL, Monitor, WatchPlans
 from lupin_engine.runtime.history import History
 from lupin_engine.runtime.setup import make_world
 from lupin_engine.sim import SUFFIX
@@ -113,7 +113,7 @@ class Scenario:
         script = replace(self.script, seed=self.script.seed + shift) if shift else self.script
         world = self.missions.world(self.chart, self.parameters)
         simulation = Simulation(self.chart, script, self.parameters, world)
-        monitor = Monitor(properties_of(self.chart, self.properties))
+        monitor = Monitor(WatchPlans(properties_of(self.chart, self.properties)))
         simulation.listener = lambda step: monitor.take(step, simulation.machine.scope)
         try:
             run = simulation.run()

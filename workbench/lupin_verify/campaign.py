@@ -17,7 +17,7 @@ from lupin_engine.chart import Chart, Kind, State, Transition
 from lupin_engine.machine import Step, World
 from lupin_engine.missions import LoadedMissions
 from lupin_engine.plugin import START
-from lupin_engine.properties import STANDSTILL, Monitor, Property, properties_of
+from lupin_engine.properties import STANDSTILL, Monitor, Property, WatchPlans, properties_of
 from lupin_engine.replay import RunRecord
 from lupin_engine.runtime import make_world
 from lupin_engine.sim import Run, Script, Simulation, Standstill
@@ -109,6 +109,7 @@ class Campaign:
         self.parameters = {**rates.parameters, **parameters}
         self.world: World = make_world(loaded.chart, self.parameters)
         self.properties: tuple[Property, ...] = properties_of(loaded.chart)
+        self.plans = WatchPlans(self.properties)
         #: All monitored properties, with their sentences.
         self.watched = {
             **{one.name: one.says for one in self.properties},
@@ -154,7 +155,7 @@ class Campaign:
     def run(self, seed: int, into: CampaignSum) -> Run | None:
         """Run a seed and add its result; return None when time stood still in it, which is a violation."""
         simulation = Simulation(self.chart, self.script(seed), self.parameters, self.world)
-        monitor = Monitor(self.properties)
+        monitor = Monitor(self.plans)
         simulation.listener = lambda step: monitor.take(step, simulation.machine.scope)
         into.seeds += 1
         run = None

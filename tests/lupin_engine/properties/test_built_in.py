@@ -16,7 +16,7 @@ from lupin_engine.machine.operations import Operations
 from lupin_engine.machine.scope import World
 from lupin_engine.machine.step import Refusal, Step
 from lupin_engine.machine.timers import Timers
-from lupin_engine.properties.built_in import BUILT_IN, Glance, Monitor, Passage, due, glance
+from lupin_engine.properties.built_in import BUILT_IN, Glance, Monitor, Passage, WatchPlans, due, glance
 from lupin_engine.sim.simulation import Script, Simulation
 from tests import shipped
 from tests.lupin_engine.machine.charts import PAUSE, Bench, chart, fails
@@ -27,7 +27,7 @@ class WatchedMachine(Machine):
 
     def __init__(self, world: World, memory: Any = None) -> None:
         super().__init__(world, memory)
-        self.monitor = Monitor(BUILT_IN)
+        self.monitor = Monitor(WatchPlans(BUILT_IN))
 
     def _finish(self) -> Step:
         step = super()._finish()
@@ -307,7 +307,7 @@ def test_the_shipped_mission_keeps_them_all() -> None:
     """Each is a pure function of the passage: asked twice it says the same; what was relevant is counted."""
     inspection: Chart = shipped.mission("inspection")
     simulation = Simulation(inspection, Script("InspectionMission", {"tag_sequence": ["1", "2"]}), {})
-    monitor, seen = Monitor(BUILT_IN), [Glance()]
+    monitor, seen = Monitor(WatchPlans(BUILT_IN)), [Glance()]
 
     def look(step: Step) -> None:
         passage = Passage(seen[-1], step, simulation.machine.scope)

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, ClassVar
@@ -24,8 +25,9 @@ from lupin_engine.machine.itineraries import Itineraries
 from lupin_engine.missions.folders import default_missions_folder
 from lupin_engine.missions.selection import load_missions
 from lupin_engine.plugin.contract import Operation
+from lupin_engine.plugin.registry import load_catalog
 from lupin_engine.plugin.types import BOOL, NUMBER, within
-from lupin_engine.properties.built_in import BUILT_IN, STANDSTILL
+from lupin_engine.properties.built_in import BUILT_IN, STANDSTILL, WatchPlans
 from lupin_engine.runtime import engine
 from lupin_engine.sim.scenario import Missions, load_scenario, load_scenario_text
 from lupin_engine.sim.scripted import AnyOf, MockOutcome
@@ -46,6 +48,17 @@ from lupin_verify.rates import default_rates, default_rules, read_rates
 from tests import shipped
 from tests.lupin_engine.machine.charts import OPERATIONS, chart
 
+#: Properties that are broken, each because of another field of a step.
+BROKEN = """\
+  p_accepted: {never: this_step.accepted == 'mission.start' and in_state('MISSION')}
+  p_refused: {never: this_step.refused == 'mission.start'}
+  p_begun: {never: in_state('MISSION') and len(this_step.begun) > 0 and 'nav.go_to' in this_step.begun}
+  p_succeeded: {never: "'nav.dock' in this_step.succeeded"}
+  p_failed: {never: "'nav.go_to' in this_step.failed or len(this_step.failed) > 0"}
+  p_released: {never: len(this_step.released) > 0 and not held(pause)}
+  p_codes: {never: len(this_step.codes) > 0 and in_state('MISSION')}
+  p_nothing: {never: this_step.accepted == '' and len(this_step.codes) == 0 and not in_state('MISSION')}
+"""
 RATES = """\
 campaign: a short and rough day
 limit: 10 min
@@ -69,6 +82,24 @@ mocks:
   - {do: nav.choose_frontier, then: {after: 0 s}}
   - {do: nav.go_to, then: {after: 0 s}}
 """
+
+
+def test_what_a_step_cannot_break_is_not_asked(tmp_path: Path) -> None:
+    """Runs are judged the same as if every property was asked after each step."""
+    folder = shutil.copytree(default_missions_folder(), tmp_path / "missions")
+    lifecycle = folder / "lifecycle.yaml"
+    text = re.sub(r"^(properties:.*\n)", rf"\g<1>{BROKEN}", lifecycle.read_text("utf-8"), flags=re.MULTILINE)
+    lifecycle.write_text(text, "utf-8")
+    loaded = load_missions([str(folder / "inspection.yaml")], load_catalog())
+    campaign, found, asked = Campaign(loaded, default_rates(loaded.chart), {}), CampaignSum(), CampaignSum()
+    for seed in range(3):
+        campaign.run(seed, found)
+    assert all(len(plan.asked) < len(campaign.properties) for plan in campaign.plans.values())
+    campaign.plans = WatchPlans(tuple(replace(one, is_asked=lambda _: True) for one in campaign.properties))
+    for seed in range(3):
+        campaign.run(seed, asked)
+    assert vars(found) == vars(asked)
+    assert {*found.violated} >= {*re.findall(r"p_\w+", BROKEN)}
 
 
 def made(folder: Path, text: str = RATES) -> Campaign:

@@ -43,11 +43,13 @@ from lupin_engine.properties import (
     Passage,
     Property,
     Remembered,
+    WatchPlans,
     action_moves,
     begun,
     closed,
     is_over,
     is_speaking,
+    kind_of,
     unfinished,
 )
 from lupin_engine.sim import label_of
@@ -124,6 +126,8 @@ class SituationExplorer:
         asked = [one for one in properties if one not in BUILT_IN or one.name in _OF_REQUESTS]
         #: The properties to watch in a step that changes only live values, by whether it answers a request.
         self._quietly = {False: [o for o in asked if o not in BUILT_IN and o.of_values], True: asked}
+        #: The properties to watch in any other step.
+        self._plans = WatchPlans(properties)
         #: Whether properties remember something, and whether there is one that every step may concern.
         self._remembers = any(one.remembers for one in properties)
         self._always_asked = any(one.remembers and one.about is None for one in properties)
@@ -292,8 +296,7 @@ class SituationExplorer:
         seen = Glance() if before is None else cast(Glance, _LazyGlance(before))
         was = None if before is None else partial(EvaluationScope, self.world, before)
         passage = Passage(seen, step, machine.scope, was)
-        asked = self._quietly[step.event.is_request] if quiet else self.properties
-        asked = [one for one in asked if one.about is None or one.about(passage)]
+        asked, relevant = self._asked(passage, quiet)
         known: dict[str, Remembered] | None = None
         if self._always_asked or any(one.remembers for one in asked):
             known = dict(memory.fetch(self.table.index[WATCHED]) or ())
@@ -311,8 +314,18 @@ class SituationExplorer:
                 judged.append((one.name, verdict))
         breaches = tuple((name, verdict.breach) for name, verdict in judged if verdict.breach)
         watched = None if known is None else tuple(sorted((n, state) for n, state in known.items() if state))
-        relevant = {name for name, verdict in judged if verdict.relevant}
+        relevant.update(name for name, verdict in judged if verdict.relevant)
         return watched, breaches, relevant.union(*(verdict.about for _, verdict in judged))
+
+    def _asked(self, passage: Passage, quiet: bool) -> tuple[list[Property], set[str]]:
+        """Return the properties to watch in a step, and the names of those that surely hold in it."""
+        if quiet:
+            asked, hold = self._quietly[passage.step.event.is_request], set[str]()
+        else:
+            plan = self._plans[kind_of(passage)]
+            asked = [self.properties[index] for index, _ in plan.asked]
+            hold = {self.properties[index].name for index in plan.hold}
+        return [one for one in asked if one.about is None or one.about(passage)], hold
 
     def _late(self, memory: TrackedMemory, situation: Situation, name: str) -> Effect:
         """Let the deadline of a property pass."""
