@@ -110,6 +110,8 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "unused-code": "a code that is declared can be reported",
             "unused-input": "an input that is declared is read",
             "unused-variable": "a variable that is kept is read",
+            "never-set": "a variable that is read can have another value than its default",
+            "one-way-switch": "what an action switches is switched back somewhere",
             "unused-field": "a field that a request carries is read",
             "unused-result": "what the end of a mission gives is read, by one that uses it",
         },
