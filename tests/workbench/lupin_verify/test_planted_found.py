@@ -68,7 +68,7 @@ MISSED: Mapping[str, Mapping[str, str]] = {
         "door_sensor_known_is_enough": "what an open door is for is known to this mission alone",
     },
     "second": {
-        "battery_low_on_the_way_is_battery": "what was before a step is remembered by no condition without `after`",
+        "battery_low_on_the_way_is_battery": "what was aborted before is not seen in one step",
         "unreachable_never_reset": "what a counter counts is known to this part alone",
         "ten_times_the_variance": "which pose is good enough is said by that argument alone",
         "search_ends_at_once": "how many tags are enough is said by that guard alone",
