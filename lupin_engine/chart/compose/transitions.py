@@ -211,7 +211,7 @@ class TransitionReader:
         if isinstance(after, Constant) and not after.value:
             problem = "nobody can answer: the time to answer is over when the question is asked"
             hint = "write a time, such as '2 min'"
-            findings.warn(node.at("after"), "never-wins", f"{path}.after", problem, hint)
+            findings.warn(node.at("after"), "out-of-range", f"{path}.after", problem, hint)
         choices = {
             name: Code(name, choice.label, Severity[choice.severity.upper()])
             for name, choice in node.choices.items()
