@@ -42,7 +42,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "wrong-type": "a value or operand has the type that is asked for",
             "wrong-unit": "quantities of different dimensions are not mixed",
             "no-unit": "a duration, length or angle says its unit",
-            "out-of-range": "a default lies within its minimum and maximum, and a question has time for an answer",
+            "out-of-range": "a default lies within its minimum and maximum, and a question leaves time",
             "bad-expression": "an expression belongs to the safe subset",
             "partial-expression": "an expression is the whole value, not a piece of a text",
             "unknown-name": "an expression reads what is declared and present there",
