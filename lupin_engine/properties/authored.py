@@ -41,7 +41,7 @@ from lupin_engine.properties.built_in import (
     released,
     taken,
 )
-from lupin_engine.properties.inherited import INHERITED
+from lupin_engine.properties.inherited import INHERITED, bypassed
 
 #: What is remembered where nothing is due.
 _FOR_EVER: Remembered = (math.inf,)
@@ -174,6 +174,7 @@ _OF_A_STEP: Mapping[str, Callable[[Passage], Any]] = {
     "begun": lambda one: [each.operation for each in one.step.commands if isinstance(each, Start)],
     "succeeded": lambda one: _ended(one, "done"),
     "failed": lambda one: _ended(one, "error"),
+    "bypassed": bypassed,
     "codes": lambda one: [code.code for code in one.step.codes],
     "moving": is_moving,
     "was_in": lambda one: lambda names: any(name in one.before.configuration for name in names),

@@ -258,6 +258,59 @@ _named(
     REQUESTED,
 )
 
+# -- what comes before something else --------------------------------------------------------------------
+
+
+def bypassed(passage: Passage) -> list[str]:
+    """Return the operations whose success leads to a state that was entered without it, from elsewhere.
+
+    A state's own successors may lead back to it, and so may a history.
+    """
+    chart, led = passage.chart, _led_to(passage.chart)
+    entered = [name for name in passage.step.entered if name in led]
+    ways = list(taken(passage)) if entered else []
+    if any(way.target is not None and chart.states[way.target].kind is Kind.HISTORY for way in ways):
+        return []
+    found = set[str]()
+    for name in entered:
+        leads, after = led[name], _after(chart, name)
+        into = [way for way in ways if way.target is not None and _is_on_way(chart, way.target, name)]
+        if not any(way.source in after or (way.event == "done" and way.source in leads) for way in into):
+            found.update(leads.values())
+    return sorted(found)
+
+
+def _is_on_way(chart: Chart, target: str, name: str) -> bool:
+    return name in chart.lineage[target] or target in chart.lineage[name]
+
+
+@lru_cache(maxsize=32)
+def _led_to(chart: Chart) -> Mapping[str, Mapping[str, str]]:
+    """Return the states to which a success leads: the states that run the operation, each with its name."""
+    found: dict[str, dict[str, str]] = {}
+    for state in chart.states.values():
+        for way in state.transitions if state.invoke is not None and state.mission else ():
+            if way.event == "done" and way.target and chart.states[way.target].kind is not Kind.FINAL:
+                assert state.invoke is not None
+                found.setdefault(way.target, {})[state.name] = state.invoke.name
+    return found
+
+
+@lru_cache(maxsize=256)
+def _after(chart: Chart, name: str) -> frozenset[str]:
+    """Return what a mission can come to from a state, guards left out, and the states around that."""
+    states, mission = chart.states, chart.states[name].mission
+    found, waiting = set[str](), [name]
+    while waiting:
+        entered = waiting.pop()
+        inside = [each for each in states if entered in chart.lineage[each]]
+        new = {*inside, *chart.lineage[entered]} - found
+        new = {each for each in new if states[each].mission == mission}
+        found |= new
+        waiting += [way.target for each in new for way in states[each].transitions if way.target is not None]
+    return frozenset(found)
+
+
 #: Those that are watched in each step, by name.
 INHERITED: Mapping[str, Property] = {one.name: one for one in _found}
 

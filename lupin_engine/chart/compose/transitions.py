@@ -19,6 +19,7 @@ from lupin_engine.chart.documents import (
     StateNode,
     TransitionNode,
 )
+from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.expressions.scope import Scope
 from lupin_engine.chart.expressions.values import read_condition, read_key
 from lupin_engine.chart.findings import Findings
@@ -207,6 +208,10 @@ class TransitionReader:
             )
         if question is None or after is None:
             return None
+        if isinstance(after, Constant) and not after.value:
+            problem = "nobody can answer: the time to answer is over when the question is asked"
+            hint = "write a time, such as '2 min'"
+            findings.warn(node.at("after"), "out-of-range", f"{path}.after", problem, hint)
         choices = {
             name: Code(name, choice.label, Severity[choice.severity.upper()])
             for name, choice in node.choices.items()

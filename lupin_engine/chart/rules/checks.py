@@ -18,6 +18,8 @@ from lupin_engine.chart.rules.inputs import unknown_input_read
 from lupin_engine.chart.rules.loops import always_loop, no_time
 from lupin_engine.chart.rules.regions import region_leak, shared_resource
 from lupin_engine.chart.rules.unused import (
+    never_set,
+    one_way_switch,
     unheard_event,
     unused_code,
     unused_field,
@@ -89,7 +91,15 @@ GLOBAL: tuple[Rule, ...] = (
     event_field,
 )
 #: Rules about what is declared and not used.
-UNUSED: tuple[Rule, ...] = (unheard_event, unused_code, unused_input, unused_variable, unused_field)
+UNUSED: tuple[Rule, ...] = (
+    unheard_event,
+    unused_code,
+    unused_input,
+    unused_variable,
+    never_set,
+    one_way_switch,
+    unused_field,
+)
 
 
 def check_composed(

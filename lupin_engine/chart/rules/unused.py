@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lupin_engine.chart.expressions.evaluation import Constant
+from lupin_engine.chart.expressions.evaluation import Constant, Value
 from lupin_engine.chart.findings import warning
+from lupin_engine.chart.model import WRITING
 from lupin_engine.chart.rules.index import Index
 from lupin_engine.chart.rules.written import codes_of
 from lupin_engine.chart.semantics import matches
@@ -109,6 +110,44 @@ def unused_variable(index: Index) -> Iterator[Diagnostic]:
         if not index.texts.names(name):
             problem, hint = f"nothing reads the variable {name!r}", "read it in an expression, or remove it"
             yield warning(place, "unused-variable", f"context.{name}", problem, hint)
+
+
+def never_set(index: Index) -> Iterator[Diagnostic]:
+    """Find a variable that is read, and that nothing gives another value than its default.
+
+    One of the lifecycle may be meant for other missions, unless the lifecycle itself reads it.
+    """
+    lifecycle = index.chart.files[0]
+    written: dict[str, list[Value]] = {}
+    for call in index.calls:
+        for name, value in call.action.arguments.items() if call.action.name in WRITING else ():
+            written.setdefault(name, []).append(value)
+    for name, place in _declared(index, "variable"):
+        default = index.chart.context[name].default
+        is_read = index.texts.names(name, "" if place.file == lifecycle else None)
+        if is_read and all(_is_same(value, default) for value in written.get(name, ())):
+            problem = f"nothing gives the variable {name!r} another value than its default"
+            hint = "set it where that changes, or make it a parameter"
+            yield warning(place, "never-set", f"context.{name}", problem, hint)
+
+
+def _is_same(value: Value, other: Value) -> bool:
+    return isinstance(value, Constant) and isinstance(other, Constant) and value.value == other.value
+
+
+def one_way_switch(index: Index) -> Iterator[Diagnostic]:
+    """Find an action that switches something to one side only: all its calls give the same truth value."""
+    calls: dict[tuple[str, str], list[tuple[str, Value]]] = {}
+    for call in index.calls:
+        for name, value in call.action.arguments.items():
+            if value.type.kind == "bool" and call.action.name in index.chart.catalog.actions:
+                calls.setdefault((call.action.name, name), []).append((call.path, value))
+    for (action, name), found in calls.items():
+        path, first = found[0]
+        if isinstance(first, Constant) and all(_is_same(value, first) for _, value in found):
+            said, other = str(first.value).lower(), str(not first.value).lower()
+            problem = f"every {action} has '{name}: {said}', and nothing switches it back"
+            yield warning(first.place, "one-way-switch", path, problem, f"add one with '{name}: {other}'")
 
 
 def unused_field(index: Index) -> Iterator[Diagnostic]:

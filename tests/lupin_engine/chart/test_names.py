@@ -61,7 +61,7 @@ states:
   A:
     after: {"${ param.rest }": {target: done, code: lost}}
     on:
-      input.charge.empty: {target: done, do: [set: {laps: 1}]}
+      input.charge.empty: {target: done, do: [set: {laps: 1, spot: "${ param.dock_pose }"}]}
       input.charge.full: {target: done, guard: laps > 0 and spot.x > '1 m'}
   done: {type: final}
 """

@@ -11,6 +11,7 @@ from lupin_engine.errors import Severity
 from lupin_engine.missions.load import check_chart
 from lupin_engine.properties.authored import properties_of
 from lupin_engine.properties.inherited import INHERITED
+from lupin_engine.sim.scenario import load_scenario
 from lupin_verify.proof import listed
 from lupin_verify.situations.graph import NAMED_OF_THE_GRAPH
 from tests import shipped
@@ -86,3 +87,34 @@ def test_all_are_listed_and_watched() -> None:
     assert chart.properties.keys() - steps == {one.name for one in NAMED_OF_THE_GRAPH}
     page = (ROOT / "docs" / "proof.md").read_text(encoding="utf-8")
     assert [name for name in chart.properties if f"| `{name}` |" not in page] == []
+
+
+#: Goes round twice; leaves the localization out where that is asked for.
+ROUNDS = """\
+mission: Rounds
+request: {quickly: {type: bool, default: false}}
+context: {laps: {type: count, default: 0}}
+codes: {lost: {label: not localized}}
+initial: STANDING
+states:
+  STANDING: {after: {1 s: [{target: ROUND, guard: request.quickly}, {target: LOCALIZING}]}}
+  LOCALIZING:
+    invoke: {do: nav.localize, with: {max_variance: 0.25}, timeout: {after: 15 s, code: lost}}
+    on_done: ROUND
+    on_error: FAULT
+  ROUND: {entry: [{set: {laps: "${ laps + 1 }"}}], after: {1 s: LAST}}
+  LAST: {after: {1 s: [{target: ROUND, guard: laps < 2}, {target: done}]}}
+  done: {type: final}
+"""
+DOCKS = "[{on: ROUND, request: operator.dock}, {on: DOCKED, request: operator.resume}]"
+
+
+@pytest.mark.parametrize(("quickly", "when"), [("true", "[]"), ("false", "[]"), ("false", DOCKS)])
+def test_a_localization_is_left_out(quickly: str, when: str, tmp_path: Path) -> None:
+    """What leads back after it is none of that, nor is a resume."""
+    (tmp_path / "rounds.yaml").write_text(ROUNDS, encoding="utf-8")
+    file, broken = tmp_path / "rounds.scenario.yaml", "[localized_as_asked]" if quickly == "true" else "[]"
+    request = f"request: {{quickly: {quickly}}}\nwhen: {when}\nexpect: {{final: DONE, violated: {broken}}}\n"
+    file.write_text(f"scenario: it goes round\nmission: rounds.yaml\n{request}", encoding="utf-8")
+    scenario = load_scenario(file, shipped.catalog())
+    assert scenario.failures(scenario.run()) == []

@@ -11,10 +11,10 @@ from lupin_engine.errors import Severity
 from lupin_engine.missions.folders import lifecycle_of, mission_files
 from lupin_engine.missions.load import check_chart
 from tests import shipped
-from tests.workbench.lupin_verify.planted.planted import HALVES, HERE, defects, plant
+from tests.workbench.lupin_verify.planted.planted import HERE, SETS, defects, plant
 
 
-@pytest.mark.parametrize("half", HALVES)
+@pytest.mark.parametrize("half", SETS)
 def test_every_defect_is_loaded_or_refused(half: str, tmp_path: Path) -> None:
     """As its entry says."""
     refused = {one.id for one in defects(half) if one.refused}
@@ -29,7 +29,7 @@ def test_every_defect_is_loaded_or_refused(half: str, tmp_path: Path) -> None:
 
 def test_there_are_fifty_in_each_half() -> None:
     """No two have one name, and each kind is in both halves alike."""
-    first, second = (defects(half) for half in HALVES)
+    first, second = (defects(half) for half in SETS[:2])
     assert len(first) == len(second) == 50
     assert len({one.id for one in (*first, *second)}) == 100
     of, others = (Counter(one.kind for one in half) for half in (first, second))

@@ -782,7 +782,7 @@ states:
   B:
     itinerary: {items: "${ tags.numeric_order() }"}
     on:
-      operator.skip_current: {do: [raise: {event: door.opened}]}
+      operator.skip_current: {do: [raise: {event: door.opened}, set: {laps: 2}]}
       input.charge.empty: {target: done, code: emptied, do: [itinerary.close_rest: {status: SKIPPED}]}
       operator.dock:
         target: done

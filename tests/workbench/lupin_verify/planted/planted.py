@@ -17,8 +17,9 @@ from lupin_engine.missions.folders import MISSIONS, mission_files
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[3]
-#: Which files the defects stand in; the second one is not read by whoever writes the properties.
-HALVES = ("first", "second")
+#: Which files the defects stand in, two halves of a hundred first. The properties were written for the first
+#: one, then for the second one as well; the third one says how general they are.
+SETS = ("first", "second", "third")
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,9 @@ class Defect:
         return text
 
 
-def defects(half: str) -> list[Defect]:
-    """Return the defects of one of the two files."""
-    written = yaml.safe_load((HERE / f"{half}.yaml").read_text(encoding="utf-8"))
+def defects(planted: str) -> list[Defect]:
+    """Return the defects of one of the files."""
+    written = yaml.safe_load((HERE / f"{planted}.yaml").read_text(encoding="utf-8"))
     return [
         Defect(
             **{**one, "file": Path(one["file"]), "edits": tuple((e["old"], e["new"]) for e in one["edits"])}
@@ -61,9 +62,9 @@ def defects(half: str) -> list[Defect]:
     ]
 
 
-def plant(half: str, into: Path) -> Iterator[tuple[str, Path]]:
+def plant(planted: str, into: Path) -> Iterator[tuple[str, Path]]:
     """Yield each defect's id, and a folder with its mission and all that belongs to that."""
-    for defect in defects(half):
+    for defect in defects(planted):
         of = next(folder for folder in defect.file.parents if folder.name == MISSIONS)
         folder = into / defect.id / MISSIONS
         shutil.copytree(ROOT / of, folder)
