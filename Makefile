@@ -13,8 +13,8 @@ export PYTHON
 help:
 	@echo "make run     run the inspection mission in the simulated greenhouse, the robot ten times as fast"
 	@echo "             (ARGS=\"--speed 1 --tags 1,5,12\" to run it another way)"
-	@echo "make check   the linter, the type checker, and the tests that need no ROS (ARGS=\"...\" for pytest)"
-	@echo "make test    the same, and the core of the tests over ROS 2 and in a browser"
+	@echo "make check   the linter, the type checker, and the quick tests that need no ROS (ARGS=\"...\" for pytest)"
+	@echo "make test    the same, the slower tests, and the core of those over ROS 2 and in a browser"
 	@echo "make test-all  all tests, the long ones too: before an issue is closed"
 	@echo "make audit   whether something is known against the installed packages, or one was changed"
 	@echo "make mutants how many small changes to the code the tests notice (ARGS=\"machine sim\" for some rooms only)"

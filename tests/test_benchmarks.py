@@ -20,6 +20,7 @@ from tests.benchmarking import BENCHMARKS, started
 CHARTS = ["cycle", "guarded", "parallel", "timed", "load-10", "bytes"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "printed"),
     [
@@ -67,6 +68,7 @@ def idle(bench: ModuleType) -> Any:
     return Idle()
 
 
+@pytest.mark.slow
 def test_measures_ours_and_gets_where_it_should(tmp_path: Path) -> None:
     figures, engines = tmp_path / "figures.json", ["lupin", "lupin-fresh", "floor"]
     # No peer is asked for, so nothing is installed.

@@ -15,6 +15,8 @@ from lupin_engine.runtime.setup import make_machine
 from lupin_engine.sim.scenario import Missions, load_scenario, scenario_files
 from tests import shipped
 
+pytestmark = pytest.mark.slow
+
 MISSIONS = Missions(shipped.catalog())
 FILES = scenario_files([Path(__file__).parent / "scenarios"])
 

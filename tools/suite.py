@@ -1,7 +1,7 @@
 """The test suite by parts, with the time of each at its end.
 
-python tools/suite.py check [pytest arguments]   lint, types, and the tests that need nothing but Python
-python tools/suite.py test [pytest arguments]    these, those over ROS 2 and in a browser; in CI the audit
+python tools/suite.py check [pytest arguments]   lint, types, and the quick tests, for which Python is enough
+python tools/suite.py test [pytest arguments]    these, `slow` ones, over ROS 2, in a browser; in CI the audit
 python tools/suite.py test-all                   these, and those marked `long`
 """
 
@@ -118,7 +118,8 @@ def main() -> int:
     for reader in readers:
         reader.start()
     long = "" if is_all else " and not long"
-    tests = [start("quick tests", [*QUICK, "-m", f"not ({MORE}){long}", *given])]
+    slow = " and not slow" if is_check else ""
+    tests = [start("quick tests", [*QUICK, "-m", f"not ({MORE}){long}{slow}", *given])]
     tests[0].read(sys.stdout)
     for reader in readers:
         reader.join()

@@ -21,6 +21,8 @@ from lupin_engine.plugin.registry import build_catalog
 from tests.console.pages import COMMAND, STATE, STEPS, ServedPages
 from tests.plugins.gateway.served import OpenPage
 
+pytestmark = pytest.mark.slow
+
 STRING = "string data"
 TRANSFORMS = """Transform[] transforms
 ================================================================================

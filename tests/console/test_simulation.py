@@ -229,6 +229,7 @@ def test_a_page_draws_and_explains_the_chart_that_is_simulated(page: SimulationP
     assert page.call(draw, folded="MISSION")["values"] == f"{draw}: folded must be a list of states"
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_it_and_a_taken_port_is_told() -> None:
     with ServedPages("simulate", "inspection") as first:
         command = [*LUPIN, "simulate", "inspection", "--hmi", "--port", str(first.port)]
@@ -243,6 +244,7 @@ def test_ctrl_c_ends_it_and_a_taken_port_is_told() -> None:
         page.close()
 
 
+@pytest.mark.slow
 def test_a_circle_without_time_is_told(tmp_path: Path) -> None:
     """The page says what goes round, the mission is in FAULT, and the next one can be tried."""
     (tmp_path / "lifecycle.yaml").write_text(LIFECYCLE, encoding="utf-8")

@@ -92,6 +92,7 @@ def _spelt_out(cells: tuple[str, ...]) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_the_missions_do_what_the_page_asks_for(asked: Cells, generated: Cells) -> None:
     """Every difference is told by its cell: what is asked, and what the missions do."""
     differences = [
@@ -143,6 +144,7 @@ def test_nothing_that_moves_is_started_while_held(generated: Cells, tool: Module
 _BY_HISTORY = ("closes ", "next target", "last_error")
 
 
+@pytest.mark.slow
 def test_a_cell_holds_in_situations_that_chance_leads_to(tool: ModuleType, asked: Cells) -> None:
     """The first target in 400 random inspections, whatever was asked for and happened before."""
     lab, differing, seen = tool.Lab(default_missions_folder()), list[str](), set[tuple[str, str, str]]()

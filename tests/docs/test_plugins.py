@@ -76,6 +76,7 @@ def test_every_rule_of_the_harness_is_on_the_page() -> None:
     assert {*CATALOG_RULES, *DRIVER_RULES, *OPERATION_RULES} <= told
 
 
+@pytest.mark.slow
 def test_the_lamp_is_installed(elsewhere: Elsewhere) -> None:
     """The engine finds it by its entry point, and its modules where they were installed."""
     listed = elsewhere.lupin("plugin", "list")
@@ -85,6 +86,7 @@ def test_the_lamp_is_installed(elsewhere: Elsewhere) -> None:
     assert Path(where).is_relative_to(elsewhere.site)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "last"),
     [

@@ -90,6 +90,7 @@ def test_what_a_story_links_to_is_there(number: str) -> None:
             assert file.with_suffix(".txt").is_file(), f"{file.name} is no broken chart"
 
 
+@pytest.mark.slow
 def test_the_page_says_what_kind_of_proof_each_story_has() -> None:
     """Derived from what the linked tests start, not typed."""
     page = PAGE.read_text(encoding="utf-8")
@@ -99,6 +100,7 @@ def test_the_page_says_what_kind_of_proof_each_story_has() -> None:
     assert page == derived
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", NUMBERS)
 def test_what_is_seen_on_the_wire_is_proven_there(number: str) -> None:
     """Story 23 was shown by a pure function, and happened on the running system."""

@@ -17,6 +17,8 @@ import pytest
 
 from tests.tools import load_tool
 
+pytestmark = pytest.mark.slow
+
 audit = load_tool("audit")
 pytest.importorskip("pip_audit")
 

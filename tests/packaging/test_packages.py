@@ -95,6 +95,7 @@ def test_the_bootstrap_reads_the_same_requirements() -> None:
         assert [f'"{one}",' for one in read] == build_requirements(folder)
 
 
+@pytest.mark.slow
 def test_what_is_imported_is_declared() -> None:
     """Outside the extras for developers: on their machines everything is there anyway."""
     shipped = (each for each in requires("lupin-engine") or () if not DEVELOPERS.search(each))

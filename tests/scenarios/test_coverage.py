@@ -49,6 +49,7 @@ def test_there_are_missions() -> None:
     assert MISSIONS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mission", MISSIONS)
 def test_a_mission_has_scenarios(mission: str) -> None:
     """They stand in a folder of its name, and are about it."""

@@ -459,6 +459,7 @@ def breaks(scenario: Scenario) -> list[str]:
         return [f"the loop died: {error!r}"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FLAWS)
 def test_the_old_flaw_is_found(name: str, missions: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The scenario holds, which pytest runs as a test of its own; with the flaw put back it does not."""

@@ -42,6 +42,7 @@ def lupin(site: Path, *arguments: str, code: int = 0, folder: Path = HERE) -> st
     return done.stdout
 
 
+@pytest.mark.slow
 def test_the_files_have_no_finding(site: Path) -> None:
     """The lifecycle names its profile; states, requests and outcomes are its own."""
     assert lupin(site, "check", "missions") == "1 mission, no errors, no warnings\n"
@@ -71,6 +72,7 @@ def test_an_empty_order_is_refused(site: Path) -> None:
     assert last == "IDLE in 0.0 s of virtual time; the order names no shelf"
 
 
+@pytest.mark.slow
 def test_a_proof_names_the_states_of_this_lifecycle(site: Path, tmp_path: Path) -> None:
     """Its FAULT is never left, which is where it says so."""
     shutil.copytree(HERE / "missions", tmp_path / "missions")
@@ -80,6 +82,7 @@ def test_a_proof_names_the_states_of_this_lifecycle(site: Path, tmp_path: Path) 
     assert "home_again: no answer, request or deadline certainly leads to IDLE or PARKED\n" in told
 
 
+@pytest.mark.slow
 def test_the_counters_are_the_profiles(site: Path) -> None:
     """In the record, for programs."""
     record = json.loads(lupin(site, "simulate", "fetch", "--shelves", "A1,B2", "--json"))
@@ -109,6 +112,7 @@ def test_an_option_of_another_profile_is_refused(site: Path) -> None:
     assert "FetchOrder has no use for --tags" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_profile_that_cannot_be_used_is_told(tmp_path: Path) -> None:
     """Before the options are read, which are the profile's; exit code 1 would say that shelves were empty."""
     install(tmp_path)

@@ -91,6 +91,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("topic", OTHERS)
 def test_what_others_publish_is_theirs(folder: Path, capsys: pytest.CaptureFixture[str], topic: str) -> None:
     """Who may subscribe to it may not publish it, and no pattern opens it; the owner can write the name."""

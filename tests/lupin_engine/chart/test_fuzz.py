@@ -236,6 +236,7 @@ def told_well(found: tuple[Diagnostic, ...]) -> None:
         assert len(str(diagnostic)) < 20_000
 
 
+@pytest.mark.slow
 @FUZZED
 @given(which=st.integers(0, 1000), edits=st.lists(EDITS, min_size=1, max_size=5))
 def test_a_file_broken_by_hand_is_answered(

@@ -155,6 +155,7 @@ def test_a_word_that_is_written_is_a_part_of_the_chart(node: type[Node], key: st
     assert key in written
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("node", "key"), WORDS, ids=named)
 def test_a_word_that_is_written_is_read(node: type[Node], key: str, chart: m.Chart) -> None:
     """The mission that says everything says it, and composing has put it into the chart."""

@@ -126,6 +126,7 @@ def test_a_planted_condition_decides_in_a_proof(kind: type) -> None:
     assert read is None or ("context", "planted") in read
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_a_planted_condition_is_no_finding(kind: type, checked: Callable[..., set[str]]) -> None:
     """The mission that says everything is as good as before."""

@@ -160,6 +160,7 @@ def test_lines_that_move_sideways_share_a_height_only_apart() -> None:
     assert tracks([ChannelNet(50, 10), ChannelNet(70, 30)]) == [0, 1]
 
 
+@pytest.mark.slow
 def test_many_states_that_lead_across_can_be_read(monkeypatch: pytest.MonkeyPatch) -> None:
     """Groups with a way from each state into another group: what straight lines may cost is soon spent."""
     monkeypatch.setattr(compound, "_MOST_EFFORT", 100_000)

@@ -45,6 +45,7 @@ def simulate(before: str = "") -> tuple[int, str]:
     return done.returncode, (done.stdout.splitlines() or [done.stderr])[-1]
 
 
+@pytest.mark.slow
 def test_without_the_library_no_mission_runs() -> None:
     """Loading fills the stand-ins, but nobody enters a state."""
     code, last = simulate()

@@ -52,6 +52,7 @@ def test_a_field_that_does_not_say_enough_is_refused(kind: type[Memory], lacks: 
         kind.schema()
 
 
+@pytest.mark.slow
 def test_a_field_that_is_planted_is_kept_as_it_says() -> None:
     """Snapshot, clock, reload, the next mission and a proof: see the module, which looks at all of them."""
     command = [sys.executable, "-m", "tests.workbench.lupin_verify.planted.field"]

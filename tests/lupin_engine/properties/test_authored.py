@@ -189,6 +189,7 @@ states:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("guard", "broken"), [("request.slowly", False), ("not request.slowly", True)])
 def test_a_property_reads_the_request(guard: str, broken: bool, tmp_path: Path) -> None:
     """It is about the runs of its mission; a proof keeps apart what it reads, and its scenario fails."""

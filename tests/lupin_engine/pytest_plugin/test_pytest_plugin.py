@@ -13,6 +13,8 @@ import pytest
 
 from lupin_engine import pytest_plugin
 
+pytestmark = pytest.mark.slow
+
 HEAD = 'scenario: a promise\nmission: inspection\nrequest: {tag_sequence: ["1"]}\n'
 HOLDS = HEAD + "expect: {final: DONE}\n"
 FAILS = HEAD + "expect: {final: FAULT}\n"

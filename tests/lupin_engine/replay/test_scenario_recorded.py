@@ -47,6 +47,7 @@ def recordable() -> list[Path]:
     return [file for file in found if not file.name.startswith(without)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", recordable(), ids=lambda file: file.name.partition(".")[0])
 def test_every_run_can_be_made_a_scenario(file: Path) -> None:
     """What was recorded of a scenario's run is a scenario that holds, with the same steps."""
@@ -57,6 +58,7 @@ def test_every_run_can_be_made_a_scenario(file: Path) -> None:
     assert made.node.expect.lifecycle == scenario.run().history.lifecycles
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", scenario_files([EXAMPLES]), ids=lambda file: file.name.partition(".")[0])
 def test_a_run_of_an_example_can_be_made_a_scenario(file: Path) -> None:
     """With what a cancel gave, with answers, and by clocks that go on."""

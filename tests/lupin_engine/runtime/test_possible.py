@@ -13,6 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from lupin_engine.chart.model import Chart, Kind
 from lupin_engine.machine import event as events
 from lupin_engine.machine.event import Event
@@ -189,6 +191,7 @@ def rests(chart: Chart) -> set[str]:
     return {name for name, s in chart.states.items() if s.kind not in kinds and not s.local_name.islower()}
 
 
+@pytest.mark.slow
 def test_what_is_told_comes_true_in_every_state_of_both_missions() -> None:
     """Accepted or refused with that code and sentence, and those holds engaged and released."""
     chart = load_missions((), shipped.catalog()).chart
@@ -206,6 +209,7 @@ def test_where_a_state_goes_on_is_no_promise_of_one_that_is_not_active() -> None
     ]
 
 
+@pytest.mark.slow
 def test_what_is_told_of_answers_comes_true() -> None:
     """The photo round asks the operator: what is no choice now is refused."""
     folder = ROOT / "examples" / "photo_round" / "missions"

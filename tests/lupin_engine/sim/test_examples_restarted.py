@@ -19,6 +19,8 @@ from lupin_engine.sim.scenario import Missions, Scenario, load_scenario
 from lupin_engine.sim.simulation import Ask, Restart, SetValue, Simulation
 from tests import shipped
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = Path(__file__).parents[3] / "examples"
 MISSIONS = Missions(shipped.catalog())
 #: Seconds until the next orchestrator is there.

@@ -758,6 +758,7 @@ states:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("timers", "rest", "told"),
     [

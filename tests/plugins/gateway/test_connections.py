@@ -545,6 +545,7 @@ def test_a_flood_of_long_frames_is_not_read(gateway: ServedGateway) -> None:
     assert len(gateway.robot.called) < 300
 
 
+@pytest.mark.slow
 def test_a_flood_of_subscriptions(gateway: ServedGateway) -> None:
     """64 are taken; ten thousand topics make no more of ROS than these."""
     page = OpenPage(gateway.port)

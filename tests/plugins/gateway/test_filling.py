@@ -105,6 +105,7 @@ ANYTHING = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(ANYTHING | st.dictionaries(st.sampled_from(list(ALL.fields)), ANYTHING))
 def test_nothing_else_is_raised(data: Any) -> None:
     """Whatever JSON can carry is written or told."""

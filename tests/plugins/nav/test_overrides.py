@@ -34,6 +34,7 @@ def test_without_the_key_overrides_there_are_none(data: Any) -> None:
     assert overrides.parse(data) == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("content", "said"),
     [

@@ -245,6 +245,7 @@ def is_seen_from_its_stand(told: Tag, true: Tag, tables: tuple[Table, ...]) -> b
     return names(seen) == [true.id]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tag", load_layout().tags, ids=lambda tag: tag.id)
 def test_a_robot_sees_a_tag_exactly_if_its_layout_is_right_about_it(tag: Tag) -> None:
     true = {facing: replace(tag, facing=facing) for facing in layout.FACINGS.values()}

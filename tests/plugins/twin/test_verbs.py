@@ -319,6 +319,7 @@ def drawing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lupin_twin.picture.DPI", 40)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("drawing")
 def test_a_folder_gets_a_picture_of_each_sensor(run: Run, tmp_path: Path) -> None:
     code, _, err = run("plot", "-o", "pictures")
@@ -493,6 +494,7 @@ def test_letters_that_no_font_has_are_no_warning(run: Run, path: Path) -> None:
     assert run("plot", "--sensor", "temperature", "-o", "p.png") == (0, "", "wrote p.png\n")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("drawing")
 def test_names_from_the_wire_are_neither_paths_nor_formulas(run: Run, path: Path, tmp_path: Path) -> None:
     store = Store(str(path))

@@ -87,6 +87,7 @@ def test_the_pictures_of_the_texts_are_those_of_the_mission(
 # -- files and formats ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wanted", FORMATS)
 def test_the_ending_of_the_file_decides_the_format(wanted: str, tmp_path: Path) -> None:
     """Or the option, which also prints."""

@@ -12,6 +12,8 @@ import pytest
 
 from lupin_engine.missions.folders import LIFECYCLE
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("pre_commit", reason="the extra `dev` is not installed")
 
 ROOT = Path(__file__).parents[3]

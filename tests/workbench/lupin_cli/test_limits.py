@@ -11,6 +11,8 @@ import pytest
 
 from lupin_engine.missions.folders import default_missions_folder
 
+pytestmark = pytest.mark.slow
+
 #: Alone it takes less than 2 s of the processor and 160 MB; others on the computer make it longer.
 SECONDS, MEGABYTES = 4.0, 300
 SCXML = '<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0" initial="a">{}</scxml>'

@@ -199,6 +199,7 @@ def test_a_reader_that_leaves_is_no_defect() -> None:
         assert process.wait(30) == 141
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
 def test_a_stream_that_was_closed_is_no_defect(closed: str) -> None:
     """A daemon may start us without standard input or output: nothing is read, or told, there."""

@@ -330,6 +330,7 @@ def test_a_binding_is_checked_with_the_missions(capsys: pytest.CaptureFixture[st
 # -- check -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_all_that_is_installed_is_checked(capsys: pytest.CaptureFixture[str]) -> None:
     """What is kept is only counted."""
     code, out, _ = run(capsys, "check")

@@ -135,6 +135,7 @@ def rosidl() -> None:
     pytest.importorskip("rosidl_adapter", reason="ROS 2 is not installed here")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("rosidl")
 def test_the_same_text_each_time_and_into_a_file(tmp_path: Path, capsys: Capture) -> None:
     """As a whole, with the permissions that the file had; folders are made."""
@@ -160,6 +161,7 @@ def test_more_can_be_named(capsys: Capture) -> None:
     assert 'Odometry: "nav_msgs/msg/Odometry",' in text
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("rosidl")
 @pytest.mark.parametrize(
     ("arguments", "told"),

@@ -78,6 +78,7 @@ def problems(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[str]]:
     return tell
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("rule", RULES)
 def test_every_installed_plugin_keeps_the_rules(rule: str, name: str) -> None:

@@ -187,6 +187,7 @@ CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_offers(case: str, typed: Typed, folder: Folder) -> None:
     """The first offers, in order, and how many there are."""

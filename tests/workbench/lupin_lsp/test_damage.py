@@ -18,6 +18,8 @@ from lupin_lsp.problems import problem
 from lupin_lsp.rename import Refused, rename
 from tests.lupin_engine.missions.test_load import damaged
 
+pytestmark = pytest.mark.slow
+
 FILES = ("inspection.yaml", "lifecycle.yaml", "parts/visit_targets.yaml")
 
 

@@ -50,6 +50,7 @@ def written(raw: Any, path: Steps, start: Start) -> Iterator[tuple[str, Steps, S
         yield "value", path, start, raw
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(ROOT)))
 def test_finds_what_the_parser_finds(file: Path) -> None:
     """Every key and value of every mission and scenario of the repository, in the same place."""
@@ -133,6 +134,7 @@ def test_nothing_that_can_be_typed_stops_it() -> None:
     assert {cursor.role for offset in range(len(text)) if (cursor := whole.cursor(offset))} == set(TokenRole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", ["{", "[", '"', "'", "- ", ": ", "}", "]", "\t", "&a ", "*", "|", "é"])
 def test_nothing_that_is_inserted_stops_it(wrong: str) -> None:
     """One wrong character anywhere but at the very beginning leaves most of the file as it was."""

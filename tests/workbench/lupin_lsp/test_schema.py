@@ -108,6 +108,7 @@ def mistakes(found: dict[str, Any], file: Path) -> list[str]:
     return [error.message for error in jsonschema.Draft7Validator(found).iter_errors(plain(raw))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", GOOD, ids=lambda file: str(file.relative_to(ROOT)))
 def test_accepts_what_is_good(file: Path, made: dict[str, dict[str, Any]]) -> None:
     """The schema of its kind, and the one for all."""

@@ -280,6 +280,7 @@ def test_without_pygls_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
     )
 
 
+@pytest.mark.slow
 def test_its_messages_are_the_protocols_alone(tmp_path: Path) -> None:
     """A plugin that prints while it is imported must not break the stream."""
     program = """\

@@ -222,6 +222,7 @@ def ids(names: Iterable[str]) -> set[str]:
     return {name.replace(".", "-") for name in names if name}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", FILES, ids=lambda file: f"{file.parent.name}-{file.stem.partition('.')[0]}")
 def test_the_document_does_what_the_machine_does(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After every event it is in the same states."""

@@ -178,6 +178,7 @@ def test_a_worker_that_is_killed_loses_no_seed(tmp_path: Path) -> None:
     assert facts(found) == facts(run_seeds(campaign, range(5 * BATCH)))
 
 
+@pytest.mark.slow
 def test_an_interruption_ends_the_workers_at_once(tmp_path: Path) -> None:
     """What came back is kept; nobody waits for what is under way."""
     campaign = made(tmp_path, RATES.replace("10 min", "30 min"))
@@ -250,6 +251,7 @@ class RefusesOnce(ThreadPoolExecutor):
         return super().submit(*asked, **more)
 
 
+@pytest.mark.slow
 def test_an_executor_that_breaks_between_two_batches_loses_no_seed(tmp_path: Path) -> None:
     """What was under way, and what it did not take, is dealt out again."""
     campaign = made(tmp_path)
@@ -371,6 +373,7 @@ def test_the_page_says_what_is_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert [one.what for one in loaded.failures(loaded.run())] == ["violated: all_closed"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["inspection", "exploration"])
 def test_the_shipped_missions_keep_all_properties(name: str) -> None:
     """In worlds of their own, with restarts; all but two are looked at: they have no invariants, and the
@@ -453,6 +456,7 @@ def test_a_campaign_without_a_mission_is_none(tmp_path: Path, capsys: pytest.Cap
     )
 
 
+@pytest.mark.slow
 def test_wrong_use_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -542,6 +546,7 @@ def test_live_values_are_drawn_from_their_classes() -> None:
     assert "MISSION.ExplorationMission.MONITORING.SCANNING.READING.on_done.0" in taken
 
 
+@pytest.mark.slow
 def test_events_of_plugins_come_without_a_file(tmp_path: Path) -> None:
     """The half of a mission that only an event leads to is tried, and a file of rates adds to that."""
     loaded = load_missions([str(SPRAYER / "spray.yaml")], shipped.catalog())

@@ -181,6 +181,7 @@ def proven(folder: Path, capsys: pytest.CaptureFixture[str], said: dict[str, str
     return code, capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "said",
     [
@@ -236,6 +237,7 @@ def test_what_a_condition_can_tell_apart_is_tried(
     assert "Not all values were tried" not in told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("said", "told"),
     [

@@ -164,6 +164,7 @@ states:
 """
 
 
+@pytest.mark.slow
 def test_a_circle_without_time_is_a_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`lupin test` shows that time does not go on, and comes to its end; the command can be pasted."""
     folder = tmp_path / "two words"
@@ -249,6 +250,7 @@ states:
 """
 
 
+@pytest.mark.slow
 def test_what_an_operation_leaves_behind_comes_with_its_answer(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -339,6 +341,7 @@ CORRECTED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CORRECTED)
 def test_a_scenario_holds_once_its_property_does(name: str, tmp_path: Path) -> None:
     """It names no state of the mission, and requests may be refused: a correction may change both."""

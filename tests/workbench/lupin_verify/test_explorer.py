@@ -67,6 +67,7 @@ def test_wheels_are_counted() -> None:
     assert len(found.sources) == 3 * 6**3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("of", "bounds"),
     [
@@ -95,6 +96,7 @@ def test_which_hold_is_released_makes_no_difference(monkeypatch: pytest.MonkeyPa
     assert (fast.sources, fast.targets, fast.by) == (slow.sources, slow.targets, slow.by)
 
 
+@pytest.mark.slow
 def test_in_which_order_elements_answer_changes_nothing() -> None:
     """Of answers that wait for a release, and of which nothing is kept, all orders lead to the same."""
     explorer = KeepingExplorer(search(), targets=2, restarts=False)
@@ -119,6 +121,7 @@ def test_in_which_order_elements_answer_changes_nothing() -> None:
     assert moves == set(zip(sorted_.sources, sorted_.by, sorted_.targets, strict=True))
 
 
+@pytest.mark.slow
 def test_what_only_a_variable_is_made_of_is_read_where_that_matters() -> None:
     """The same graph, by fewer steps: after an abort nobody asks how many were found."""
     aside, read = (KeepingExplorer(search(), targets=2, restarts=False) for _ in range(2))
@@ -153,6 +156,7 @@ def both() -> Chart:
     return chart({"P": {"kind": "parallel", "states": regions}, "FAULT": {}}, holds={"pause": PAUSE})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", [round_trip(), search(), both()])
 def test_claims_follow_from_attempts(of: Chart) -> None:
     """What is kept of them beside the attempts is what the attempts say."""
@@ -210,6 +214,7 @@ def test_a_new_process_is_held_where_a_mission_is_under_way() -> None:
     assert held == {"A"}
 
 
+@pytest.mark.slow
 def test_a_stop_after_a_new_beginning_loses_nothing() -> None:
     """What was certain before is what was found, until the next walk has come farther."""
     most = 0
@@ -336,6 +341,7 @@ def told(dice: random.Random, now: float) -> Event:
     return events.observed(name, dice.choice(values[name]), now)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2, 8, 16, 22, 26, 36, 39, 56])
 def test_random_runs_of_random_missions_see_nothing_else(seed: int, tmp_path: Path) -> None:
     """Nor do the variables that conditions read have other values."""
@@ -531,6 +537,7 @@ def test_a_code_within_a_text_is_no_comparison_with_one(source: str, codes: set[
     assert _codes_named(source) == codes
 
 
+@pytest.mark.slow
 def test_lists_are_as_long_as_a_condition_tells_them_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of servers that are missing it matters whether there is one; with more the same is found."""
     of = shipped.mission("inspection")
@@ -558,6 +565,7 @@ def test_a_breach_is_not_hidden_by_many_others_after_as_many_moves(monkeypatch: 
     }
 
 
+@pytest.mark.slow
 def test_a_value_that_only_an_event_carries_is_told_apart(tmp_path: Path) -> None:
     """What a raised event carries decides where it is read: here the number of a sweep, in the fourth."""
     carries = 'raise: {event: round.over, with: {sweep: "${ itinerary.sweep }"}}'

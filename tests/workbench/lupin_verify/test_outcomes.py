@@ -112,6 +112,7 @@ def test_a_cell_that_is_not_kept_is_told(folder: Path, capsys: pytest.CaptureFix
     ]
 
 
+@pytest.mark.slow
 def test_processes_tell_it_as_well(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The steps that lead to it come from the process that has found it."""
     for name in ("watch.yaml", "other.yaml"):
@@ -280,6 +281,7 @@ def proven(folder: Path, targets: int) -> Proof:
     return prove(make_world(chart, {}), Bounds(targets, restarts=False), outcomes=PAGE)
 
 
+@pytest.mark.slow
 def test_the_shipped_page_holds_in_every_situation() -> None:
     """Of an inspection with two targets: nearly every cell is met, and every one that is holds."""
     proof = proven(default_missions_folder(), 2)
@@ -320,6 +322,7 @@ def _replace(folder: Path, old: str, new: str) -> None:
     file.write_text(text.replace(old, new), encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("planted", "cell"),
     [

@@ -220,6 +220,7 @@ def test_which_target_it_is_is_told_as_not_tried() -> None:
     assert proof.untried == ("target: no other values were tried, although `target == '20'` reads it",)
 
 
+@pytest.mark.slow
 def test_a_restart_counts_for_properties() -> None:
     """What a new process begins anew is another value for a property, and its time goes on meanwhile."""
     folder = Path(__file__).parent / "planted"
@@ -307,6 +308,7 @@ def _once() -> Chart:
     return trip(GO={"invoke": DRIVE})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planted", CHARTS)
 def test_mistakes_of_charts_are_found(planted: str) -> None:
     """War stories and slips of the pen, put into a chart."""
@@ -449,6 +451,7 @@ ENGINES: dict[str, tuple[Any, str, Any, Callable[[], Chart], str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planted", ENGINES)
 def test_mistakes_of_engines_are_found(planted: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Mutants of holds, cancels, timers, requests and itineraries."""

@@ -20,6 +20,8 @@ from lupin_verify.situations.explorer import Bounds
 from tests import shipped
 from tests.workbench.lupin_verify.planted.planted import SETS, defects, plant
 
+pytestmark = pytest.mark.slow
+
 #: A defect -> a rule that `lupin check` finds it by; the missions without one have no finding.
 CHECKED: Mapping[str, Mapping[str, str]] = {
     "first": {

@@ -14,6 +14,7 @@ from tests import shipped
 from tests.workbench.lupin_verify.planted.planted import HERE, SETS, defects, plant
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", SETS)
 def test_every_defect_is_loaded_or_refused(half: str, tmp_path: Path) -> None:
     """As its entry says."""

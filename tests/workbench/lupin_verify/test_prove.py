@@ -100,6 +100,7 @@ def test_an_interrupted_check_proves_nothing_more(
     assert "ExplorationMission" not in told
 
 
+@pytest.mark.slow
 def test_inspection_is_proven() -> None:
     """The shipped mission with one target, in every situation: nothing is broken."""
     told: list[int | None] = []
@@ -141,6 +142,7 @@ def proven(name: str, situations: int) -> Proof:
     return prove(make_world(chart, parameters), Bounds(targets=1, restarts=False), far)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MISSIONS)
 def test_nothing_is_broken_nearby(name: str) -> None:
     """The first situations of each of the others; all of them take a minute."""
@@ -160,6 +162,7 @@ def test_it_is_proven(name: str) -> None:
     assert proof.complete
 
 
+@pytest.mark.slow
 def test_processes_prove_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     """With every class of parameters: the same counts and verdicts, one by one and side by side."""
     arguments = ["prove", "inspection", "--targets", "0", "--no-restarts", "--parameters", "--json"]
@@ -182,6 +185,7 @@ def test_processes_prove_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     assert [one["parameters"]["arm_patrol_enabled"] for one in alone] == [False, True, False]
 
 
+@pytest.mark.slow
 def test_missions_are_loaded_anew_only_where_none_is_under_way() -> None:
     """The move leads on only where the robot does it, and leaves as it is what it does not read."""
     chart = shipped.mission("inspection")
@@ -248,6 +252,7 @@ def test_the_estimate_comes_first() -> None:
     assert so_far("Inspection", shrinks, 2.0) == early.replace(": ", f": about 84% of {shrinks.estimate:,}; ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("jobs", "shown"), [("2", ["Inspection", "Exploration"]), ("1", ["Exploration"])])
 def test_an_interruption_tells_what_was_found(jobs: str, shown: list[str]) -> None:
     """Each proof under way shows how far it is; after a Ctrl-C at the terminal all end in order."""

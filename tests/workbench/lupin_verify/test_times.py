@@ -43,6 +43,7 @@ def proven(folder: Path, capsys: pytest.CaptureFixture[str], text: str, *more: s
     return code, capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restarts", [True, False])
 @pytest.mark.parametrize(("first", "second"), [(6, 5), (6, 3), (1, 8), (9, 2)])
 @pytest.mark.parametrize("inner", [True, False])
@@ -60,6 +61,7 @@ def test_the_sum_of_deadlines_decides(
     assert code == is_late or (restarts and not is_late and code == 3), told
 
 
+@pytest.mark.slow
 def test_moves_without_times_are_not_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """At one moment either of two may fire, as far as is known: that is no breach, and no proof."""
     text = SUMS.format(outer=11, first=6, second=5, outer_is_late="false", inner_is_late="true")

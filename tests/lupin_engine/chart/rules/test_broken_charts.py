@@ -62,6 +62,7 @@ def findings_of(case: Path, catalog: Catalog) -> str:
     return text.replace(f"{CHARTS}/", "").replace(f"{os.path.relpath(CHARTS)}/", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)
 def test_a_broken_chart_is_answered_with_the_text_beside_it(case: Path, catalog: Catalog) -> None:
     """Place, problem, and what to do are part of the product; ACCEPT=1 writes the texts anew."""
@@ -107,6 +108,7 @@ _OF_PIECES = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [case for case in CASES if case.is_file()], ids=lambda case: case.stem)
 def test_a_wrong_shape_hides_nothing_elsewhere(case: Path, catalog: Catalog, tmp_path: Path) -> None:
     """Every mistake at once: one place that cannot be read keeps no other from being checked."""

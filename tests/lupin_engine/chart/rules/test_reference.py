@@ -37,6 +37,7 @@ states:
 reference = load_tool("reference")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(reference.PAGES))
 def test_a_page_is_what_the_source_says(name: str) -> None:
     """A page that is out of date is worse than none."""
@@ -52,6 +53,7 @@ def shipped() -> Catalog:
     return load_catalog()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", sorted(EXAMPLES.glob("*.yaml")), ids=lambda file: file.stem)
 def test_an_example_is_right(file: Path, tmp_path: Path, shipped: Catalog) -> None:
     """In the shipped lifecycle, or as one; neither an error nor a warning."""

@@ -11,12 +11,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice, product
 from typing import TypeAlias
 
+import pytest
 from hypothesis import given
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.chart.semantics import Aim, Semantics
 from lupin_engine.machine.structure import Configuration, DispatchTable, Microstep, States, Structure
 from tests.lupin_engine.machine.properties.random_charts import charts, remembering_trees
+
+pytestmark = pytest.mark.slow
 
 
 class EntrySet:

@@ -26,6 +26,7 @@ def steps_of(file: Path, missions: Missions) -> list[Step]:
     return list(load_scenario(file, missions.catalog, missions).run().history.steps)
 
 
+@pytest.mark.slow
 def test_every_scenario_takes_the_steps_of_looking_always(
     missions: Missions, monkeypatch: pytest.MonkeyPatch
 ) -> None:

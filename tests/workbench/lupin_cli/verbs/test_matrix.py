@@ -20,6 +20,8 @@ from tests.warehouse.installed import install
 from tests.workbench.lupin_cli.verbs.cases import CASES
 from tests.workbench.lupin_cli.verbs.table import OWN_PROFILE, calls_of
 
+pytestmark = pytest.mark.slow
+
 CONTEXT = click.Context(lupin)
 VERBS = lupin.list_commands(CONTEXT)
 #: What a stand-in for ROS says: everything before was in order.
