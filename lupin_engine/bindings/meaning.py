@@ -171,7 +171,10 @@ class WireExpressions:
         return {name: value for name, value in read.items() if value is not None}
 
     def taken(self, node: ResultNode | BoundValueNode, kinds: Kinds, path: str) -> Taken | None:
-        """Compile `from`: the source of a field of a result or an event, or of a live value."""
+        """Compile `from`: the source of a field of a result or an event, or of a live value.
+
+        None after findings.
+        """
         raw, place = node.from_, node.at("from")
         value = self._fitting(raw, place, kinds.kept, self.hearing(self.answer), path, is_read=True)
         if isinstance(value, Expression) and not self._has_unit(value, kinds.wire, path):
@@ -193,7 +196,7 @@ class WireExpressions:
     def _fitting(
         self, raw: Any, place: Place, kind: Type, scope: Scope, path: str, *, is_read: bool
     ) -> Value | None:
-        """Compile a value of a type; units are ignored, since fields on the wire have none."""
+        """Compile a value of a type; None after findings. Units are ignored: fields on the wire have none."""
         if not is_expression(raw):
             wanted = DURATION if kind.name in TIMES else kind
             return read_constant(raw, place, wanted, self.findings, path)

@@ -174,7 +174,7 @@ class _LimitedFindings(Findings):
     """Findings, until there are too many."""
 
     def add(self, place: Place, rule: str, path: str, problem: str, hint: str = "") -> None:
-        """Report an error."""
+        """Report an error; after `MAX_FINDINGS` a last one, and raise _TooManyFindings."""
         super().add(place, rule, path, problem, hint)
         if self.count > MAX_FINDINGS:
             problem = f"more than {MAX_FINDINGS} findings, the rest is not told"
@@ -239,7 +239,7 @@ def answered(
 
 
 def _answers(file: str, lines: Sequence[str]) -> Iterator[tuple[Place, str, str | None]]:
-    """Yield every comment that accepts a warning: where it stands, the rule and the reason."""
+    """Yield every comment that accepts a warning: its place, the rule, and the reason or None without one."""
     for number, line in enumerate(lines, start=1):
         for match in _ANSWER.finditer(line):
             yield Place(file, number, match.start() + 1), match[1], match[2]

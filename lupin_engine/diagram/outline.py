@@ -184,7 +184,10 @@ class _Outliner:
     # -- arrows -----------------------------------------------------------------------------------------
 
     def _pairs(self) -> Iterator[tuple[str, str, Transition | None]]:
-        """Yield source and target of each transition; a history leads to its default."""
+        """Yield source, target and transition; a history leads to its default, with None as its transition.
+
+        Transitions without a target are left out.
+        """
         for state in self._states.values():
             if state.kind is Kind.HISTORY and state.initial is not None:
                 yield state.name, state.initial, None

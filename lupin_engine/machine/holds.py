@@ -67,7 +67,10 @@ def released_by(rule: Transition) -> tuple[str, ...]:
 
 
 def blocking_hold(rule: Transition, memory: Memory, released: Iterable[str] = ()) -> str | None:
-    """Return the first engaged hold that keeps a transition back; those `released` before do not count."""
+    """Return the first engaged hold that keeps a transition back; None where it may be taken.
+
+    Holds that it works `during` or releases, and those `released` before, do not count.
+    """
     blocking = memory.engaged_beside((*rule.during, *released_by(rule), *released))
     return blocking[0] if blocking else None
 

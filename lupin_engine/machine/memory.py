@@ -87,7 +87,7 @@ class Traversal:
 
     @property
     def visit(self) -> Visit | None:
-        """The current target's visit."""
+        """The current target's visit; None after the last one."""
         return self.visits[self.index] if self.index < len(self.visits) else None
 
     @property
@@ -153,7 +153,10 @@ class ResourceClaim(NamedTuple):
 
 
 def claim_of(attempt: Attempt) -> ResourceClaim | None:
-    """Return the claim of an attempt, if it uses anything or waits."""
+    """Return the claim of an attempt; None where it is lost, or uses nothing and is not held up.
+
+    An attempt is held up while it waits for a resource, or refuses to end.
+    """
     waits = attempt.phase is Phase.WAITING
     refused = attempt.phase is Phase.REFUSED
     if attempt.phase is Phase.LOST or not (attempt.uses or waits or refused):
@@ -394,7 +397,7 @@ class Memory:
 
     @property
     def traversal(self) -> Traversal | None:
-        """The itinerary entered last in this mission."""
+        """The itinerary entered last in this mission; None before the first."""
         return self.itineraries.get(self.current_itinerary)
 
     @property

@@ -371,7 +371,7 @@ class Profile:
         return tuple(outcome.name for outcome in self.outcomes)
 
     def outcome(self, name: str) -> TargetOutcome | None:
-        """Return the outcome of that name."""
+        """Return the outcome of that name; None where the profile has none."""
         return next((outcome for outcome in self.outcomes if outcome.name == name), None)
 
     def is_good(self, status: str) -> bool:

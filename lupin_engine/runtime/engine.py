@@ -171,7 +171,7 @@ class Engine:
         return self.machine.handle(event, now)
 
     def _safely(self, call: Callable[..., _T], *arguments: Any) -> _T | None:
-        """Call a function; with `failed` set, report its exception there instead of raising."""
+        """Call a function; with `failed` set, report its exception there and return None; else raise it."""
         try:
             return call(*arguments)
         except Exception as problem:

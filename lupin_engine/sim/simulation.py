@@ -448,7 +448,7 @@ class Simulation:
 
     @property
     def answered(self) -> Mapping[tuple[str, str, float | None, int | None], int]:
-        """How many attempts fell under which rule, by operation, target, metres and the rule's number."""
+        """How many attempts each rule answered, by operation, target, metres and the rule's number."""
         return self._stage.answered
 
     @property

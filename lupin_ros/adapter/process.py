@@ -208,7 +208,10 @@ def is_rclpys_end(problem: BaseException) -> bool:
 
 
 def end_with_supervisor(descriptor: int = 0) -> threading.Thread | None:
-    """End this process when the supervisor that started it ends; return the thread that watches, if any."""
+    """End this process when the supervisor that started it ends; return the thread that watches.
+
+    None where no supervisor started it.
+    """
     if os.environ.get(SUPERVISED) != "1":
         return None
     reading = (descriptor, _end_this_process)

@@ -19,7 +19,11 @@ from lupin_engine.errors import UsageError
 
 
 def local_hash(type_name: str) -> str:
-    """Return the hash, `RIHS01_...`, of a type such as `nav2_msgs/action/NavigateToPose_Goal`."""
+    """Return the hash, `RIHS01_...`, of a type such as `nav2_msgs/action/NavigateToPose_Goal`.
+
+    Raises:
+        UsageError: it is not installed, or its definition carries no hash.
+    """
     for entry in _description(type_name)["type_hashes"]:
         if entry["type_name"] == type_name:
             return cast("str", entry["hash_string"])
@@ -27,7 +31,11 @@ def local_hash(type_name: str) -> str:
 
 
 def local_fields(type_name: str) -> tuple[tuple[str, dict[str, Any]], ...]:
-    """Return name and type description of each field on the wire, in order; constants are not there."""
+    """Return name and type description of each field on the wire, in order; constants are not there.
+
+    Raises:
+        UsageError: it is not installed, or its definition does not describe it.
+    """
     message = _description(type_name)["type_description_msg"]
     for described in [message["type_description"], *message["referenced_type_descriptions"]]:
         if described["type_name"] == type_name:

@@ -100,7 +100,7 @@ class RecordedPages:
         """See `PageSource`."""
 
     def work(self, now: float) -> float | None:
-        """See `PageSource`."""
+        """See `PageSource`: there is nothing to do, so it always returns None."""
         return None
 
     def clock(self, now: float) -> float:
@@ -111,7 +111,7 @@ class RecordedPages:
         """See `PageSource`."""
 
     def call(self, service: str, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
-        """See `PageSource`."""
+        """See `PageSource`; LupinError for all but drawing and explaining, which a recording can answer."""
         if service not in (names.DRAW_SERVICE, names.EXPLAIN_SERVICE):
             raise LupinError(f"{service}: this is a recording: it cannot be commanded, and nobody answers")
         loaded = self._chart(str(arguments.get("chart", "")))

@@ -203,7 +203,7 @@ class SimulatedPages:
                 yield message
 
     def call(self, service: str, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
-        """See `PageSource`."""
+        """See `PageSource`; LupinError for a service that a simulation does not have."""
         if service == SIMULATION_SERVICE:
             return self._do(arguments, now)
         if service == names.COMMAND_SERVICE:
@@ -217,7 +217,7 @@ class SimulatedPages:
         raise LupinError(f"{service}: a simulation does not have this service")
 
     def work(self, now: float) -> float | None:
-        """See `PageSource`."""
+        """See `PageSource`: advance for at most `TURN_S`; None while it is paused."""
         end = self._steady() + TURN_S
         while self._pace.is_running and self._advance(now) and self._steady() < end:
             pass

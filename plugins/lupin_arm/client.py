@@ -38,7 +38,11 @@ class ArmClient:
         """Do nothing: there are no attempts."""
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
-        """Send the arm to a preset, if missions may move it and the server is available."""
+        """Send the arm to a preset, if missions may move it and the server is available (else warn).
+
+        Raises:
+            ValueError: this is not the action `preset`.
+        """
         if action != "preset":
             raise ValueError(f"arm has no action {action!r}")
         if not self._enabled:

@@ -139,7 +139,7 @@ class Mqtt:
         return self._latest.tags() if self._sensors is None else tuple(self._sensors)
 
     def read(self, tag_id: str) -> TagValues:
-        """Return the latest values of a tag that are not too old."""
+        """Return the latest values of a tag that are not too old; raises as `Backend.read` does."""
         heard = self._latest.of(tag_id)
         if self._sensors is None:
             if not heard and self._connection:
@@ -328,7 +328,7 @@ def _secure(client: Client, settings: MqttSettings) -> None:
 
 
 def _credentials(file: str, environment: Mapping[str, str] = os.environ) -> tuple[str, str | None]:
-    """Return user and password: of the file, one a line, else of the environment; '' for none.
+    """Return user and password: of the file, one a line, else of the environment; '' and None where unset.
 
     Raises:
         LupinError: the file cannot be used.

@@ -20,7 +20,7 @@ LOOKS = 3
 
 
 def waits_alone(lab: Lab) -> None:
-    """Where nobody is: the driver says whom it misses, and attempts end, at the latest when cancelled."""
+    """Without servers the driver names what it misses, and attempts end, at the latest when cancelled."""
     with lab.lonely_bench() as bench:
         missing = bench.missing()
         if lab.setting.waits and not missing:
@@ -36,7 +36,7 @@ def waits_alone(lab: Lab) -> None:
 
 
 def comes_to_work(lab: Lab) -> None:
-    """Among its servers the driver can be made, misses nobody, and hears all that is sent to it."""
+    """Among its servers the driver can be made, misses nothing, and no endpoint has other QoS or types."""
     with lab.bench() as bench:
         bench.look_around()
         problems = bench.network_problems()

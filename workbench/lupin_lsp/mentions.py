@@ -101,7 +101,7 @@ def mentions_in(scan: Scan, root: type[Node]) -> Iterator[Mention]:
 
 
 def mention_at(scan: Scan, root: type[Node], offset: int) -> Mention | None:
-    """Return the innermost name at an offset, or ending there."""
+    """Return the innermost name at an offset, or ending there; None where there is none."""
     token = scan.token_at(offset)
     found = list(mentions_of(scan, root, token)) if token else []
     inside = [mention for mention in found if mention.start <= offset <= mention.end]

@@ -121,7 +121,10 @@ def _verify(folder: Folder, edits: Mapping[Path, list[Edit]], renamed: set[str],
 
 
 def _meanings(composed: Composed, renamed: set[str], name: str) -> Iterator[tuple[str | None, ...]]:
-    """Yield the states and where they lead, by the names they will have."""
+    """Yield each state with its initial child, and each transition with its event and target (None: none).
+
+    States have the names that they will have.
+    """
     for state in composed.chart.states.values():
         yield (_renamed(state.name, renamed, name), _renamed(state.initial, renamed, name))
         for transition in (*state.transitions, *state.resume_at):
@@ -148,7 +151,7 @@ def _ending(composed: Composed, name: str) -> set[str | None]:
 
 
 def _renamed(full: str | None, renamed: set[str], name: str) -> str | None:
-    """Return the full name that a state will have."""
+    """Return the full name that a state will have; None for None."""
     if full is None:
         return None
     words = full.split(".")

@@ -112,7 +112,10 @@ def compose(
 
 
 def _with_profile(catalog: Catalog, lifecycle: LifecycleNode, findings: Findings) -> Catalog | None:
-    """Return the catalog with the profile that a lifecycle names; without a name the only one holds."""
+    """Return the catalog with the profile that a lifecycle names, else with the only one installed.
+
+    None after a finding: the name is unknown, or none is written where several are installed.
+    """
     name, known = lifecycle.profile, catalog.profiles
     if name is None:
         if len(known) > 1:
@@ -557,7 +560,11 @@ class _Composer:
         return self._only_child(draft)
 
     def _only_child(self, draft: Draft) -> str | None:
-        """Choose the child to enter where none is written: the only one that is a beginning."""
+        """Return the child to enter where no initial one is written: the only one that is not final.
+
+        A final state counts where there is no other; a history never does. None where several are left, or
+        none; that is a finding, except in the slot for missions (and, for none, where a part is embedded).
+        """
         proper = [child for child in draft.children.values() if child.kind not in (Kind.FINAL, Kind.HISTORY)]
         proper = proper or [child for child in draft.children.values() if child.kind is not Kind.HISTORY]
         if len(proper) == 1:

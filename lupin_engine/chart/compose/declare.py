@@ -220,7 +220,10 @@ class Declarer:
             self._findings.add(node.at("type"), "wrong-type", path, problem, f"a parameter {POSSIBLE_TYPES}")
 
     def measured(self, node: Node, kind: str, unit: str | None, path: str) -> Type | None:
-        """Read the `type` and `unit` of a node; a plain number with a unit is one of that dimension."""
+        """Read the `type` and `unit` of a node; a plain number with a unit is one of that dimension.
+
+        None after findings about the type; after one about the unit the type is returned without it.
+        """
         return self._in_unit(self._type(kind, node.at("type"), path), node, unit, path)
 
     def _in_unit(self, kind: Type | None, node: Node, unit: str | None, path: str) -> Type | None:
@@ -242,7 +245,7 @@ class Declarer:
         return kind
 
     def _bounded(self, node: VariableNode | RequestFieldNode, path: str) -> Type | None:
-        """Read a type with its `max`, which of a list is the number of its elements."""
+        """Read a type with its `max`, which of a list is the number of its elements; None after findings."""
         kind = self.measured(node, node.type, node.unit, path)
         if kind is None:
             return None
@@ -455,7 +458,7 @@ class Declarer:
     def field(
         self, name: str, node: RequestFieldNode, place: Place, scope: Scope, codes: set[str]
     ) -> Field | None:
-        """Read one field of a mission's request."""
+        """Read one field of a mission's request; None after findings about its name or type."""
         path, findings = f"request.{name}", self._findings
         if not self.good_name("field", name, place, path):
             return None

@@ -186,7 +186,7 @@ class TransitionReader:
         )
 
     def ask(self, draft: Draft, node: AskNode) -> Prompt | None:
-        """Compose the question of a state."""
+        """Compose the question of a state; None after findings about its text or its time limit."""
         path, findings = path_of(draft.name, "ask"), self._findings
         scope = any_event(draft)
         question = read_key(node, "question", TEXT, scope, findings, path)

@@ -71,7 +71,7 @@ class Draft:
 
     @property
     def initial(self) -> tuple[str, Place] | None:
-        """The written initial child, and its place."""
+        """The written initial child, and its place; None where none is written, and for the slot."""
         if self.slot or (self.kind is Kind.HISTORY and self.node is None):
             return None
         holder: FileNode | StateNode = self.node or self.file

@@ -151,7 +151,10 @@ def _no_state(checker: ExpressionReader, node: ast.expr, name: str) -> None:
 
 
 def _word(checker: ExpressionReader, node: ast.Call, function: str, what: str) -> str | None:
-    """Return the single argument when it is a word that is written out, quoted or not."""
+    """Return the single argument, which must be a word that is written out, quoted or not.
+
+    None after a finding: there is not one argument, or it is no word.
+    """
     if not checker.arity(node, function, 1):
         return None
     argument = node.args[0]

@@ -129,7 +129,7 @@ def compile_expression(
 def check_expression(
     fragment: Fragment, scope: Scope, wanted: Type, findings: Findings, path: str
 ) -> Typed | None:
-    """Check an expression without compiling it; for one that is built into others."""
+    """Check an expression without compiling it, for one that is built into others; None after findings."""
     return _Checker(fragment, scope, findings, path).check(wanted)
 
 

@@ -147,7 +147,7 @@ class Index:
 
     @cached_property
     def slot(self) -> State | None:
-        """The state that the missions stand in."""
+        """The state that the missions stand in; None in a chart without one."""
         return next((state for state in self.states if state.slot), None)
 
     @cached_property

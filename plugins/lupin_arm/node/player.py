@@ -49,7 +49,7 @@ class Player:
 
     @property
     def sequence(self) -> Sequence | None:
-        """The sequence that is played."""
+        """The sequence that is played; None: none is."""
         return self._now.sequence if self._now else None
 
     @property

@@ -123,7 +123,7 @@ class SourceAdapter:
         problem(self._no("hears nothing that pages publish", topic))
 
     def call(self, service: str, data: Any, limit: float, done: Callable[[Any], None]) -> None:
-        """See `RosPort`."""
+        """See `RosPort`; `done` gets `CallFailed` where the source refuses. `limit` is not used."""
         loop = asyncio.get_running_loop()
         try:
             if not isinstance(data, Mapping):

@@ -56,7 +56,7 @@ def why(
     ABOUT is a target of the mission, or a state, by any name that displays have for it. The answer has the
     events, the transitions with the values that their conditions read, and the servers' answers.
 
-    Exit code: 0 explained, 2 the journal has no answer.
+    Exit code: 0 explained, 2 wrong usage, or the journal has no answer.
     """
     from lupin_engine.replay import Inquiry, chart_of, covering, replay_run, run_called, runs_of
     from lupin_engine.runtime import journal_folder

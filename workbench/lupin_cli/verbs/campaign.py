@@ -119,7 +119,7 @@ def campaign(
 def _run(
     campaign: Campaign, dealer: Dealer, out: Path, show: bool
 ) -> tuple[dict[str, Written], BaseException | None]:
-    """Run all seeds, and write the scenarios; return these, and the exception that stopped it."""
+    """Run all seeds, and write the scenarios; return these, and the exception that stopped it or None."""
     written: dict[str, Written] = {}
     try:
         with _progress(dealer, show):

@@ -66,6 +66,8 @@ def diagram(
     MISSION is the name of a mission (inspection, InspectionMission) or a file. SVG needs nothing but this
     program; PNG needs the package's extra 'diagram'. Mermaid is for documentation sites, SCXML for other
     statechart tools.
+
+    Exit code: 0 drawn, 1 a mission has errors, 2 wrong usage.
     """
     if folder is not None:
         if mission or focus or trace or output is None:

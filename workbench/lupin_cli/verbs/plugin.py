@@ -144,7 +144,10 @@ def _installed_or_bound(name: str) -> tuple[Plugin, str]:
 
 
 def _binding_called(name: str) -> Path | None:
-    """Return the file of a binding: named itself, or by its name, of the missions in the current folder."""
+    """Return the file of a binding: named itself, or by its name, of the missions in the current folder.
+
+    None where there is no such file.
+    """
     named = Path(name)
     files = (
         [named] if named.suffix == ".yaml" else [Path(folder, "bindings", f"{name}.yaml") for folder in _HERE]

@@ -48,6 +48,8 @@ def schema(kind: str | None, with_names: bool, folder: Path | None) -> int:
 
     Editors complete and check YAML with it. With --catalog it lists the operations, actions, events and live
     values of the plugins that are installed here.
+
+    Exit code: 0 printed or written; 2 no such kind, or a file cannot be written.
     """
     from lupin_lsp import ANY_KIND, text_of, write
 

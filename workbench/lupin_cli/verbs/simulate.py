@@ -254,7 +254,11 @@ def _with_rates(
 
 
 def read_until(chart: Chart, text: str | None) -> float | str | None:
-    """Read `--until`: a duration, in seconds, or the name of a state."""
+    """Read `--until`: a duration, in seconds, or the name of a state; None where it is not given.
+
+    Raises:
+        UsageError: it is neither; the text has the nearest state.
+    """
     from lupin_engine.plugin import DURATION, convert
     from lupin_engine.sim import is_named
 
