@@ -1,8 +1,9 @@
 """The collection of findings of all steps of loading, and the rules that they name.
 
-A step reports and continues: it returns the usable part of its result (or None), and never raises. `RULES` is
-the whole list of rule ids, each with its purpose; a test holds a broken mission for every one of them, and
-docs/rules.md shows it.
+A step reports and continues: it returns the usable part of its result (or None), and raises nothing for a
+mistake of the author; only after `MAX_FINDINGS` loading ends (see `collected`). `RULES` is the whole list of
+rule ids, each with its purpose; a test holds a broken mission for every one of them, and docs/rules.md shows
+it.
 """
 
 from __future__ import annotations
@@ -121,7 +122,10 @@ RULES: Mapping[str, str] = MappingProxyType(
 
 
 class Findings:
-    """Collects diagnostics, each once: a part that is used twice reports its mistakes at its first use."""
+    """Collects diagnostics, each once: a part that is used twice reports its mistakes at its first use.
+
+    A rule that is not in `RULES` is a KeyError.
+    """
 
     def __init__(self) -> None:
         self._found: dict[tuple[Place, str, str], Diagnostic] = {}

@@ -58,7 +58,7 @@ def prepare() -> None:
     library path only once.
 
     Raises:
-            UsageError: wheels and a sourced ROS 2 are mixed, or a restart did not complete the library path.
+        UsageError: wheels and a sourced ROS 2 are mixed, or a restart did not complete the library path.
     """
     refuse_mixture(os.environ)
     complete = child_environment()

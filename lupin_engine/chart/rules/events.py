@@ -166,6 +166,7 @@ def _lacks(index: Index, transition: Transition, name: str) -> bool:
 
 
 def _fields(index: Index, transition: Transition) -> frozenset[str] | None:
+    """Return the fields of a transition's event; None for a wildcard, whose fields are unknown."""
     event, chart = transition.event, index.chart
     if event.endswith("*"):
         return None

@@ -124,7 +124,10 @@ def _comes_from_the_world(event: str, raised: set[str]) -> bool:
 
 
 def _has_way_out(index: Index, state: State, without: Iterable[str] = ()) -> bool:
-    """Say whether a transition of the state, or of one around it, has a target."""
+    """Say whether a transition of the state, or of one around it, has a target.
+
+    Events in `without` do not count, nor do ends of what the states around have begun.
+    """
     if any(t.target is not None and t.event not in without for t in state.transitions):
         return True
     around = (index.chart.states[name] for name in index.lineage[state.name][1:])

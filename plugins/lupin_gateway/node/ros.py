@@ -1,7 +1,7 @@
 """The adapter of `RosPort` to rclpy: posts each request to the ROS thread, and each result back to the loop.
 
-While the robot is stopped, publications, calls and goals that move it are refused, also those that were
-waiting for their server.
+While the robot is stopped, every goal is refused, and so are publications and calls that move it; also those
+that wait for their server when the stop comes.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ class RosAdapter:
     # -- what stops ---------------------------------------------------------------------------------------
 
     def hear_stop(self, engaged: bool) -> None:
-        """Take whether the robot is stopped; on the ROS thread. An engaged stop ends all motion of pages."""
+        """Record whether the robot is stopped; on the ROS thread. A stop ends all motion of pages."""
         if engaged and not self._stopped:
             self._stops += 1
             self._end_motion()

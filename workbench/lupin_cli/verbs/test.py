@@ -137,7 +137,11 @@ def _default() -> Iterable[Path]:
 def _make_scenario(
     recording: Path | None, output: Path | None, paths: Sequence[Path], catalog: Catalog
 ) -> int:
-    """Make a scenario of a recorded run; nothing is written over."""
+    """Make a scenario of a recorded run.
+
+    Raises:
+        UsageError: all problems of the arguments, or the run does not come out again as recorded.
+    """
     from lupin_engine.replay import read_recording, scenario_text
     from lupin_engine.sim import Missions, is_scenario
 
