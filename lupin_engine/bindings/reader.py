@@ -132,7 +132,7 @@ def _is_type(endpoint: EndpointNode) -> bool:
 
 @dataclass(frozen=True)
 class _Bound:
-    """A part of a binding with an endpoint; `key` is the word of that (service, action, topic)."""
+    """A part of a binding with an endpoint, under `key`: `service`, `action` or `topic`."""
 
     path: str
     name: str

@@ -171,7 +171,7 @@ class Findings:
 
 
 class _TooManyFindings(Exception):
-    """There are more findings than anybody reads; the last of them says so."""
+    """There are more than `MAX_FINDINGS` findings; the last of them says so."""
 
 
 class _LimitedFindings(Findings):

@@ -61,7 +61,7 @@ def passes(rule: Transition, memory: Memory) -> bool:
 
 
 def released_by(rule: Transition) -> tuple[str, ...]:
-    """Return the holds that a transition releases: the engine's own with them where somebody asks for it."""
+    """Return the holds that a transition releases; an operator's request releases the engine's own, too."""
     asked = bool(rule.releases) and rule.refuse is None and (rule.event or "").startswith("operator.")
     return (*rule.releases, *(OWN_HOLDS if asked else ()))
 

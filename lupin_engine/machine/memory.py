@@ -434,7 +434,7 @@ class Memory:
 
     @property
     def total(self) -> int:
-        """How many targets all itineraries of this mission have, and had before they were begun anew."""
+        """How many targets all itineraries of this mission have, with those before they were restarted."""
         begun = [walk for walk in self.itineraries.values() if walk.begun]
         return sum(walk.before + len(walk.items) for walk in begun) + len(self.ahead)
 
@@ -458,6 +458,6 @@ def _entries_of_missions(kind: type, chart: Chart) -> list[tuple[str, list[str]]
 
 @cache
 def _of_parts(kind: type) -> list[tuple[str, Owner]]:
-    """Return the fields of which something may begin with a part."""
+    """Return the fields with entries that a part may reset when it begins."""
     lives = (Life.USE, Life.OWNER)
     return [(one.name, one.owner) for one in fields_of(kind) if one.life in lives and one.owner is not None]

@@ -310,7 +310,7 @@ class Wire:
 
 @dataclass(frozen=True)
 class Flag:
-    """Something that is so or not: a pill in the title, and a line when it begins and when it ends."""
+    """A condition as the terminal shows it: `pill` in the title, `on` and `off` as lines when it changes."""
 
     pill: str
     on: str

@@ -35,7 +35,7 @@ class StatusSource(Protocol):
 
 
 class StatusSocket:
-    """Answers whoever connects with the status of a part of the node, made on the node's thread.
+    """Answers every client with the status of a part of the node, made on the node's thread.
 
     A node whose thread hangs does not answer. Where a socket cannot be opened, the network has to be asked.
     """

@@ -282,7 +282,7 @@ class Bringup:
         """Start a mission with the fields of a request; for `any_field` see `Operator.start`.
 
         Raises:
-            RunFailed: it was refused, or nobody answered.
+            RunFailed: it was refused, or no orchestrator answered.
         """
         began = time.monotonic()
         answer = self._operator.start(mission, request, ANSWER_S, any_field=any_field)
@@ -452,7 +452,7 @@ class Bringup:
             self.supervisor.note_segments()
 
     def _note_interrupted_mission(self, death: Death) -> None:
-        """Report that the next orchestrator will hold the mission until somebody resumes.
+        """Report that the next orchestrator will hold the mission until an operator resumes it.
 
         Raises:
             RunFailed: the orchestrator is not started again.

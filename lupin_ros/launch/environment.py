@@ -47,7 +47,7 @@ def peers_advice() -> str:
 
 
 def open_to() -> str:
-    """Return who else can reach and command the nodes of this machine; '' for nobody outside."""
+    """Return which other computers can reach and command the nodes of this machine, and why; '' for none."""
     theirs = users_profile()
     if theirs:
         return f"your DDS profile {theirs} is used instead of the engine's: it alone says who is let in"
@@ -66,7 +66,7 @@ def current_domain() -> int:
 
 
 def is_local_only() -> bool:
-    """Return whether nobody outside this machine can be discovered."""
+    """Return whether nodes discover only those of this machine."""
     return is_closed() and not users_profile()
 
 

@@ -318,7 +318,7 @@ class AccessControl:
         """Return the token and the visitor of a person who was authenticated otherwise (by an invitation).
 
         Raises:
-            NotAdmitted: nobody has this name any more, or the token has expired.
+            NotAdmitted: the file has no such name any more, or the token has expired.
         """
         for one in self._usable(self._tokens) if self._tokens else ():
             if one.visitor.name == name:

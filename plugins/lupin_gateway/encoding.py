@@ -63,7 +63,7 @@ class Sample:
     ) -> None:
         """`stamp_ns` is when it was published, in ns of the publisher's wall clock.
 
-        `at` tells pages when it was, in ms since 1970, where their clock does not go with real time.
+        `at` is its time for pages whose clock is not the real one, in ms since 1970; None: not sent.
         """
         self._at = "" if at is None else f'"at":{at:.3f},'
         self.topic = topic

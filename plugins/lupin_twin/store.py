@@ -367,7 +367,7 @@ def _opened_for_reading(path: str) -> sqlite3.Connection:
     """Return a read-only connection.
 
     SQLite wants to create its index of the log beside the file. Where that is not allowed, and there is no
-    log, nobody is writing, and the file is opened as immutable.
+    log, no process is writing, and the file is opened as immutable.
     """
     place = f"file:{quote(os.path.abspath(path))}"
     db = sqlite3.connect(f"{place}?mode=ro", uri=True, timeout=BUSY_S)

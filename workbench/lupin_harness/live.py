@@ -85,7 +85,7 @@ def _cancelled_in_vain(bench: Bench, operation: str) -> str:
 
 
 def is_cancelled_at_once(lab: Lab, operation: str) -> None:
-    """An attempt that is cancelled before anybody took it ends, once; what comes after it works."""
+    """An attempt that is cancelled before a server took it ends, once; what comes after it works."""
     with lab.bench() as bench:
         bench.prepare(operation)
         attempt = bench.begin(operation)
@@ -106,7 +106,7 @@ def keeps_attempts_apart(lab: Lab, operation: str) -> None:
 
 
 def ignores_strangers(lab: Lab) -> None:
-    """A cancel of an attempt that nobody knows is ignored."""
+    """A cancel of an unknown attempt is ignored."""
     with lab.bench() as bench:
         bench.cancel("nobody_knows_this_one")
         for operation in lab.plugin.operations:

@@ -1,6 +1,6 @@
 """Keys and values of a text that is being typed, each with its place and its path from the top.
 
-`chart.source` reads a file as YAML does, and stops at the first mistake. While somebody types there is always
+`chart.source` reads a file as YAML does, and stops at the first mistake. While a user types there is always
 one, so this scanner never stops: it follows indentation and brackets, and closes an open bracket or quote at
 the first line that cannot belong to it. On YAML without mistakes both find the same keys and values in the
 same places; a test compares them for every mission of the repository.

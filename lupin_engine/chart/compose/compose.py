@@ -102,7 +102,7 @@ def compose(
     catalog: Catalog,
     findings: Findings,
 ) -> Composed | None:
-    """Compose the chart of these documents; after errors it has holes, but may be checked further.
+    """Compose the chart of these documents; parts with errors are left out, and the rest may be checked.
 
     `missions` are those that can be started, `parts` the parts and missions that states use. None where the
     profile is unknown: of several profiles the lifecycle must name one.

@@ -172,7 +172,7 @@ class InvokeReader:
         return ForEach(node.item, items, key, invoke, node.place, limit, when, done, error)
 
     def _check_item(self, node: ForEachNode, scope: Scope, path: str) -> None:
-        """Refuse a name of the element that means something else already, or cannot be read."""
+        """Report a name of the element that is no name, or that is a variable of the chart."""
         place, path = node.at("item"), f"{path}.item"
         if self._declarer.good_name("element", node.item, place, path) and node.item in scope.names:
             problem = f"{node.item!r} is a variable of the chart, the element would hide it"

@@ -140,7 +140,7 @@ def _list_argument(checker: ExpressionReader, node: ast.Call, name: str, count: 
 
 
 def _values(checker: ExpressionReader, node: ast.expr) -> Typed | None:
-    """Return the list that is gone through; None after findings."""
+    """Return the list that a loop iterates over; None after findings."""
     typed = checker.visit(node)
     if typed.type.kind in ("list", "any"):
         return typed

@@ -52,7 +52,7 @@ def _can_be_done(chart: Chart, state: State) -> bool:
 def waits_for_ever(index: Index) -> Iterator[Diagnostic]:
     """Find an operation that has no timeout on purpose, and no other way out of its state either.
 
-    A way out that only the lifecycle has, such as an abort, is a warning: nobody is told to take it.
+    A way out that only the lifecycle has, such as an abort, is a warning: no operator is asked to take it.
     """
     for work in index.works:
         node = index.composed.drafts[work.state.name].node

@@ -143,7 +143,7 @@ class Player:
 def if_on(arm: Arm, owner: str, then: Done) -> None:
     """Call `then(None)` once the servos are on, or `then(reason)` where they cannot be switched on.
 
-    They are switched on only while their state is unknown; servos that somebody has switched off stay off.
+    They are switched on only while their state is unknown; servos that a user has switched off stay off.
 
     Raises:
         ArmRequestRefused: the arm may not be moved; `then` is not called.

@@ -1,4 +1,4 @@
-"""Notifications that stay until somebody acknowledges them; at most `MOST`, shared by all pages.
+"""Notifications that stay until a user acknowledges them; at most `MOST`, shared by all pages.
 
 Beyond that, acknowledged ones are dropped first, then the oldest. Pure: times are in seconds since 1970.
 """
