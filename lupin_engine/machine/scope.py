@@ -44,10 +44,10 @@ class Calendar(Protocol):
         """Return date and time of day."""
 
     def next(self, time: str, after: float, without: Collection[str]) -> tuple[float, str]:
-        """Return the first moment after another one at which clocks come to a time of day, and its date.
+        """Return the first moment later than `after` at which clocks show `time`, and its date.
 
-        That is a date that is not among those `without`. A time that is left out on a date is come to when
-        the clock leaps over it, one that comes twice counts the first time.
+        Dates in `without` are skipped. A time that is left out on a date counts when the clock leaps over
+        it, one that comes twice counts the first time.
         """
 
     def as_text(self, moment: float) -> str:

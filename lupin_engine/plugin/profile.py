@@ -29,7 +29,7 @@ class Rating(enum.Enum):
 
     GOOD = "good"  #: the visit did what it was for
     BAD = "bad"  #: it did not
-    LEFT_OUT = "left out"  #: nobody tried
+    LEFT_OUT = "left out"  #: it was not tried
 
 
 @dataclass(frozen=True)
