@@ -98,7 +98,7 @@ class Node(BaseModel):
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
-        """Return the mapping that a short form stands for."""
+        """Return the mapping that a short form stands for; raises `wrong_shape` where a mapping is needed."""
         if cls.SHAPE and not isinstance(data, Map):
             raise wrong_shape(f"expected {cls.SHAPE}, got {show(data)}{cls._line_for(data)}")
         return data

@@ -148,6 +148,7 @@ class _Outliner:
         return count
 
     def _initial(self, state: State) -> str | None:
+        """Return the child that is drawn as the initial one; None in a state that is not compound."""
         if state.kind is not Kind.COMPOUND:
             return None
         first = state.initial or next(iter(state.children), None)

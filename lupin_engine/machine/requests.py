@@ -253,7 +253,7 @@ def _value(
 def read_request(
     world: World, data: Mapping[str, Any], env: Environment
 ) -> tuple[dict[str, Any], Refusal | None]:
-    """Return the mission's request values, or the first reason to refuse.
+    """Return the mission's request values and None, or {} and the first reason to refuse.
 
     Args:
         world: gives the missions and the readers of plugin types.
@@ -358,7 +358,7 @@ def _read(world: World, wanted: Type, given: Any) -> Any:
 
 
 def _read_list(world: World, item: Type, given: list[Any]) -> list[Any]:
-    """Read every element, and report all wrong ones at once."""
+    """Read every element; ValueError with the texts of all wrong ones."""
     values, problems = [], []
     for element in given:
         try:

@@ -208,7 +208,7 @@ def build_catalog(plugins: Iterable[Plugin], profiles: Iterable[Profile] = ()) -
 
 
 def _profiles(profiles: Iterable[Profile]) -> dict[str, Any]:
-    """Return the fields of a catalog about profiles."""
+    """Return the fields of a catalog about profiles; PluginError: one is malformed or installed twice."""
     found: dict[str, Profile] = {}
     for profile in profiles:
         if profile.name in found:
@@ -316,7 +316,7 @@ def _refused(plugin: Plugin, reason: str) -> PluginError:
 
 
 def _verify(plugin: Plugin) -> None:
-    """Check one plugin by itself, and report all its errors, in the order of its declaration."""
+    """Check one plugin by itself; PluginError with all its errors, in the order of its declaration."""
     try:
         found = list(misshapen(plugin)) or list(_problems(plugin))
     except Exception as error:  # what stands there is not even of the kind that can be checked

@@ -216,6 +216,7 @@ class Engine:
         )
 
     def _ahead(self, now: float) -> float | None:
+        """Return how far the wall clock is ahead of the steady one; None without a wall clock."""
         wall = self._wall()
         return None if wall is None else wall - now
 

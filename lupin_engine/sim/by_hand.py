@@ -185,7 +185,7 @@ class Hand:
         return name
 
     def _fields(self, words: Iterable[str], types: Mapping[str, Type]) -> dict[str, Any]:
-        """Read `name=value` words."""
+        """Read `name=value` words; raises `Wrong`."""
         found = {}
         for word in words:
             name, equals, text = word.partition("=")

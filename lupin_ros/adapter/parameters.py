@@ -289,6 +289,7 @@ class DeclaredParameters:
             callback(values)
 
     def _refusal(self, changes: list[RosParameter]) -> str | None:
+        """Return why changes are refused: by their types, or by a callback; None where they are taken."""
         names = ", ".join(change.name for change in changes)
         if not self._on_change:
             return f"{names}: read at the start of the node only; restart it with -p"

@@ -65,7 +65,11 @@ def find_source(type_name: str) -> Path | None:
 
 @functools.cache
 def _description(type_name: str) -> dict[str, Any]:
-    """Return the generator's description of a type; that of a part, such as X_Request, is in service X."""
+    """Return the generator's description of a type, of a part such as X_Request that of service X.
+
+    Raises:
+        UsageError: it is not installed.
+    """
     package, kind, name = _split(type_name)
     relative = Path("share", package, kind, f"{name.split('_')[0]}.json")
     for prefix in _prefixes():

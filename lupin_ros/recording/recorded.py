@@ -118,7 +118,11 @@ class RecordedPages:
         return drawn(loaded, arguments) if service == names.DRAW_SERVICE else self._explain(loaded, arguments)
 
     def _explain(self, loaded: LoadedMissions, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Explain a state or transition at a `moment` in milliseconds since 1970, or at the end."""
+        """Explain a state or transition at a `moment` in milliseconds since 1970, or at the end.
+
+        Raises:
+            LupinError: `moment` is no number. Other problems are in the response's `message`.
+        """
         moment = arguments.get("moment", self._recording.end / 1e6)
         if isinstance(moment, bool) or not isinstance(moment, int | float):
             raise LupinError(f"{names.EXPLAIN_SERVICE}: moment must be a number")
@@ -131,7 +135,11 @@ class RecordedPages:
         return shown(loaded, arguments, "explanation", explained)
 
     def _machine(self, loaded: LoadedMissions, moment: float) -> tuple[Machine, float]:
-        """Return the machine, restored from the journal, at a moment in ms since 1970, and its clock."""
+        """Return the machine, restored from the journal, at a moment in ms since 1970, and its clock.
+
+        Raises:
+            LupinError: no step was recorded until then, or the journal cannot be used.
+        """
         place = bisect_right(self._steps, moment, key=lambda step: step.at)
         if not place:
             raise LupinError("no step was recorded until this moment")
@@ -190,7 +198,11 @@ class RecordedPages:
 
 
 def _load(files: Mapping[str, str], folder: Path, catalog: Catalog) -> LoadedMissions:
-    """Load missions from the texts of their files, written into an empty folder."""
+    """Load missions from the texts of their files, written into an empty folder.
+
+    Raises:
+        LupinError: a name leads out of the folder, or the missions have errors with the plugins here.
+    """
     for name, text in files.items():
         file = folder / name
         if folder.resolve() not in file.resolve().parents:

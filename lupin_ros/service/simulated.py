@@ -242,7 +242,11 @@ class SimulatedPages:
     # -- what pages do to it --------------------------------------------------------------------------------
 
     def _do(self, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
-        """Carry out a page's request; a wrong one is answered with a message and changes nothing."""
+        """Carry out a page's request; a wrong one is answered with a message and changes nothing.
+
+        Raises:
+            LupinError: the fields are not those of a request.
+        """
         word, words = arguments.get("command"), arguments.get("words", [])
         if not isinstance(word, str) or not _are_texts(words):
             raise LupinError(f"{SIMULATION_SERVICE}: it takes a command, and words, which are texts")

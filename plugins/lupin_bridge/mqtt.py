@@ -287,7 +287,7 @@ def _port(settings: MqttSettings) -> int:
 
 
 def _aim(client: Client, settings: MqttSettings) -> None:
-    """Set the broker's address; the client connects once its loop runs."""
+    """Set the broker's address; the client connects once its loop runs. LupinError: it is no address."""
     host, port = settings.host, _port(settings)
     if _NO_HOST.search(host) or host.count(":") == 1:  # an address of IPv6 has more
         hint = "expected a name or an address, such as broker.local; the port goes into mqtt_port"

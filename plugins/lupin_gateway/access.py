@@ -176,6 +176,7 @@ def _shown(word: str) -> str:
 
 
 def _end_of(day: str) -> float | None:
+    """Return the end of a day (UTC) in POSIX time; None where the text is no day."""
     try:
         begin = datetime.strptime(day, "%Y-%m-%d").replace(tzinfo=timezone.utc)
     except ValueError:

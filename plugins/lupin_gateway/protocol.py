@@ -214,6 +214,7 @@ class _Fields:
         return value
 
     def id(self) -> str | None:
+        """Return the frame's id; None without one."""
         return self.text("id") if self._data.get("id") is not None else None
 
     def name(self, key: str) -> str:

@@ -68,7 +68,7 @@ def rename(folder: Folder, path: Path, offset: int, name: str) -> dict[Path, lis
 
 
 def _drafts(folder: Folder, path: Path, mention: Mention) -> list[Draft]:
-    """Return the states to rename."""
+    """Return the states to rename; Refused where there is none, or it has a name that must stay."""
     model = folder.model
     if model is None or folder.inspect_with(folder.current()).composed is None:
         raise Refused("a file of this folder cannot be read; mend that first")
@@ -99,7 +99,7 @@ def _refuse_shared(folder: Folder, found: Iterable[Reference], wanted: frozenset
 
 
 def _verify(folder: Folder, edits: Mapping[Path, list[Edit]], renamed: set[str], name: str) -> None:
-    """Compare the inspections before and after."""
+    """Compare the inspections before and after; Refused where anything else would change its meaning."""
     texts = folder.current()
     before = folder.inspect_with(texts)
     changed = {path: apply(texts.get(path, folder.text(path)), found) for path, found in edits.items()}

@@ -541,6 +541,7 @@ class _Composer:
         return self._actions.read(nodes, scope, path_of(draft.name, key))
 
     def _initial(self, draft: Draft) -> str | None:
+        """Return the full name of the initial child; None without one, and after findings."""
         written = draft.initial
         if draft.kind is Kind.HISTORY:
             siblings = draft.parent

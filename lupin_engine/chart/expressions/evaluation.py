@@ -68,7 +68,7 @@ def _number(value: Any) -> Any:
 def _text(value: Any, unit: str, digits: int | None, computed: str) -> str:
     """Return a value as text; a number with a unit in that unit.
 
-    A sensor's value may be infinite; a `computed` one, which is its source or '', may not.
+    A sensor's value may be infinite; a `computed` one (its source; '': it was not) raises OverflowError.
     """
     if isinstance(value, (list, tuple)):
         return ", ".join(_text(each, unit, digits, computed) for each in value)
@@ -106,14 +106,14 @@ def _first(values: Sequence[Any], otherwise: Callable[[], Any]) -> Any:
 
 
 def _found(values: Iterator[Any], sought: str) -> Any:
-    """Return the first of the elements that were sought."""
+    """Return the first of the elements that fit; UnknownValue without one."""
     for value in values:
         return value
     raise UnknownValue(f"{sought} is unknown: there is no such element")
 
 
 def _named(values: Sequence[Mapping[str, Any]], name: str, sought: str) -> Any:
-    """Return the value of a name in a list of records."""
+    """Return the value of a name in a list of records; UnknownValue where the name is not there."""
     for value in values:
         if value["name"] == name:
             return value["value"]

@@ -250,7 +250,7 @@ class JournalWriter:
             os.ftruncate(self._file, cut)
 
     def _take(self, folder: Path) -> None:
-        """Lock a folder against other processes."""
+        """Lock a folder against other processes; OSError where one holds it, or it cannot be made."""
         if self._lock is not None:
             if _is_file(self._lock, folder / LOCK):
                 return

@@ -88,6 +88,7 @@ class Player:
         playing.answer(problem)
 
     def _send(self, playing: _Playing) -> str | None:
+        """Send a sequence as a trajectory; return why that is refused, None where it is played."""
         try:
             replay = plan(playing.sequence, playing.speed, self._arm.here(OWNER))
             self._arm.send(replay.trajectory, OWNER)

@@ -91,7 +91,11 @@ def why(
 
 
 def _asked(inquiry: Inquiry, about: tuple[str, ...], target: str) -> Explanation:
-    """Return the cause of the given subject: a target after the word for one, else a state, else a target."""
+    """Return the cause of the given subject: a target after the word for one, else a state, else a target.
+
+    Raises:
+        NothingKnown: it is none of them in this run.
+    """
     from lupin_engine.replay import NothingKnown
 
     name = " ".join(about[1:]) if about[0].lower() == target and len(about) > 1 else ""

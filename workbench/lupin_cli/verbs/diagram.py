@@ -212,7 +212,7 @@ def _draw_all(folder: Path, formats: tuple[str, ...], depth: int | None, output:
 
 
 def _loaded_each(files: Sequence[Path]) -> list[LoadedMissions]:
-    """Load missions, each for itself; report the problems of all at once, those of a shared file once."""
+    """Load missions, each for itself; ChartError with the problems of all, those of a shared file once."""
     from lupin_engine.missions import load_missions
 
     catalog = load_catalog()

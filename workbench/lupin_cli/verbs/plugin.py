@@ -127,7 +127,12 @@ def show(name: str, as_json: bool) -> int:
 
 
 def _installed_or_bound(name: str) -> tuple[Plugin, str]:
-    """Return a plugin and where it is from: a package, or a binding of the missions in the current folder."""
+    """Return a plugin and where it is from: a package, or a binding of the missions in the current folder.
+
+    Raises:
+        UsageError: there is none, or the binding has errors.
+        PluginError: the package's plugin cannot be used.
+    """
     file = _binding_called(name)
     if file is None:
         point = find_entry_point(name)
@@ -210,7 +215,11 @@ def _subjects(name: str | None) -> list[PluginUnderTest]:
 
 
 def _in_folder(folder: Path) -> list[PluginUnderTest]:
-    """Return the plugins that a project declares; its packages are found as if it was installed."""
+    """Return the plugins that a project declares, and add its packages to the import path.
+
+    Raises:
+        UsageError: it has no pyproject.toml, or declares none there.
+    """
     from lupin_harness import PluginUnderTest
 
     file = folder / "pyproject.toml"

@@ -237,7 +237,11 @@ def _subject(
 def _with_rates(
     subject: SimulationTask, mission: str, file: Path, settings: tuple[str, ...]
 ) -> SimulationTask:
-    """Return the same simulation with the servers of a file of rates, and its parameters below `--set`."""
+    """Return the same simulation with the servers of a file of rates, and its parameters below `--set`.
+
+    Raises:
+        UsageError: a scenario was named, the rates cannot be used, or a setting is wrong.
+    """
     from lupin_cli.learned import learned_rates
     from lupin_cli.settings import settings_in
     from lupin_engine.runtime import make_world
@@ -278,7 +282,7 @@ def read_until(chart: Chart, text: str | None) -> float | str | None:
 
 
 def _check_clock(text: str | None) -> None:
-    """Check that a text is a date with a time of day."""
+    """Raise UsageError where a text is no date with a time of day; None is right."""
     from lupin_engine.runtime import UTC, calendar_of
 
     try:
@@ -289,7 +293,7 @@ def _check_clock(text: str | None) -> None:
 
 
 def _check_picture(name: str | None) -> None:
-    """Check that a timeline can be drawn there."""
+    """Raise UsageError where a timeline cannot be drawn into this file; None and `TERMINAL` are right."""
     from lupin_cli.run_folders import writable
 
     if name is None or name == TERMINAL:

@@ -126,7 +126,7 @@ def _chosen(paths: Sequence[Path]) -> list[Path]:
 
 
 def _default() -> Iterable[Path]:
-    """Return the nearest folder of scenarios, and the scenarios that `lupin prove` has written."""
+    """Return the nearest folder of scenarios, and those that `lupin prove` has written; UsageError: none."""
     folder = next(([place] for place in _PLACES if place.is_dir()), [])
     found = [*folder, *sorted(Path("missions").glob(f"*{SUFFIX}"))]
     if found:
