@@ -100,6 +100,9 @@ def to_ros(name: str, spec: Parameter, value: Any) -> RosParameter:
     """Return checked data as a ROS parameter.
 
     A value has its type, since rclpy takes an empty list for a byte array; None may have none.
+
+    Raises:
+        PluginError: no ROS parameter can have this type.
     """
     kind = ros_type(name, spec.type)
     if isinstance(value, Mapping):
@@ -212,14 +215,21 @@ class DeclaredParameters:
         self._node.set_parameters([to_ros(name, self._specs[name], value)])
 
     def values_with(self, specs: Declared) -> dict[str, Any]:
-        """Return the values after a `declare_anew`, without changing anything."""
+        """Return the values after a `declare_anew`, without changing anything.
+
+        Raises:
+            LupinError: the texts of all values that are wrong for these parameters.
+        """
         for name, spec in specs.items():
             ros_type(name, spec.type)
         kept = {name: value for name, value in self.values().items() if specs.get(name) == self._specs[name]}
         return starting_values(specs, self._given()) | kept
 
     def declare_anew(self, specs: Declared) -> None:
-        """Have exactly these parameters: new and changed ones as at a start, the others as they are."""
+        """Have exactly these parameters: new and changed ones as at a start, the others as they are.
+
+        Errors as for `values_with`; then nothing has changed.
+        """
         values = self.values_with(specs)
         kept = {name for name, spec in self._specs.items() if specs.get(name) == spec}
         for name in set(self._specs) - kept:

@@ -61,7 +61,7 @@ def open_to() -> str:
 
 
 def current_domain() -> int:
-    """Return the ROS domain of this process."""
+    """Return the ROS domain of this process; UsageError where its environment names none that exists."""
     return ros_domain()
 
 

@@ -112,6 +112,8 @@ def show(name: str, as_json: bool) -> int:
     NAME may also be a binding of the missions in the current folder, or its file.
 
     Example: lupin plugin show nav
+
+    Exit code: 0 shown; 1 it cannot be used; 2 there is none, or the binding has errors.
     """
     from lupin_engine.plugin import sections
 
@@ -303,6 +305,8 @@ def new(name: str, folder: str | None, no_node: bool) -> int:
     files are never overwritten.
 
     Example: lupin plugin new lamp
+
+    Exit code: 0 written; 2 the name cannot be one or is taken, or a file exists.
     """
     target = Path(folder or f"lupin-{name}")
     for file in write_plugin(name, target, no_node):

@@ -174,7 +174,7 @@ class _Again:
         return int(bool(found))
 
     def go_on(self, time: float) -> int:
-        """Go on by hand from a time."""
+        """Go on by hand from a time; return the exit code. UsageError: the run cannot be made again."""
         from lupin_cli.settings import read_value
         from lupin_cli.terminal.debugger import Debugger
         from lupin_cli.terminal.interactive import interact

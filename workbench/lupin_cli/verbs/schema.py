@@ -69,7 +69,7 @@ def schema(kind: str | None, with_names: bool, folder: Path | None) -> int:
 
 
 def schemas(with_names: bool = False) -> dict[str, dict[str, Any]]:
-    """Return the schemas of all kinds of files, and of any."""
+    """Return the schemas of all kinds of files, and of any; PluginError where a plugin cannot be used."""
     from lupin_engine.sim import ScenarioNode
     from lupin_lsp import all_schemas, kinds
 
