@@ -60,7 +60,7 @@ class Arrival:
 
 @dataclass(frozen=True)
 class Answer:
-    """The orchestrator's answer to a request.
+    """The orchestrator's answer to a request, or why there is none.
 
     `reached` is false without an answer in time, `found` is false where there is no orchestrator.
     """
@@ -293,7 +293,7 @@ class Operator(Commander):
         return self._call(self._callers[_START], request, timeout, self._started)
 
     def ask(self, name: str, timeout: float) -> Answer:
-        """Send an operator's request: abort, pause, resume, ..."""
+        """Send an operator's request: abort, pause, resume, ...; KeyError for none of the profile's."""
         return self._call(self._callers[name], Trigger.Request(), timeout, _of_trigger)
 
     def _started(self, response: Any) -> Answer:

@@ -198,7 +198,7 @@ def full_type(name: str, kind: str) -> str:
 
 
 class _Fields:
-    """The fields of a frame, each checked as it is read; null is the same as absent."""
+    """The fields of a frame, each checked as it is read (else _WrongField); null is the same as absent."""
 
     def __init__(self, data: Mapping[str, Any]) -> None:
         self._data = data
