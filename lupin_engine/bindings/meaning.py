@@ -182,7 +182,7 @@ class WireExpressions:
         return None if value is None else Taken(kinds, value)
 
     def _has_unit(self, found: Expression, wanted: Type, path: str) -> bool:
-        """Refuse a number with another known unit: a parameter, or a time."""
+        """Say whether a number has the wanted unit or none; a finding where it has another known one."""
         unit, got = innermost(wanted).unit, innermost(found.type).unit
         if not unit or got in ("", "*", unit):
             return True

@@ -286,7 +286,7 @@ def described(field: Field) -> str:
 
 
 def _unknown_mission(world: World, name: str) -> Refusal:
-    """Refuse a name that no mission has; it may be meant for the mission or for its file."""
+    """Return the refusal of a name that no mission has, with the nearest name of a mission or its file."""
     missions = world.chart.missions
     called = {PurePath(mission.file).stem: mission.name for mission in missions.values()}
     called.update({mission: mission for mission in missions})

@@ -260,7 +260,7 @@ class DeclaredParameters:
         return {name: override.value for name, override in self._node._parameter_overrides.items()}
 
     def _refuse_unknown(self, said: Iterable[str]) -> None:
-        """Refuse unknown names of `-p`; one that a parameter file has may be meant for other nodes."""
+        """Raise LupinError for unknown names of `-p`; warn of those of a file, which has others' perhaps."""
         problems = []
         for name in self._given():
             own = name in _ROS_OWN or name.startswith("qos_overrides.") or self._node.has_parameter(name)

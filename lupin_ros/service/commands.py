@@ -242,7 +242,7 @@ def _no_number(text: str) -> Any:
 
 
 def _check_names(fields: Mapping[str, Any], known: Iterable[str]) -> None:
-    """Refuse unknown fields."""
+    """Raise ValueError for unknown fields, with the nearest known ones."""
     names = list(known)
     unknown = [name for name in fields if name not in names]
     problems = [unknown_field(name, names) for name in unknown[:MAX_PROBLEMS]]

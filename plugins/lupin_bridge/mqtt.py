@@ -259,7 +259,7 @@ class Mqtt:
                 raise Rejected("too many tags or sensors")
 
     def _refuse_ageless(self, sample: SensorSample) -> None:
-        """Refuse a retained message, which may be old: it would look new at each connection."""
+        """Raise Rejected for a retained message of unknown age: it would look new at each connection."""
         if sample.stamp is None:
             raise Rejected("retained, but without a stamp", "nobody knows how old it is")
         if sample.stamp > self._clocks.wall() + AHEAD_S:

@@ -351,8 +351,7 @@ class AccessControl:
         return [one.has_expired(wall) or ("" if (one, one.mark) in stay else taken) for one in visitors]
 
     def check_origin(self, headers: Mapping[str, str]) -> None:
-        """Refuse a request from a page of another host, on any port (cross-site requests, DNS
-        rebinding).
+        """Refuse a request from a page of another host, on any port: cross-site requests, DNS rebinding.
 
         Raises:
             NotAdmitted: with the setting that would allow it.

@@ -89,7 +89,7 @@ def _drafts(folder: Folder, path: Path, mention: Mention) -> list[Draft]:
 
 
 def _refuse_shared(folder: Folder, found: Iterable[Reference], wanted: frozenset[object]) -> None:
-    """Refuse when a mention means other states too: they would lose it."""
+    """Raise Refused where a mention means other states too: they would lose it."""
     for each in found:
         others = identity(folder, each.file, each.mention) - wanted
         if others:

@@ -601,7 +601,7 @@ class _Composer:
         return walk, inner
 
     def _check_identity(self, item: Type, place: Place, path: str) -> None:
-        """Refuse targets without an identity in published messages."""
+        """Report targets without an `id`, by which published messages name them."""
         own = item.fields.get("id", item) if item.kind == "record" else item
         if own.kind not in ("any", "text", "integer"):
             problem = f"a target is told by its 'id', and {with_article(item)} has none"

@@ -346,7 +346,7 @@ class Declarer:
         return read.value if read else None
 
     def _check_unit(self, node: InputNode, kind: Type, path: str) -> None:
-        """Refuse a unit that the value does not have; it is written for people, so it must be right."""
+        """Report a unit that the value does not have; it is written for people, so it must be right."""
         of_value = [unit for unit, (base, _) in UNITS.items() if is_number(kind) and base == kind.unit]
         if node.unit is None or node.unit in of_value:
             return
@@ -485,7 +485,7 @@ class Declarer:
         return Field(name, kind, place, default, node.not_empty, low, node.summary)
 
     def _can_be_given(self, name: str, node: RequestFieldNode, kind: Type, place: Place, path: str) -> None:
-        """Refuse a field that no start can fill: a mission with it could never begin."""
+        """Report a field that no start can give a value: a mission with it could never begin."""
         fields = self._catalog.profile.request
         carried = fields[name].type.kind if name in fields else None
         if carried is None and node.default is None:
@@ -497,7 +497,7 @@ class Declarer:
 
 
 def check_code(code: str, place: Place, path: str, declared: Iterable[str], findings: Findings) -> None:
-    """Refuse a code that has no label."""
+    """Report a code that is not declared, so that it has no label."""
     if code not in declared:
         hint = or_else(meant(code, declared), declared_as("codes", code))
         findings.add(place, "undeclared-code", path, f"the code {code!r} is not declared", hint)

@@ -290,7 +290,7 @@ class TransitionReader:
                 check_code(code, node.at(word), path, self._codes, self._findings)
 
     def _check_sense(self, node: TransitionNode, event: str, path: str) -> None:
-        """Refuse combinations that contradict themselves."""
+        """Report keys that contradict each other."""
         is_request = event in self._catalog.profile.events or event.startswith(("operator.", ANSWER))
         if node.refuse is not None and not is_request:
             problem = "only a request can be refused"

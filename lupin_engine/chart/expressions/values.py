@@ -165,7 +165,7 @@ def _difference(first: Type, this: Type) -> str:
 
 
 def check_bound(value: Value, wanted: Type, name: str, findings: Findings, path: str) -> None:
-    """Refuse a list that may have more elements than the variable holds."""
+    """Report a list that may have more elements than the variable holds."""
     may = capacity(value.type)
     if wanted.item is None or wanted.maximum is None or isinstance(value, Constant) or may <= wanted.maximum:
         return
