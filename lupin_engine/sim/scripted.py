@@ -470,14 +470,14 @@ class _Disconnected:
 
 
 class ScriptedDriver:
-    """A plugin's side of a stage; see `plugin.contract.Driver`."""
+    """The driver of a plugin whose servers a stage plays (`plugin.contract.Driver`)."""
 
     def __init__(self, stage: Stage, plugin: str) -> None:
         self._stage = stage
         self._plugin = plugin
 
     def missing(self) -> list[str]:
-        """Nothing: a scripted server is always there."""
+        """Return []: a scripted server is always there."""
         return []
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
@@ -496,4 +496,4 @@ class ScriptedDriver:
         """Carry out an action: the record of the step is all that comes of it."""
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no resource is held."""

@@ -323,7 +323,7 @@ class _InMemory:
         return Leftover(journal_of(Path("journal"), self._writer.data))
 
     def go_on(self, left: Leftover, shift: float) -> None:
-        """Append to it."""
+        """Continue the journal that `left` is, as a new process does; its clock is `shift` seconds ahead."""
         self.journal.go_on(left.file, shift, self._simulation.now, "")
 
 

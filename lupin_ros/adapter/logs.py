@@ -93,7 +93,7 @@ class _RecordFile(RotatingFileHandler):
     """A file of records; one that cannot be opened or written is ignored: the console has the same lines."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802
-        """Go on."""
+        """Ignore the failure."""
 
 
 class NodeLog:

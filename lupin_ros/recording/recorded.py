@@ -35,7 +35,7 @@ class _RecordedStep:
 
 
 class RecordedPages:
-    """See `plugin.pages.PageSource`.
+    """A recording as a source of pages: its history and charts (`plugin.pages.PageSource`).
 
     Args:
         recording: the recording.
@@ -60,22 +60,22 @@ class RecordedPages:
 
     @property
     def topics(self) -> Mapping[str, str]:
-        """See `PageSource`."""
+        """The recorded topics that can be read, each with its type."""
         return self._recording.topics
 
     @property
     def events(self) -> Collection[str]:
-        """See `PageSource`."""
+        """No topic: a page sees each at a moment, by its last message."""
         return ()
 
     @property
     def access(self) -> Access:
-        """See `PageSource`."""
+        """Return the access: viewers may read all topics, and draw and explain charts."""
         services = (*names.ACCESS.viewer, *names.ACCESS.operator)
         return Access(viewer=(*self._recording.topics, *services))
 
     def about(self) -> Mapping[str, Any]:
-        """See `PageSource`."""
+        """Return the mode, the file's name, the recorded time in ms since 1970, and problems for people."""
         recording = self._recording
         return {
             "mode": "recording",
@@ -97,18 +97,18 @@ class RecordedPages:
             yield f"{topic} cannot be read: {why}"
 
     def begin(self, publish: Callable[[PageMessage], None], forget: Callable[[], None]) -> None:
-        """See `PageSource`."""
+        """Do nothing: a recording publishes nothing by itself, pages ask for its `history`."""
 
     def work(self, now: float) -> float | None:
-        """See `PageSource`: there is nothing to do, so it always returns None."""
+        """Return None: there is nothing to do."""
         return None
 
     def clock(self, now: float) -> float:
-        """See `PageSource`."""
+        """Return the end of the recording, in milliseconds since 1970."""
         return self._recording.end / 1e6
 
     def stop(self, stopped: bool) -> None:
-        """See `PageSource`."""
+        """Do nothing: there is no robot."""
 
     def call(self, service: str, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
         """See `PageSource`; LupinError for all but drawing and explaining, which a recording can answer."""
@@ -187,7 +187,7 @@ class RecordedPages:
         return self._charts[asked]
 
     def history(self, since: float, topics: Collection[str]) -> Iterator[PageMessage]:
-        """See `PageSource`."""
+        """Yield the messages later than `since`, thinned where not every one counts; no topics: of all."""
         last: dict[tuple[str, str], int] = {}
         for message in self._recording.messages(topics, round(since * 1e6)):
             source = message.topic, _frame(message.fields)

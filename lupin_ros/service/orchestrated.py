@@ -21,7 +21,7 @@ from lupin_ros.service.reports import PossibleNews, StateMessages, StepMoment, S
 
 
 class Audience(Protocol):
-    """Who hears an orchestrator."""
+    """The receiver of a simulated orchestrator's messages and steps."""
 
     def take(self, message: PageMessage) -> None:
         """Take a message that is published."""

@@ -17,7 +17,7 @@ WARNING_PERIOD_S = 10.0
 
 
 class ArmClient:
-    """See `Driver` for the contract of each call."""
+    """The driver; `plugin.contract.Driver` has the contract of each call."""
 
     def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
         self._ros = ros
