@@ -120,7 +120,7 @@ class Rule:
 
 
 def drawn(outcome: MockOutcome | AnyOf, dice: random.Random) -> MockOutcome:
-    """Return an outcome in which nothing is left to chance."""
+    """Return an outcome with its durations drawn; of several alternatives one, drawn by their weights."""
     while isinstance(outcome, AnyOf):
         (outcome,) = dice.choices(outcome.outcomes, outcome.weights)
     if not outcome.is_random:
@@ -135,7 +135,7 @@ def _drawn(duration: float | Between | None, dice: random.Random) -> float | Non
 
 
 def _at_hour(outcome: MockOutcome | AnyOf, share: HourShare) -> MockOutcome | AnyOf:
-    """Return an outcome as it is at an hour of the day, where attempts fail more or less often."""
+    """Return an outcome at an hour of the day: the weights of its failures times that hour's share."""
     if isinstance(outcome, MockOutcome) or share.fails == 1.0:
         return outcome
     fails = (isinstance(one, MockOutcome) and bool(one.code or one.never) for one in outcome.outcomes)
@@ -392,7 +392,7 @@ class Stage:
             self._later(after, lambda: self._come_to_end(attempt, outcome))
 
     def _come_to_end(self, attempt: str, outcome: MockOutcome) -> None:
-        """End as planned, or as much later as it was put off."""
+        """End an attempt now, or as much later as `delay` has put it off; one that has ended is ignored."""
         running = self._running.get(attempt)
         late = running.late if running is not None else 0.0
         if running is None or not late:

@@ -86,7 +86,7 @@ def expressions_in(token: Token, meaning: Meaning) -> list[tuple[str, int]]:
 
 
 def pieces(expression: str, offset: int = 0) -> list[ExpressionPiece]:
-    """Cut an expression that begins at an offset into its pieces."""
+    """Return the names, quoted texts and signs of an expression, which begins at an offset, in order."""
     found: list[ExpressionPiece] = []
     for match in _PIECES.finditer(expression):
         call = found[-2].text if len(found) > 1 and found[-1].text == "(" else ""
