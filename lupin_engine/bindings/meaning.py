@@ -134,12 +134,12 @@ class WireExpressions:
     # -- what is heard -------------------------------------------------------------------------------------
 
     def condition(self, node: Node, key: str, seen: Seen) -> Expression | None:
-        """Compile the condition under a key; None when there is none."""
+        """Compile the condition under a key; None when there is none, and after findings."""
         raw, path = getattr(node, key), f"{self.path}.{key}"
         return read_guard(raw, node.at(key), self.hearing(seen), self.findings, path)
 
     def conditions(self, node: Node, key: str, seen: Seen) -> dict[str, Value]:
-        """Compile the conditions in the mapping under a key, by name."""
+        """Compile the conditions in the mapping under a key, by name; those with findings are left out."""
         found: dict[str, Value] = {}
         scope = self.hearing(seen)
         for name, raw in getattr(node, key).items():
@@ -150,14 +150,14 @@ class WireExpressions:
         return found
 
     def text(self, node: Node, key: str, seen: Seen) -> Value | None:
-        """Compile the text under a key; None when there is none."""
+        """Compile the text under a key; None when there is none, and after findings."""
         raw, path = getattr(node, key), f"{self.path}.{key}"
         if raw is None:
             return None
         return read_value(raw, node.at(key), TEXT, self.hearing(seen), self.findings, path)
 
     def progress_values(self, node: Node, key: str, seen: Seen) -> dict[str, Value]:
-        """Compile the values of a progress text: one, or several by their labels."""
+        """Compile the values of a progress text: one, or several by label; none for findings."""
         raw, path, scope = getattr(node, key), f"{self.path}.{key}", self.hearing(seen)
         written = node.mapping(key)
         if written is None:
