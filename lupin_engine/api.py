@@ -79,7 +79,11 @@ def simulate(
 
 
 def _name_of(mission: str, missions: LoadedMissions) -> str:
-    """Return the name of the mission with this file stem, else of this name; '' for the only one."""
+    """Return the name of the mission with this file stem, else of this name; '' for the only one.
+
+    Raises:
+        UsageError: there is none, or '' of several; the text has the nearest.
+    """
     names = missions.names
     if not mission and len(names) == 1:
         return names[0]

@@ -30,7 +30,7 @@ class MovedFinder(MetaPathFinder, Loader):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return a spec for a module below one of the old packages that is there today."""
+        """Return a spec for a module of an old package that is in the new one; None for any other name."""
         if not fullname.startswith(_BEGINNINGS) or (new := _today(fullname)) is None:
             return None
         found = find_spec(new)
@@ -46,7 +46,7 @@ class MovedFinder(MetaPathFinder, Loader):
         sys.modules[name] = importlib.import_module(new)
 
     def get_code(self, fullname: str) -> CodeType | None:
-        """Return the code of the module of today, for `python -m`."""
+        """Return the code of the module of today, for `python -m`; None where there is none."""
         spec = find_spec(_today(fullname) or fullname)
         get_code = getattr(spec and spec.loader, "get_code", None)
         return get_code(spec.name) if spec and get_code else None

@@ -44,7 +44,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """Collect files with the name of a scenario."""
+    """Collect a file with the name of a scenario; None for any other."""
     if not file_path.name.endswith(SUFFIX):
         return None
     found: pytest.Collector = ScenarioFile.from_parent(parent, path=file_path)
@@ -71,7 +71,7 @@ class ScenarioItem(pytest.Item):
     """One scenario."""
 
     def runtest(self) -> None:
-        """Run it."""
+        """Run it with each seed; raises `Unmet` where it fails or cannot be run."""
         first = self.config.option.lupin_seed
         seeds = range(first, first + max(1, self.config.option.lupin_seeds))
         result = _suite(self.config).run(self.path, seeds)

@@ -81,7 +81,7 @@ def check_allowed(bindings: Iterable[Binding], catalog: Catalog, findings: Findi
 def _refusal(
     key: str, name: str, patterns: list[str], file: Path, catalog: Catalog
 ) -> tuple[str, str] | None:
-    """Return the problem with a name that no plugin offers and nobody has allowed, and a hint; else None."""
+    """Return the problem with a name that no plugin offers and no setting allows, and a hint; else None."""
     if _is_offered(key, name, catalog):
         return None
     owner = _owner(key, name, catalog)

@@ -94,7 +94,7 @@ class OperationCall:
     watched: bool
 
     def given(self, answer: Mapping[str, Any], around: Around) -> Mapping[str, Any] | None:
-        """Return the result of a cancelled goal, if it is declared to have one."""
+        """Return the result of a cancelled goal; None where none is declared. Raises expressions' errors."""
         return _taken(self.result, _seeing(answer, around)) if self.cut_short else None
 
     def outcome(self, answer: Mapping[str, Any], around: Around) -> Outcome:

@@ -134,12 +134,12 @@ class WireExpressions:
     # -- what is heard -------------------------------------------------------------------------------------
 
     def condition(self, node: Node, key: str, seen: Seen) -> Expression | None:
-        """Compile the condition under a key; None when there is none."""
+        """Compile the condition under a key; None when there is none, and after findings."""
         raw, path = getattr(node, key), f"{self.path}.{key}"
         return read_guard(raw, node.at(key), self.hearing(seen), self.findings, path)
 
     def conditions(self, node: Node, key: str, seen: Seen) -> dict[str, Value]:
-        """Compile the conditions in the mapping under a key, by name."""
+        """Compile the conditions in the mapping under a key, by name; those with findings are left out."""
         found: dict[str, Value] = {}
         scope = self.hearing(seen)
         for name, raw in getattr(node, key).items():
@@ -150,14 +150,14 @@ class WireExpressions:
         return found
 
     def text(self, node: Node, key: str, seen: Seen) -> Value | None:
-        """Compile the text under a key; None when there is none."""
+        """Compile the text under a key; None when there is none, and after findings."""
         raw, path = getattr(node, key), f"{self.path}.{key}"
         if raw is None:
             return None
         return read_value(raw, node.at(key), TEXT, self.hearing(seen), self.findings, path)
 
     def progress_values(self, node: Node, key: str, seen: Seen) -> dict[str, Value]:
-        """Compile the values of a progress text: one, or several by their labels."""
+        """Compile the values of a progress text: one, or several by label; none for findings."""
         raw, path, scope = getattr(node, key), f"{self.path}.{key}", self.hearing(seen)
         written = node.mapping(key)
         if written is None:
@@ -171,7 +171,10 @@ class WireExpressions:
         return {name: value for name, value in read.items() if value is not None}
 
     def taken(self, node: ResultNode | BoundValueNode, kinds: Kinds, path: str) -> Taken | None:
-        """Compile `from`: the source of a field of a result or an event, or of a live value."""
+        """Compile `from`: the source of a field of a result or an event, or of a live value.
+
+        None after findings.
+        """
         raw, place = node.from_, node.at("from")
         value = self._fitting(raw, place, kinds.kept, self.hearing(self.answer), path, is_read=True)
         if isinstance(value, Expression) and not self._has_unit(value, kinds.wire, path):
@@ -179,7 +182,7 @@ class WireExpressions:
         return None if value is None else Taken(kinds, value)
 
     def _has_unit(self, found: Expression, wanted: Type, path: str) -> bool:
-        """Refuse a number with another known unit: a parameter, or a time."""
+        """Say whether a number has the wanted unit or none; a finding where it has another known one."""
         unit, got = innermost(wanted).unit, innermost(found.type).unit
         if not unit or got in ("", "*", unit):
             return True
@@ -193,7 +196,7 @@ class WireExpressions:
     def _fitting(
         self, raw: Any, place: Place, kind: Type, scope: Scope, path: str, *, is_read: bool
     ) -> Value | None:
-        """Compile a value of a type; units are ignored, since fields on the wire have none."""
+        """Compile a value of a type; None after findings. Units are ignored: fields on the wire have none."""
         if not is_expression(raw):
             wanted = DURATION if kind.name in TIMES else kind
             return read_constant(raw, place, wanted, self.findings, path)

@@ -132,7 +132,7 @@ def _is_type(endpoint: EndpointNode) -> bool:
 
 @dataclass(frozen=True)
 class _Bound:
-    """A part of a binding with an endpoint; `key` is the word of that (service, action, topic)."""
+    """A part of a binding with an endpoint, under `key`: `service`, `action` or `topic`."""
 
     path: str
     name: str
@@ -584,7 +584,10 @@ class _BindingReader:
         return False
 
     def _duration(self, node: Node, key: str, path: str, zero: str = "") -> float | None:
-        """Compile a duration; `zero` is the problem with 0 s, where that makes no sense."""
+        """Compile a duration, in seconds; None where the key is absent, and after findings.
+
+        `zero` is the text of the finding about 0 s; '': 0 s is allowed.
+        """
         raw = getattr(node, key)
         if raw is None:
             return None

@@ -4,6 +4,7 @@ There are three kinds of file: a lifecycle, a mission, a part. The models are th
 the meaning of their values (`Meaning`): the editor, its schema and the reference are made from them. Short
 forms (a target as text, one action instead of a list) are expanded here, so no later module handles them.
 Texts that may be expressions are left unparsed; the shape of names is checked here, `compose` resolves them.
+A wrong shape raises pydantic's ValidationError, of which `validation` makes findings.
 """
 
 from __future__ import annotations

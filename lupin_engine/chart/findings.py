@@ -1,8 +1,9 @@
 """The collection of findings of all steps of loading, and the rules that they name.
 
-A step reports and continues: it returns the usable part of its result (or None), and never raises. `RULES` is
-the whole list of rule ids, each with its purpose; a test holds a broken mission for every one of them, and
-docs/rules.md shows it.
+A step reports and continues: it returns the usable part of its result (or None), and raises nothing for a
+mistake of the author; only after `MAX_FINDINGS` loading ends (see `collected`). `RULES` is the whole list of
+rule ids, each with its purpose; a test holds a broken mission for every one of them, and docs/rules.md shows
+it.
 """
 
 from __future__ import annotations
@@ -123,7 +124,10 @@ RULES: Mapping[str, str] = MappingProxyType(
 
 
 class Findings:
-    """Collects diagnostics, each once: a part that is used twice reports its mistakes at its first use."""
+    """Collects diagnostics, each once: a part that is used twice reports its mistakes at its first use.
+
+    A rule that is not in `RULES` is a KeyError.
+    """
 
     def __init__(self) -> None:
         self._found: dict[tuple[Place, str, str], Diagnostic] = {}
@@ -169,14 +173,14 @@ class Findings:
 
 
 class _TooManyFindings(Exception):
-    """There are more findings than anybody reads; the last of them says so."""
+    """There are more than `MAX_FINDINGS` findings; the last of them says so."""
 
 
 class _LimitedFindings(Findings):
     """Findings, until there are too many."""
 
     def add(self, place: Place, rule: str, path: str, problem: str, hint: str = "") -> None:
-        """Report an error."""
+        """Report an error; after `MAX_FINDINGS` a last one, and raise _TooManyFindings."""
         super().add(place, rule, path, problem, hint)
         if self.count > MAX_FINDINGS:
             problem = f"more than {MAX_FINDINGS} findings, the rest is not told"
@@ -241,7 +245,7 @@ def answered(
 
 
 def _answers(file: str, lines: Sequence[str]) -> Iterator[tuple[Place, str, str | None]]:
-    """Yield every comment that accepts a warning: where it stands, the rule and the reason."""
+    """Yield every comment that accepts a warning: its place, the rule, and the reason or None without one."""
     for number, line in enumerate(lines, start=1):
         for match in _ANSWER.finditer(line):
             yield Place(file, number, match.start() + 1), match[1], match[2]

@@ -98,7 +98,7 @@ class Node(BaseModel):
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
-        """Return the mapping that a short form stands for."""
+        """Return the mapping that a short form stands for; raises `wrong_shape` where a mapping is needed."""
         if cls.SHAPE and not isinstance(data, Map):
             raise wrong_shape(f"expected {cls.SHAPE}, got {show(data)}{cls._line_for(data)}")
         return data
@@ -145,7 +145,7 @@ class Node(BaseModel):
         return text
 
     def mapping(self, key: str) -> Map | None:
-        """Return the mapping under `key` as it was read, with its places."""
+        """Return the mapping under `key` as it was read, with its places; None where there is no mapping."""
         found = self._raw.get(key) if isinstance(self._raw, Map) else None
         return found if isinstance(found, Map) else None
 
@@ -155,7 +155,10 @@ class Node(BaseModel):
         return self.place if holder is None else holder.value_place(last)
 
     def _deepest(self, *words: str) -> tuple[Map | None, str]:
-        """Follow keys into nested mappings; return the last mapping that had its key, and that key."""
+        """Follow keys into nested mappings; return the last mapping that had its key, and that key.
+
+        None and '' where not even the first key is there.
+        """
         raw, holder, last = self._raw, None, ""
         for name in words:
             if not isinstance(raw, Map) or name not in raw:

@@ -318,7 +318,10 @@ def read_bytes(path: Path, findings: Findings) -> bytes | None:
 
 
 def head(path: Path) -> tuple[str, str] | None:
-    """Return the kind and name that a file gives itself (`mission`, `InspectionMission`)."""
+    """Return the kind and name that a file gives itself (`mission`, `InspectionMission`).
+
+    None where the file cannot be read, or has no such line.
+    """
     try:
         raw, _ = _content(path)
     except OSError:
@@ -342,7 +345,10 @@ def _content(path: Path) -> tuple[bytes, int]:
 
 
 def parse_bytes(raw: bytes, name: str, findings: Findings) -> Map | None:
-    """Parse the bytes of a file to a mapping with places; `name` is the file's name in them."""
+    """Parse the bytes of a file to a mapping with places; `name` is the file's name in them.
+
+    None after a finding: it is not UTF-8, no YAML, or no mapping.
+    """
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -355,7 +361,10 @@ def parse_bytes(raw: bytes, name: str, findings: Findings) -> Map | None:
 
 
 def parse(text: str, name: str, findings: Findings) -> Map | None:
-    """Parse the text of a file to a mapping with places; `name` is the file's name in them."""
+    """Parse the text of a file to a mapping with places; `name` is the file's name in them.
+
+    None after a finding: it is no YAML, or no mapping.
+    """
     builder = _Builder(text, name, findings)
     try:
         root = builder.document()

@@ -148,6 +148,7 @@ class _Outliner:
         return count
 
     def _initial(self, state: State) -> str | None:
+        """Return the child that is drawn as the initial one; None in a state that is not compound."""
         if state.kind is not Kind.COMPOUND:
             return None
         first = state.initial or next(iter(state.children), None)
@@ -184,7 +185,10 @@ class _Outliner:
     # -- arrows -----------------------------------------------------------------------------------------
 
     def _pairs(self) -> Iterator[tuple[str, str, Transition | None]]:
-        """Yield source and target of each transition; a history leads to its default."""
+        """Yield source, target and transition; a history leads to its default, with None as its transition.
+
+        Transitions without a target are left out.
+        """
         for state in self._states.values():
             if state.kind is Kind.HISTORY and state.initial is not None:
                 yield state.name, state.initial, None

@@ -73,7 +73,7 @@ class EntryExit:
         return state.parent is not None and self._scope.chart.states[state.parent].slot
 
     def _result(self, final: State, trigger: Trigger, step: Macrostep) -> Mapping[str, Any]:
-        """Return the done data of a final state; empty if an expression fails."""
+        """Return the done data of a final state; if an expression fails, none, and the step has the error."""
         if not final.result:
             return NOTHING
         try:

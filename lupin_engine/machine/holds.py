@@ -62,13 +62,16 @@ def passes(rule: Transition, memory: Memory) -> bool:
 
 
 def released_by(rule: Transition) -> tuple[str, ...]:
-    """Return the holds that a transition releases: the engine's own with them where somebody asks for it."""
+    """Return the holds that a transition releases; an operator's request releases the engine's own, too."""
     asked = bool(rule.releases) and rule.refuse is None and (rule.event or "").startswith("operator.")
     return (*rule.releases, *(OWN_HOLDS if asked else ()))
 
 
 def blocking_hold(rule: Transition, memory: Memory, released: Iterable[str] = ()) -> str | None:
-    """Return the first engaged hold that keeps a transition back; those `released` before do not count."""
+    """Return the first engaged hold that keeps a transition back; None where it may be taken.
+
+    Holds that it works `during` or releases, and those `released` before, do not count.
+    """
     blocking = memory.engaged_beside((*rule.during, *released_by(rule), *released))
     return blocking[0] if blocking else None
 

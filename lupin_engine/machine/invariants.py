@@ -12,7 +12,10 @@ from lupin_engine.plugin.contract import INVARIANT_CODE
 
 
 def watch_invariants(scope: EvaluationScope, step: Macrostep) -> None:
-    """Make an error of each invariant that holds no more."""
+    """Raise the error event of each invariant that has become false, and report its code.
+
+    It is raised again only after the invariant has held; one that cannot be evaluated counts as false.
+    """
     broken = scope.memory.broken
     for invariant in scope.chart.invariants.values():
         breach = _breach(invariant, scope, step)
@@ -28,7 +31,7 @@ def watch_invariants(scope: EvaluationScope, step: Macrostep) -> None:
 
 
 def _breach(invariant: Invariant, scope: EvaluationScope, step: Macrostep) -> str:
-    """Return how an invariant is broken, or an empty text; one that cannot be evaluated is."""
+    """Return how an invariant is broken, '' where it holds; one that cannot be evaluated is broken."""
     that, problem = invariant.that, ""
     try:
         if that.evaluate(scope.see("", step)):

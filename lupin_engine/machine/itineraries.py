@@ -63,7 +63,7 @@ class Itineraries:
         memory.current_itinerary = memory.current_itinerary or state.name
 
     def of(self, state: str) -> Traversal | None:
-        """Return the itinerary that `state` works on."""
+        """Return the itinerary that `state` works on; None where the mission has entered none."""
         return traversal_of(self._scope.chart, self._scope.memory, state)
 
     def advance(self, traversal: Traversal | None, step: Macrostep) -> None:

@@ -495,7 +495,10 @@ class Machine:
         return self.memory.history.get(history.name, ())
 
     def _resume_child(self, state: State) -> str | None:
-        """Choose the child in which a state resumes that is restored from history."""
+        """Return the child in which a state resumes that is restored from history, by its `resume_at`.
+
+        None where no guard there is true.
+        """
         return next((rule.target for rule in self.scope.enabled((state.resume_at,), self._step)), None)
 
     def _take(self, chosen: Sequence[Transition], trigger: Trigger) -> None:

@@ -87,7 +87,7 @@ class Traversal:
 
     @property
     def visit(self) -> Visit | None:
-        """The current target's visit."""
+        """The current target's visit; None after the last one."""
         return self.visits[self.index] if self.index < len(self.visits) else None
 
     @property
@@ -153,7 +153,10 @@ class ResourceClaim(NamedTuple):
 
 
 def claim_of(attempt: Attempt) -> ResourceClaim | None:
-    """Return the claim of an attempt, if it uses anything or waits."""
+    """Return the claim of an attempt; None where it is lost, or uses nothing and is not held up.
+
+    An attempt is held up while it waits for a resource, or refuses to end.
+    """
     waits = attempt.phase is Phase.WAITING
     refused = attempt.phase is Phase.REFUSED
     if attempt.phase is Phase.LOST or not (attempt.uses or waits or refused):
@@ -394,7 +397,7 @@ class Memory:
 
     @property
     def traversal(self) -> Traversal | None:
-        """The itinerary entered last in this mission."""
+        """The itinerary entered last in this mission; None before the first."""
         return self.itineraries.get(self.current_itinerary)
 
     @property
@@ -431,7 +434,7 @@ class Memory:
 
     @property
     def total(self) -> int:
-        """How many targets all itineraries of this mission have, and had before they were begun anew."""
+        """How many targets all itineraries of this mission have, with those before they were restarted."""
         begun = [walk for walk in self.itineraries.values() if walk.begun]
         return sum(walk.before + len(walk.items) for walk in begun) + len(self.ahead)
 
@@ -455,6 +458,6 @@ def _entries_of_missions(kind: type, chart: Chart) -> list[tuple[str, list[str]]
 
 @cache
 def _of_parts(kind: type) -> list[tuple[str, Owner]]:
-    """Return the fields of which something may begin with a part."""
+    """Return the fields with entries that a part may reset when it begins."""
     lives = (Life.USE, Life.OWNER)
     return [(one.name, one.owner) for one in fields_of(kind) if one.life in lives and one.owner is not None]

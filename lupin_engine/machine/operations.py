@@ -387,7 +387,7 @@ class Operations:
         del self._scope.memory.attempts[attempt.id]
 
     def _before(self, attempt: Attempt) -> Attempt | None:
-        """Return the earlier attempt that still holds a resource of this one."""
+        """Return the earlier attempt that still holds a resource of this one; None where all are free."""
         needs, memory = set(attempt.uses), self._scope.memory
         replaces = self._invoke(memory.invocations[attempt.invocation]).operation.replaces
         for claim in memory.claims:

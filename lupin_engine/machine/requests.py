@@ -77,7 +77,11 @@ class Requests:
         self.questions = Questions(scope)
 
     def _refused(self, event: Event, code: str, resumes: bool, starts: bool) -> Refusal | None:
-        """Return why a request with effects is refused: a code, a motion that does not end, an invariant."""
+        """Return why a request with effects is refused, None where it is not.
+
+        The reasons, in order: the code; a motion that refuses to end, if the request `resumes`; a broken
+        invariant, if it `starts` a mission.
+        """
         broken = self._broken() if starts else None
         if code:
             return self._refusal(event, code)
@@ -117,7 +121,7 @@ class Requests:
         return found
 
     def _goes_on(self) -> Attempt | None:
-        """Return the motion operation that refuses to end."""
+        """Return the attempt of a motion operation that refuses to end; None where there is none."""
         memory, known = self._scope.memory, self._scope.chart.catalog.operations
         for claim in memory.claims:
             if claim.refused:
@@ -128,7 +132,7 @@ class Requests:
         return None
 
     def _broken(self) -> Invariant | None:
-        """Return an invariant that does not hold, and is not about variables that begin anew."""
+        """Return an invariant that does not hold and reads no variable that begins anew; None without one."""
         chart = self._scope.chart
         anew = {name for name, variable in chart.context.items() if variable.of_mission}
         broken = (chart.invariants[name] for name in self._scope.memory.broken)
@@ -249,7 +253,7 @@ def _value(
 def read_request(
     world: World, data: Mapping[str, Any], env: Environment
 ) -> tuple[dict[str, Any], Refusal | None]:
-    """Return the mission's request values, or the first reason to refuse.
+    """Return the mission's request values and None, or {} and the first reason to refuse.
 
     Args:
         world: gives the missions and the readers of plugin types.
@@ -282,7 +286,7 @@ def described(field: Field) -> str:
 
 
 def _unknown_mission(world: World, name: str) -> Refusal:
-    """Refuse a name that no mission has; it may be meant for the mission or for its file."""
+    """Return the refusal of a name that no mission has, with the nearest name of a mission or its file."""
     missions = world.chart.missions
     called = {PurePath(mission.file).stem: mission.name for mission in missions.values()}
     called.update({mission: mission for mission in missions})
@@ -337,7 +341,7 @@ def _read_field(world: World, field: Field, given: Any, env: Environment) -> tup
 
 
 def _too_many(world: World, field: Field, value: Any) -> Refusal | None:
-    """Refuse a list that is too long, before its elements are checked; a default may be one, too."""
+    """Return the refusal of a list that is too long, else None; the elements are checked after it."""
     most = world.parameters.get(MAX_TARGETS, DEFAULT_MAX_TARGETS)
     if not isinstance(value, list) or len(value) <= most:
         return None
@@ -354,7 +358,7 @@ def _read(world: World, wanted: Type, given: Any) -> Any:
 
 
 def _read_list(world: World, item: Type, given: list[Any]) -> list[Any]:
-    """Read every element, and report all wrong ones at once."""
+    """Read every element; ValueError with the texts of all wrong ones."""
     values, problems = [], []
     for element in given:
         try:

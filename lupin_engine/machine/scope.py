@@ -44,10 +44,10 @@ class Calendar(Protocol):
         """Return date and time of day."""
 
     def next(self, time: str, after: float, without: Collection[str]) -> tuple[float, str]:
-        """Return the first moment after another one at which clocks come to a time of day, and its date.
+        """Return the first moment later than `after` at which clocks show `time`, and its date.
 
-        That is a date that is not among those `without`. A time that is left out on a date is come to when
-        the clock leaps over it, one that comes twice counts the first time.
+        Dates in `without` are skipped. A time that is left out on a date counts when the clock leaps over
+        it, one that comes twice counts the first time.
         """
 
     def as_text(self, moment: float) -> str:
@@ -374,7 +374,7 @@ class EvaluationScope(dict[str, Any]):
         return ChainMap({"target": target}, self)
 
     def traversal(self) -> Traversal | None:
-        """Return the itinerary that the state works on in which the expression is written."""
+        """Return the itinerary that the expression's state works on; None before the mission enters one."""
         return traversal_of(self.chart, self.memory, self._state)
 
     def in_state(self, names: Iterable[str]) -> bool:
@@ -398,7 +398,10 @@ _ASKED_SELDOM: Mapping[str, Callable[[EvaluationScope], Any]] = MappingProxyType
 
 
 def traversal_of(chart: Chart, memory: Memory, state: str) -> Traversal | None:
-    """Return the itinerary that `state` works on: its own or its ancestors', else the mission's last one."""
+    """Return the itinerary that `state` works on: its own or its ancestors', else the mission's last one.
+
+    None where the mission has entered no itinerary.
+    """
     if not memory.itineraries:
         return None
     for name in chart.lineage[state]:

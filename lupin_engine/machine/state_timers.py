@@ -1,4 +1,4 @@
-"""The timers of states: armed when one is entered, forgotten when it is left; a budget keeps its rest."""
+"""The timers of states: armed on entry, disarmed on exit; a budget keeps the time that is left of it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class StateTimers:
         self._wall = wall
 
     def arm(self, state: State, trigger: Trigger, step: Macrostep) -> None:
-        """Start the timers of a state that is entered."""
+        """Start the timers of a state that is entered, but none whose time is an error: the step has that."""
         for timer in (*state.timers, *((state.budget,) if state.budget else ())):
             if timer.word != "at":
                 self._arm(timer, "budget" if timer is state.budget else "after", state, trigger, step)
@@ -46,7 +46,10 @@ class StateTimers:
             self._scope.timers.disarm("budget", state)
 
     def tick_again(self, state: str, event: str, due: float, step: Macrostep) -> None:
-        """Schedule the next tick of an `every` from when this one was due; missed ticks are skipped."""
+        """Schedule the next tick of an `every` from when this one was due; missed ticks are skipped.
+
+        If its period is an error now, the step has that, and no tick follows.
+        """
         for timer in self._scope.chart.states[state].timers:
             if timer.word == "every" and timer.event == event:
                 try:
@@ -58,7 +61,7 @@ class StateTimers:
                 self._scope.timers.arm("after", state, due + missed * period, period, event)
 
     def _arm(self, timer: Timer, kind: str, state: State, trigger: Trigger, step: Macrostep) -> None:
-        """Start a timer of a state, unless an earlier visit's is still running."""
+        """Start a timer of a state, unless an earlier visit's is still running; an error is the step's."""
         timers, memory = self._scope.timers, self._scope.memory
         if timer.goes_on and timers.left(kind, state.name, step.now) is not None:
             return
@@ -92,7 +95,7 @@ class StateTimers:
 
 
 def _delay(timer: Timer, env: Environment) -> float:
-    """Return how long a timer takes; ValueError: no clock could wait that long, or tick so often."""
+    """Return how long a timer takes; errors of its expression, ValueError: too long, or too often."""
     found = seconds(timer.due.evaluate(env))
     if timer.word == "every" and found < MIN_PERIOD:
         raise ValueError(f"{found:g} s is too often, the shortest is {MIN_PERIOD:g} s")

@@ -217,7 +217,7 @@ def _fault_transition(chart: Chart) -> tuple[Transition, ...]:
 
 
 def _library_initial(chart: Chart, state: State) -> str | list[str] | None:
-    """Return the initial child, or all regions, which the library's type hints do not allow for."""
+    """Return the initial child, or all regions (the library's hints lack a list); None without children."""
     if not state.children:
         return None
     if state.kind is Kind.PARALLEL:

@@ -67,13 +67,17 @@ def is_missions_folder(folder: Path) -> bool:
 
 
 def lifecycle_in(folder: Path) -> Path:
-    """Return the lifecycle around the missions of a folder: the one that stands there, or the shipped one."""
+    """Return the lifecycle around the missions of a folder: the one that is there, else the shipped one.
+
+    Raises:
+        UsageError: neither is there.
+    """
     own = folder / LIFECYCLE
     return own if own.is_file() else default_missions_folder() / LIFECYCLE
 
 
 def lifecycle_of(mission: Path) -> Path:
-    """Return the lifecycle that a mission file belongs to."""
+    """Return the lifecycle that a mission file belongs to; errors as for `lifecycle_in`."""
     return lifecycle_in(mission.parent)
 
 

@@ -208,7 +208,7 @@ def load_files(
 def check_chart(
     lifecycle: Path, missions: Sequence[Path], catalog: Catalog
 ) -> tuple[Chart | None, tuple[Diagnostic, ...]]:
-    """Load a lifecycle with missions, with all findings; no chart when there are errors."""
+    """Load a lifecycle with missions; return the chart, None where there are errors, and all findings."""
     inspection = inspect_chart(lifecycle, missions, catalog)
     return inspection.chart, inspection.found
 

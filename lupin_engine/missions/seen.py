@@ -20,7 +20,7 @@ UNNAMED = "unnamed"
 
 
 def seen_file() -> Path:
-    """Return the file of this user."""
+    """Return the file of this user; UsageError where the user has no home folder."""
     return user_folder("XDG_STATE_HOME", ".local/state") / "bundles.json"
 
 

@@ -26,7 +26,7 @@ LOCAL = Path(MISSIONS)
 
 
 def mission_folders() -> list[Path]:
-    """Return the search path of missions, nearest first."""
+    """Return the search path of missions, nearest first; UsageError where the shipped ones are missing."""
     found = [LOCAL] if is_missions_folder(LOCAL) else []
     shipped = default_missions_folder()
     return found if found and LOCAL.resolve() == shipped.resolve() else [*found, shipped]

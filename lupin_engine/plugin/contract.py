@@ -253,7 +253,7 @@ class Access:
     in one stands for any letters.
 
     `motions` are topics and services that move the robot, and `velocities` topics of which a message of zeros
-    stops it, whoever may use them: nothing on them passes while the robot is stopped. Every action moves it.
+    stops it, for every role: nothing on them passes while the robot is stopped. Every action moves it.
     """
 
     viewer: tuple[str, ...] = ()
@@ -271,13 +271,13 @@ class Plugin:
     plugins. `client` is `module:Class` of the `Driver`; `nodes` maps a node's name to `module:function`,
     called with the command line's ROS arguments and returning an exit code. `stands_in` maps a node that
     simulates something to the actions and services of the real thing: it is not started where those are.
-    `guards` maps a node that looks after something, real or simulated, to its actions and services.
+    `guards` maps a node that supervises a device, real or simulated, to its actions and services.
     `companions` names nodes that only listen, and run beside every mission, whether it uses the plugin or
     not. `composable` names nodes that may share a process: each is a `RosNode`, and none keeps the robot
     safe. `simulated_defaults` are values, in base units, that parameters of missions take by default where
     the plugin's simulations are started. The names of its nodes that others may use, such as bindings, are
     separate rights: `serves` are services and actions that may be called, `publishes` topics that may be
-    subscribed to and that nobody else may publish, `accepts` topics that may be published. `access` are the
+    subscribed to and that no other node may publish, `accepts` topics that may be published. `access` are the
     names of its nodes and drivers that people's pages may use. `readers` are by the name of the type that
     they read. An `internal` plugin is for a chart of its own and is not offered to authors of missions.
     The nodes of one that is `hmi` serve people's pages, and are started where `--hmi` asks for them; `pages`
@@ -319,7 +319,7 @@ class Plugin:
 
     @property
     def serving(self) -> dict[str, str]:
-        """The nodes that its driver may talk to: those that guard something are none."""
+        """The nodes that its driver may talk to: all but those in `guards`."""
         return {name: entry for name, entry in self.nodes.items() if name not in self.guards}
 
 

@@ -53,7 +53,10 @@ class EntryPoint:
 
     @property
     def distribution(self) -> Distribution | None:
-        """The package that brought it; reading that takes longer than finding all entry points."""
+        """The package that brought it; None where it is unknown.
+
+        Reading its name takes longer than finding all entry points.
+        """
         found = self.brought_by  # of a class of their own, where `importlib_metadata` has been imported
         return None if found is None else Distribution(found.name, found.version)
 

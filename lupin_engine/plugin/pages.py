@@ -42,7 +42,7 @@ class PageSource(Protocol):
         """Return the first data for a client: `mode`, `title`, and more."""
 
     def begin(self, tell: Callable[[PageMessage], None], forget: Callable[[], None]) -> None:
-        """Begin; call `tell` with every message from now on, and `forget` when all of them are void."""
+        """Begin; pass every message from now on to `tell`, and call `forget` when all of them are void."""
 
     def work(self, now: float) -> float | None:
         """Carry out due actions; return the seconds until the next call, None: only after a request."""

@@ -29,7 +29,7 @@ class Rating(enum.Enum):
 
     GOOD = "good"  #: the visit did what it was for
     BAD = "bad"  #: it did not
-    LEFT_OUT = "left out"  #: nobody tried
+    LEFT_OUT = "left out"  #: it was not tried
 
 
 @dataclass(frozen=True)
@@ -310,7 +310,7 @@ class Wire:
 
 @dataclass(frozen=True)
 class Flag:
-    """Something that is so or not: a pill in the title, and a line when it begins and when it ends."""
+    """A condition as the terminal shows it: `pill` in the title, `on` and `off` as lines when it changes."""
 
     pill: str
     on: str
@@ -371,7 +371,7 @@ class Profile:
         return tuple(outcome.name for outcome in self.outcomes)
 
     def outcome(self, name: str) -> TargetOutcome | None:
-        """Return the outcome of that name."""
+        """Return the outcome of that name; None where the profile has none."""
         return next((outcome for outcome in self.outcomes if outcome.name == name), None)
 
     def is_good(self, status: str) -> bool:

@@ -124,7 +124,7 @@ class Catalog:
         return replace(self._with_plugins(added), base=self.installed)
 
     def with_profile(self, name: str) -> Catalog:
-        """Return the same with the profile `name`, which is installed, as the one that holds."""
+        """Return the same with the installed profile `name` as the one that holds; KeyError for another."""
         chosen = self.profiles[name]
         return self if chosen is self.profile else replace(self, profile=chosen)
 
@@ -159,7 +159,7 @@ def _import_profile(point: EntryPoint) -> Profile:
 
 
 def refuse_rivals(name: str, points: Sequence[EntryPoint]) -> None:
-    """See that not two packages bring a plugin of one name; `points` are all that do.
+    """Check that no two packages bring a plugin of one name; `points` are all that do.
 
     Raises:
         PluginError: there are two.
@@ -208,7 +208,7 @@ def build_catalog(plugins: Iterable[Plugin], profiles: Iterable[Profile] = ()) -
 
 
 def _profiles(profiles: Iterable[Profile]) -> dict[str, Any]:
-    """Return the fields of a catalog about profiles."""
+    """Return the fields of a catalog about profiles; PluginError: one is malformed or installed twice."""
     found: dict[str, Profile] = {}
     for profile in profiles:
         if profile.name in found:
@@ -316,7 +316,7 @@ def _refused(plugin: Plugin, reason: str) -> PluginError:
 
 
 def _verify(plugin: Plugin) -> None:
-    """Check one plugin by itself, and report all its errors, in the order of its declaration."""
+    """Check one plugin by itself; PluginError with all its errors, in the order of its declaration."""
     try:
         found = list(misshapen(plugin)) or list(_problems(plugin))
     except Exception as error:  # what stands there is not even of the kind that can be checked
@@ -485,7 +485,7 @@ def _range_problems(where: str, kind: Type, lowest: float | None, highest: float
 
 
 def _unit_problems(where: str, unit: str) -> Iterator[str]:
-    """Numbers are kept in the base of their dimension, and missions write them with one of its units."""
+    """Yield the problem of a unit that is no base unit of a dimension: numbers are kept in these."""
     base = UNITS[unit][0] if unit in UNITS else None
     if base is None:
         yield f"{where} has the unit {unit!r}, which missions cannot write; {nearest(unit, UNITS)}"
@@ -523,6 +523,7 @@ def _code_problems(where: str, codes: Iterable[Code]) -> Iterator[str]:
 
 
 def _mismatch(value: Any, wanted: Type) -> str | None:
+    """Return why a value is not of a type; None where it is, or where this is no type (reported before)."""
     if not isinstance(wanted, Type):
         return None  # which has been told
     return next((problem.text for problem in problems(value, wanted)), None)

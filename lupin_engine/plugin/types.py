@@ -223,10 +223,10 @@ def in_base(value: Any, unit: str) -> Any:
 
 
 def parse_type(text: str, known: Mapping[str, Type]) -> Type:
-    """Parse a type as missions write it: a name, or `list of NAME` or `set of NAME`.
+    """Parse a type as missions write it: a name, or `list of TYPE` or `set of TYPE`.
 
     Raises:
-        ValueError: the name is unknown; the text lists the known ones.
+        ValueError: the name is unknown, and the text has the nearest; or more than `MAX_LISTS` are nested.
     """
     words = text.split()
     made: list[Callable[[Type], Type]] = []
@@ -275,7 +275,7 @@ class Notation(enum.Enum):
 
 
 class Fault(enum.Enum):
-    """In which way a value is not of a type."""
+    """The ways in which a value is not of a type."""
 
     KIND = enum.auto()
     NO_UNIT = enum.auto()

@@ -55,7 +55,7 @@ def turn_fields(yaw: float) -> dict[str, float]:
 
 
 def filled_in(w: float) -> float:
-    """Return the w of an orientation that somebody has filled in: never 0."""
+    """Return the w of an orientation that was filled in: never 0."""
     return w if abs(w) >= SMALLEST_W else math.copysign(SMALLEST_W, w)
 
 

@@ -88,7 +88,7 @@ class JournaledRun:
 
 
 def runs_of(folder: Path, left_out: Callable[[str], object] = lambda problem: None) -> list[JournaledRun]:
-    """Return the runs in a journal, the oldest first; `left_out` is told of a file that cannot be read.
+    """Return the runs in a journal, the oldest first; `left_out` gets the problem of an unreadable file.
 
     Raises:
         JournalError: there is no journal.

@@ -463,7 +463,12 @@ class _Maker:
         self._called = mission_name(self._mission, file, missions)
 
     def text(self) -> str:
-        """Return the scenario with the fewest digits and live values that run the same."""
+        """Return the scenario with the fewest digits and live values that run the same.
+
+        Raises:
+            UsageError: none with all digits runs as recorded; the text has the first difference.
+            ChartError: all errors of the mission, or of the scenario that was made.
+        """
         digits = next((digits for digits in _DIGITS if not self._differs(self._recording, digits)), None)
         if digits is None:
             differs = self._differs(self._recording, _DIGITS[-1])

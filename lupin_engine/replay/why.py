@@ -245,7 +245,7 @@ class Inquiry:
         return found
 
     def _cause(self, index: int) -> int | None:
-        """Return the step that caused this one; None where the event is external."""
+        """Return the step that caused this one; None where the event is external, or it is unknown."""
         event = self._lived[index].step.event
         if event.name == PROPERTY_BROKEN:
             return index - 1 if index else None
@@ -266,6 +266,7 @@ class Inquiry:
         return self._before(index, lambda step: owner in step.entered)
 
     def _before(self, index: int, fits: Callable[[Step], bool]) -> int | None:
+        """Return the last step before this one that fits; None without one."""
         return next((i for i in range(index - 1, -1, -1) if fits(self._lived[i].step)), None)
 
     def _fails(self, step: Step, state: str) -> bool:
@@ -278,6 +279,7 @@ class Inquiry:
         return attempt is not None and attempt.state == state
 
     def _last_entry(self, name: str) -> int | None:
+        """Return the last step that entered a state; None where none did."""
         for index in range(len(self._lived) - 1, -1, -1):
             step = self._lived[index].step
             if name in {word for moment in step.trail for word in _words(moment)}:
@@ -312,6 +314,7 @@ class Inquiry:
         return tuple(cause for index in indices if (cause := self._cause_of(index)) is not None)
 
     def _cause_of(self, index: int) -> Cause | None:
+        """Return a step as a line; None where it has no line in the story."""
         one = self._lived[index]
         lines = narrate(self._chart, self._history, index, index + 1)
         if not lines:

@@ -23,7 +23,7 @@ class Clock(Protocol):
 
 
 class VirtualClock:
-    """A clock that stands still until it is moved, beside one on the wall, in POSIX time, that may be set."""
+    """A steady clock that stands still until it is moved, and a wall clock (POSIX time) that may be set."""
 
     def __init__(self, start: float = 0.0, wall: float = 0.0) -> None:
         self._now = start
@@ -38,7 +38,7 @@ class VirtualClock:
         return self._now + self._ahead
 
     def set_wall(self, wall: float) -> None:
-        """Set the clock on the wall; the other one stays as it is."""
+        """Set the wall clock; the steady one stays as it is."""
         self._ahead = wall - self._now
 
     def move_to(self, time: float) -> None:
@@ -80,7 +80,10 @@ class ZoneCalendar:
         return exact.isoformat(" ", precise)
 
     def next(self, time: str, after: float, without: Collection[str]) -> tuple[float, str]:
-        """Return the first moment after another one at which clocks come to a time of day, and its date."""
+        """Return the first moment later than `after` at which clocks show `time`, and its date.
+
+        Dates in `without` are skipped. A time that clocks leave out on a date counts as shown when they leap.
+        """
         day, wanted = self._local(after).date(), time_of_day.fromisoformat(time)
         while True:
             moment = self._reached(day, wanted)
@@ -107,7 +110,7 @@ class ZoneCalendar:
         return datetime.fromtimestamp(round(moment, 3), self._zone)
 
     def _reached(self, day: date, time: time_of_day) -> float:
-        """Return when clocks first show that, or leap over it."""
+        """Return when clocks first show a time of day on a date, or leap over it."""
         wanted = datetime.combine(day, time)
         found = wanted.replace(tzinfo=self._zone)
         there = found.astimezone(timezone.utc)

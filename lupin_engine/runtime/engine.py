@@ -199,7 +199,7 @@ class Engine:
         return self.machine.handle(event, now)
 
     def _safely(self, call: Callable[..., _T], *arguments: Any) -> _T | None:
-        """Call a function; with a callback of `on_failure`, report its exception there instead of raising."""
+        """Call a function; report its exception to `on_failure`'s callback and return None; else raise it."""
         try:
             return call(*arguments)
         except Exception as problem:
@@ -244,6 +244,7 @@ class Engine:
         )
 
     def _ahead(self, now: float) -> float | None:
+        """Return how far the wall clock is ahead of the steady one; None without a wall clock."""
         wall = self._wall()
         return None if wall is None else wall - now
 

@@ -37,7 +37,7 @@ class Wrong(LupinError):
 
 
 class Hand:
-    """Parses the commands for one simulation.
+    """Parses the commands for one simulation. What is wrong in them is raised as `Wrong`.
 
     Args:
         script: of the simulation.
@@ -167,7 +167,7 @@ class Hand:
         return SetClock(" ".join(words))
 
     def duration(self, text: str) -> float:
-        """Read a duration, in seconds."""
+        """Read a duration, in seconds; raises `Wrong` for any other text."""
         try:
             return float(convert(text, DURATION))
         except ValueError:
@@ -185,7 +185,7 @@ class Hand:
         return name
 
     def _fields(self, words: Iterable[str], types: Mapping[str, Type]) -> dict[str, Any]:
-        """Read `name=value` words."""
+        """Read `name=value` words; raises `Wrong`."""
         found = {}
         for word in words:
             name, equals, text = word.partition("=")
@@ -215,7 +215,7 @@ class Hand:
 
 
 def first(words: list[str], question: str, allowed: Iterable[str]) -> str:
-    """Return the first word; without one, ask for it."""
+    """Return the first word; without one raise Wrong, whose text is the question and what is allowed."""
     if not words:
         raise Wrong(f"{question}? {', '.join(sorted(allowed)) or 'there is none'}")
     return words[0]

@@ -142,7 +142,7 @@ class OrderComparison:
                 yield self._maker.failure(place, f"never: {node.state}", expected, actual, step, [name])
 
     def _unwanted(self, node: NeverNode) -> Entry | None:
-        """Return the first entry that should not be."""
+        """Return the first entry that `never` forbids; None where there is none."""
         counts = node.after is None
         for step, name in self._entered:
             if counts and is_named(name, node.state):

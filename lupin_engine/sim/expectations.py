@@ -154,7 +154,10 @@ class Comparison:
         yield self._maker.failure(place, word, list(map(str, expected)), actual, around)
 
     def _publication(self, word: str, index: int, visit: Visit | Publish | None) -> Step | None:
-        """Return the step of a publication: that of its number, or the last about a visit's target."""
+        """Return the step of a publication: that of its number, or the last about a visit's target.
+
+        None where there was no such publication.
+        """
         found = self._run.history.published
         if word == "published":
             return found[index][0] if index < len(found) else None

@@ -130,7 +130,7 @@ class FailureMaker:
                 break
 
     def _story(self, around: Step | None) -> tuple[tuple[str, ...], int | None]:
-        """Return the lines around a step and which of them is the step's; without one the last lines."""
+        """Return the lines around a step, and the index of its own; without a step the last ones and None."""
         history = self._run.history
         lines = [str(line) for line in narrate(self._chart, history)]
         if around is None:

@@ -127,7 +127,7 @@ class ScenarioNames:
         self.findings.add(place, "wrong-shape", path, problem, hint)
 
     def operation(self, place: Place, name: str) -> Operation | None:
-        """Find an operation."""
+        """Return an operation of the catalog; None after a finding with the nearest name."""
         self.known(place, "operation", name, self.catalog.operations)
         return self.catalog.operations.get(name)
 
@@ -238,7 +238,7 @@ class ScenarioNames:
             self.findings.add(place, "wrong-type", path, *str(problem).split("; "))
 
     def latency(self, place: Place, path: str, value: Any) -> float | Between | None:
-        """Read a duration, or those that it lies between."""
+        """Read a duration in seconds, or the ones that it lies between; None after findings."""
         if not isinstance(value, Mapping):
             return self.duration(place, path, value)
         bounds = value.get("between")

@@ -128,7 +128,7 @@ class Rule:
 
 
 def drawn(outcome: MockOutcome | AnyOf, dice: random.Random) -> MockOutcome:
-    """Return an outcome in which nothing is left to chance."""
+    """Return an outcome with its durations drawn; of several alternatives one, drawn by their weights."""
     while isinstance(outcome, AnyOf):
         (outcome,) = dice.choices(outcome.outcomes, outcome.weights)
     if not outcome.is_random:
@@ -384,7 +384,7 @@ class Stage:
             self._later(after, lambda: self._come_to_end(attempt, outcome))
 
     def _come_to_end(self, attempt: str, outcome: MockOutcome) -> None:
-        """End as planned, or as much later as it was put off."""
+        """End an attempt now, or as much later as `delay` has put it off; one that has ended is ignored."""
         running = self._running.get(attempt)
         late = running.late if running is not None else 0.0
         if running is None or not late:
@@ -462,14 +462,14 @@ class _Disconnected:
 
 
 class ScriptedDriver:
-    """A plugin's side of a stage; see `plugin.contract.Driver`."""
+    """The driver of a plugin whose servers a stage plays (`plugin.contract.Driver`)."""
 
     def __init__(self, stage: Stage, plugin: str) -> None:
         self._stage = stage
         self._plugin = plugin
 
     def missing(self) -> list[str]:
-        """Nothing: a scripted server is always there."""
+        """Return []: a scripted server is always there."""
         return []
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
@@ -488,4 +488,4 @@ class ScriptedDriver:
         """Carry out an action: the record of the step is all that comes of it."""
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no resource is held."""

@@ -323,7 +323,7 @@ class _InMemory:
         return Leftover(journal_of(Path("journal"), self._writer.data))
 
     def go_on(self, left: Leftover, shift: float) -> None:
-        """Append to it."""
+        """Continue the journal that `left` is, as a new process does; its clock is `shift` seconds ahead."""
         self.journal.go_on(left.file, shift, self._simulation.now, "")
 
 
@@ -448,7 +448,7 @@ class Simulation:
 
     @property
     def answered(self) -> Mapping[tuple[str, str, float | None, int | None], int]:
-        """How many attempts fell under which rule, by operation, target, metres and the rule's number."""
+        """How many attempts each rule answered, by operation, target, metres and the rule's number."""
         return self._stage.answered
 
     @property

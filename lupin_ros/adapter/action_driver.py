@@ -43,7 +43,7 @@ OWN_GOALS = 100
 class _OthersGoals:
     """Cancels goals of other clients at a server of ours before a goal of ours is sent.
 
-    Somebody may have driven the robot by hand while the mission was held.
+    An operator may have driven the robot by hand while the mission was held.
     """
 
     def __init__(self, ros: RosNode, name: str, cancel: ServiceCaller) -> None:

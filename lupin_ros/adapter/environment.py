@@ -32,7 +32,7 @@ PACKAGE_MARKERS = Path("share", "ament_index", "resource_index", "packages")
 
 
 def rclpy_source() -> RclpySource | None:
-    """Where `import rclpy` finds it: in the wheels, in a sourced ROS 2, or nowhere."""
+    """Return where `import rclpy` finds it: in the wheels, or in a sourced ROS 2; None: nowhere."""
     try:
         found = importlib.util.find_spec("rclpy")
     except (ImportError, ValueError):
@@ -56,6 +56,9 @@ def prepare() -> None:
 
     Call it before anything else: in apt mode it may start the program anew, as the dynamic linker reads the
     library path only once.
+
+    Raises:
+        UsageError: wheels and a sourced ROS 2 are mixed, or a restart did not complete the library path.
     """
     refuse_mixture(os.environ)
     complete = child_environment()
@@ -71,12 +74,12 @@ def prepare() -> None:
 
 
 def child_environment() -> dict[str, str]:
-    """The environment for a Python of this installation: ours, and where its interfaces and libraries are."""
+    """Return the environment for a Python of this installation, completed by its interfaces and libraries."""
     environment = dict(os.environ)
     environment.pop(RESTARTED, None)
     _put(environment, AMENT_PREFIXES, sys.prefix)
     # The wheels put their libraries on the path by themselves; it is the interfaces built beside an apt ROS
-    # that nobody would find. Type support is loaded by bare file name, so only the path can lead to it.
+    # that need it. Type support is loaded by bare file name, so only the path can lead to it.
     libraries = Path(sys.prefix, "lib")
     if rclpy_source() == "apt" and any(libraries.glob("lib*__rosidl_typesupport_c.so")):
         _put(environment, LIBRARIES, str(libraries))
@@ -84,7 +87,7 @@ def child_environment() -> dict[str, str]:
 
 
 def refuse_mixture(environment: Mapping[str, str]) -> None:
-    """Raise if this installation carries the wheels while another ROS 2 is sourced."""
+    """Raise UsageError if this installation has the wheels while another ROS 2 is sourced."""
     if not wheels_installed():
         return
     sourced = _sourced_ros(environment)
@@ -102,7 +105,10 @@ def wheels_installed() -> bool:
 
 
 def _sourced_ros(environment: Mapping[str, str]) -> str | None:
-    """Name the ROS 2 that was sourced. A workspace of interfaces built against the wheels is not one."""
+    """Return what names the ROS 2 that was sourced, None without one.
+
+    A workspace of interfaces built against the wheels is not one.
+    """
     for prefix in filter(None, environment.get(AMENT_PREFIXES, "").split(os.pathsep)):
         ours = os.path.realpath(prefix) == os.path.realpath(sys.prefix)
         if not ours and (Path(prefix) / PACKAGE_MARKERS / "rclpy").exists():

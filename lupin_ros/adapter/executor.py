@@ -188,7 +188,7 @@ class Executor(SingleThreadedExecutor):
         return self._may(entity)
 
     def _wait(self, nanoseconds: int) -> None:
-        """Wait at most so long, and queue all ready entities."""
+        """Wait at most so long, and queue all ready entities; ExternalShutdownException after a shutdown."""
         kinds = events, _ = self.events_too, self.answers_only
         if self._has_changed or kinds != self._kinds_waited_for:
             self._release()

@@ -125,6 +125,7 @@ class Slices:
             act()
 
     def _take(self) -> Callable[[], None] | None:
+        """Return the next act that waits; None without one."""
         while self._waiting:
             act = next(self._waiting[0], None)
             if act is not None:

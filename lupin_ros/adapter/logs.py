@@ -1,6 +1,7 @@
 """Logs structured events to the node's logger and a file, exceptions of callbacks too, and counts repeats.
 
-A text of which there are more than `MOST` different lines in `COUNT_S` seconds is rate-limited, too.
+Equal lines are counted instead of repeated. Lines that have their text in common and differ in details are
+counted from the `MOST`-th in `COUNT_S` seconds on.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ _UNCOUNTED = "_uncounted"
 
 
 def guarded(callback: Callable[..., Any], log: FilteringBoundLogger) -> Callable[..., Any]:
-    """Return `callback` with its exceptions logged with a traceback instead of raised into the spin."""
+    """Return a function that calls `callback`; it logs an exception with its traceback and returns None."""
 
     def guard(*arguments: Any) -> Any:
         try:
@@ -64,7 +65,7 @@ def guarded(callback: Callable[..., Any], log: FilteringBoundLogger) -> Callable
 
 
 class WarnOnce:
-    """Warnings that may come with every message: each is logged once, and not more than `most` of them."""
+    """Warnings that may come with every message: each is logged once, and those after `most` are dropped."""
 
     def __init__(self, log: FilteringBoundLogger, most: int = 100) -> None:
         self._log = log
@@ -89,10 +90,10 @@ class _Counted:
 
 
 class _RecordFile(RotatingFileHandler):
-    """A file of records; a failed write is ignored, because the console has the same lines."""
+    """A file of records; one that cannot be opened or written is ignored: the console has the same lines."""
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802
-        """Go on."""
+        """Ignore the failure."""
 
 
 class NodeLog:
@@ -119,7 +120,7 @@ class NodeLog:
         """Write records to a file, too: with `size` bytes it becomes `NAME.1`, and so on up to `files`.
 
         Raises:
-            OSError: there can be no such folder.
+            OSError: its folder cannot be made.
         """
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = _RecordFile(path, maxBytes=size, backupCount=files, delay=True, encoding="utf-8")

@@ -100,6 +100,9 @@ def to_ros(name: str, spec: Parameter, value: Any) -> RosParameter:
     """Return checked data as a ROS parameter.
 
     A value has its type, since rclpy takes an empty list for a byte array; None may have none.
+
+    Raises:
+        PluginError: no ROS parameter can have this type.
     """
     kind = ros_type(name, spec.type)
     if isinstance(value, Mapping):
@@ -221,14 +224,21 @@ class DeclaredParameters:
             raise LupinError(f"parameter {parameter.name!r} was not set: {result.reason}")
 
     def values_with(self, specs: Declared) -> dict[str, Any]:
-        """Return the values after a `declare_anew`, without changing anything."""
+        """Return the values after a `declare_anew`, without changing anything.
+
+        Raises:
+            LupinError: the texts of all values that are wrong for these parameters.
+        """
         for name, spec in specs.items():
             ros_type(name, spec.type)
         kept = {name: value for name, value in self.values().items() if specs.get(name) == self._specs[name]}
         return starting_values(specs, self._given()) | kept
 
     def declare_anew(self, specs: Declared) -> None:
-        """Have exactly these parameters: new and changed ones as at a start, the others as they are."""
+        """Have exactly these parameters: new and changed ones as at a start, the others as they are.
+
+        Errors as for `values_with`; then nothing has changed.
+        """
         values = self.values_with(specs)
         kept = {name for name, spec in self._specs.items() if specs.get(name) == spec}
         for name in set(self._specs) - kept:
@@ -259,7 +269,7 @@ class DeclaredParameters:
         return {name: override.value for name, override in self._node._parameter_overrides.items()}
 
     def _refuse_unknown(self, said: Iterable[str]) -> None:
-        """Refuse unknown names of `-p`; one that a parameter file has may be meant for other nodes."""
+        """Raise LupinError for unknown names of `-p`; warn of those of a file, which has others' perhaps."""
         problems = []
         for name in self._given():
             own = name in _ROS_OWN or name.startswith("qos_overrides.") or self._node.has_parameter(name)
@@ -298,6 +308,7 @@ class DeclaredParameters:
             callback(values)
 
     def _refusal(self, changes: list[RosParameter]) -> str | None:
+        """Return why changes are refused: by their types, or by a callback; None where they are taken."""
         names = ", ".join(change.name for change in changes)
         if not self._on_change:
             return f"{names}: read at the start of the node only; restart it with -p"

@@ -117,7 +117,7 @@ def signals_call(stop: Callable[[], None]) -> Iterator[None]:
 
     A Python signal handler runs only when the main thread executes Python, and that thread waits inside
     the middleware. So the bytes that Python writes for each signal are read by a small thread. Outside the
-    main thread signals are somebody else's: of `run_together`, if anybody's.
+    main thread no signal is handled here; `run_together` handles them for its nodes.
     """
     if threading.current_thread() is not threading.main_thread():
         with _ENDING.calls(stop):
@@ -208,7 +208,10 @@ def is_rclpys_end(problem: BaseException) -> bool:
 
 
 def end_with_supervisor(descriptor: int = 0) -> threading.Thread | None:
-    """End this process when the supervisor that started it ends; return the thread that watches, if any."""
+    """End this process when the supervisor that started it ends; return the thread that watches.
+
+    None where no supervisor started it.
+    """
     if os.environ.get(SUPERVISED) != "1":
         return None
     reading = (descriptor, _end_this_process)

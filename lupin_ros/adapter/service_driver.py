@@ -60,7 +60,7 @@ class ServiceDriver:
         return [f"service {name}" for name, service in services.items() if not service.ready()]
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        """Call the operation's service."""
+        """Call the operation's service; ValueError where the plugin has no such operation."""
         if operation not in self._operations:
             raise ValueError(f"{self._plugin} has no operation {operation!r}")
         wanted = self._operations[operation]
@@ -96,7 +96,7 @@ class ServiceDriver:
             self._outlet.cancelled(attempt)
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
-        """Refuse: such a plugin has no actions."""
+        """Raise ValueError: such a plugin has no actions."""
         raise ValueError(f"{self._plugin} has no action {action!r}")
 
     def close(self) -> None:

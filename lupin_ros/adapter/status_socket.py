@@ -1,8 +1,8 @@
 """Lets programs of this user and machine read what a node publishes, without joining the network.
 
 An abstract Unix socket: it belongs to one network namespace, as DDS does, and is gone with its process, so
-that nothing stale can be found. Its name is made of all that decides who hears whom on the network. Either
-side refuses another user. It only says: nothing that is sent to it is read.
+that nothing stale can be found. Its name is a hash of the settings that decide which nodes reach each other.
+Both sides refuse another user. It only sends: it reads nothing.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class StatusSource(Protocol):
     """A part of a node that knows what was published last."""
 
     def status(self) -> str:
-        """Return it as JSON text."""
+        """Return what was published last, as JSON text."""
 
 
 class StatusSocket:
-    """Answers whoever connects with the status of a part of the node, made on the node's thread.
+    """Answers every client with the status of a part of the node, made on the node's thread.
 
     A node whose thread hangs does not answer. Where a socket cannot be opened, the network has to be asked.
     """
@@ -79,7 +79,11 @@ class StatusSocket:
 
 
 def read_status() -> Any:
-    """Return the status of this user's node in this ROS domain and machine; None where none answers."""
+    """Return the status of this user's node in this ROS domain and machine; None where none answers.
+
+    Raises:
+        UsageError: the environment names no ROS domain that exists.
+    """
     with socket.socket(socket.AF_UNIX) as connection:
         connection.settimeout(PATIENCE_S)
         try:

@@ -153,6 +153,7 @@ def _all_names() -> list[str]:
 
 
 def _file(name: str) -> Path | None:
+    """Return the file of an installed type, else of one in this checkout; None where there is none."""
     package, kind, local = name.split("/")
     ours = (_CHECKOUT / f"{folder}{package}" / kind / f"{local}.{kind}" for folder in _FOLDERS)
     return find_source(name) or next((file for file in ours if file.is_file()), None)

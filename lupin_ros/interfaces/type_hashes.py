@@ -19,7 +19,11 @@ from lupin_engine.errors import UsageError
 
 
 def local_hash(type_name: str) -> str:
-    """Return the hash, `RIHS01_...`, of a type such as `nav2_msgs/action/NavigateToPose_Goal`."""
+    """Return the hash, `RIHS01_...`, of a type such as `nav2_msgs/action/NavigateToPose_Goal`.
+
+    Raises:
+        UsageError: it is not installed, or its definition carries no hash.
+    """
     for entry in _description(type_name)["type_hashes"]:
         if entry["type_name"] == type_name:
             return cast("str", entry["hash_string"])
@@ -27,7 +31,11 @@ def local_hash(type_name: str) -> str:
 
 
 def local_fields(type_name: str) -> tuple[tuple[str, dict[str, Any]], ...]:
-    """Return name and type description of each field on the wire, in order; constants are not there."""
+    """Return name and type description of each field on the wire, in order; constants are not there.
+
+    Raises:
+        UsageError: it is not installed, or its definition does not describe it.
+    """
     message = _description(type_name)["type_description_msg"]
     for described in [message["type_description"], *message["referenced_type_descriptions"]]:
         if described["type_name"] == type_name:
@@ -57,7 +65,11 @@ def find_source(type_name: str) -> Path | None:
 
 @functools.cache
 def _description(type_name: str) -> dict[str, Any]:
-    """Return the generator's description of a type; that of a part, such as X_Request, is in service X."""
+    """Return the generator's description of a type, of a part such as X_Request that of service X.
+
+    Raises:
+        UsageError: it is not installed.
+    """
     package, kind, name = _split(type_name)
     relative = Path("share", package, kind, f"{name.split('_')[0]}.json")
     for prefix in _prefixes():

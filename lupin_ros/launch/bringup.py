@@ -240,7 +240,11 @@ class Bringup:
         return ORCHESTRATOR in self.description.starts
 
     def _wait_for(self, missing: Callable[[], Sequence[str]], limit: float) -> None:
-        """Wait until nothing is missing; report changes of the list of missing names."""
+        """Wait until nothing is missing; report changes of the list of missing names.
+
+        Raises:
+            RunFailed: something is missing after `limit` seconds.
+        """
         begin = time.monotonic()
         reported: Sequence[str] = ()
         while waiting := missing():
@@ -267,7 +271,7 @@ class Bringup:
         return [] if self._states else [f"topic {self._wire.state.name}"]
 
     def _missing_servers(self) -> list[str]:
-        """Return the servers that the orchestrator waits for; a fault of our own one ends the run."""
+        """Return the servers that the orchestrator waits for; RunFailed after a fault of our own one."""
         lifecycle, stages = self._progress.lifecycle, self._settings.profile.stages
         if lifecycle in stages.faulted and self.owns_orchestrator:
             raise RunFailed(f"the orchestrator is in {lifecycle}: {_last_event(self._progress)}")
@@ -282,7 +286,7 @@ class Bringup:
         """Start a mission with the fields of a request; for `any_field` see `Operator.start`.
 
         Raises:
-            RunFailed: it was refused, or nobody answered.
+            RunFailed: it was refused, or no orchestrator answered.
         """
         began = time.monotonic()
         answer = self._operator.start(mission, request, ANSWER_S, any_field=any_field)
@@ -456,7 +460,7 @@ class Bringup:
             self.supervisor.note_segments()
 
     def _note_interrupted_mission(self, death: Death) -> None:
-        """Report that the next orchestrator will hold the mission until somebody resumes.
+        """Report that the next orchestrator will hold the mission until an operator resumes it.
 
         Raises:
             RunFailed: the orchestrator is not started again.

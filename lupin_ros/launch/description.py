@@ -31,7 +31,7 @@ class PresentEndpoints:
     actions: frozenset[str] = frozenset()
 
     def offers(self, name: str) -> bool:
-        """Say whether somebody serves the action or service `name`."""
+        """Say whether a node serves the action or service `name`."""
         full = name if name.startswith("/") else f"/{name}"
         return full in self.actions or full in self.services
 

@@ -47,7 +47,7 @@ def peers_advice() -> str:
 
 
 def open_to() -> str:
-    """Return who else can reach and command the nodes of this machine; '' for nobody outside."""
+    """Return which other computers can reach and command the nodes of this machine, and why; '' for none."""
     theirs = users_profile()
     if theirs:
         return f"your DDS profile {theirs} is used instead of the engine's: it alone says who is let in"
@@ -61,12 +61,12 @@ def open_to() -> str:
 
 
 def current_domain() -> int:
-    """Return the ROS domain of this process."""
+    """Return the ROS domain of this process; UsageError where its environment names none that exists."""
     return ros_domain()
 
 
 def is_local_only() -> bool:
-    """Return whether nobody outside this machine can be discovered."""
+    """Return whether nodes discover only those of this machine."""
     return is_closed() and not users_profile()
 
 

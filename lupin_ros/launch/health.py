@@ -1,7 +1,7 @@
 """The checks of `lupin doctor`: one small function each, none of which needs an installed ROS.
 
-Each yields `Finding`s: the subject, the state, and often advice. A check that fails is a problem
-itself.
+Each yields `Finding`s: the subject, the state (`ok`, `note`, `problem`), and often advice. A check that
+raises is a problem itself.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def usable(findings: Sequence[Finding]) -> bool:
 
 
 def look_at_python() -> Iterator[Finding]:
-    """The interpreter, the machine, and this package."""
+    """Check the Python version and the platform; name this package's version."""
     fits = OLDEST_PYTHON <= sys.version_info[:2] < FIRST_TOO_NEW
     advice = "" if fits else "use Python 3.10 to 3.13 (`make PYTHON=/path/to/python3.12 ...`)"
     found = f"{platform.python_version()} in {sys.prefix}"
@@ -99,7 +99,7 @@ def look_at_python() -> Iterator[Finding]:
 
 
 def look_at_ros() -> Iterator[Finding]:
-    """Where ROS 2 comes from, and whether it is one only."""
+    """Check that rclpy can be imported, from one ROS 2 only; name the middleware."""
     source = environment.rclpy_source()
     if source is None:
         yield Finding("rclpy", "not found", "problem", INSTALL_ROS)
@@ -134,7 +134,7 @@ def _wheels_middleware() -> Iterator[Finding]:
 
 
 def look_at_interfaces() -> Iterator[Finding]:
-    """The message types, compared with those that the rest of the system speaks."""
+    """Compare the installed message types, by their hashes, with those that the other nodes use."""
     wires = [profile.wire for profile in load_profiles() if profile.wire is not None]
     hashes = {name: found for wire in wires for name, found in wire.hashes.items()}
     for name, expected in {**hashes, COMMAND_TYPE: COMMAND_HASH}.items():
@@ -154,7 +154,7 @@ def look_at_interfaces() -> Iterator[Finding]:
 
 
 def look_at_network() -> Iterator[Finding]:
-    """The domain, who can be discovered, and how."""
+    """Check the ROS domain and the settings of discovery; note what other computers can reach."""
     domain, advice = os.environ.get(DOMAIN, "").strip(), domain_advice()
     yield Finding(DOMAIN, domain or "not set: 0", "problem" if advice else "ok", advice)
     doors, advice = os.environ.get(RANGE, ""), range_advice()
@@ -176,7 +176,7 @@ def look_at_network() -> Iterator[Finding]:
 
 
 def _permissions() -> Iterator[Finding]:
-    """Whether nodes need certificates and permissions, which the network alone does not ask for."""
+    """Check SROS2: whether nodes need certificates and permissions."""
     if os.environ.get("ROS_SECURITY_ENABLE", "").lower() != "true":
         yield Finding("SROS2", "off: who reaches a node may use all of it")
     elif environment.rclpy_source() == "wheels":
@@ -201,7 +201,7 @@ def _profile() -> Finding:
 
 
 def look_at_left_overs() -> Iterator[Finding]:
-    """Shared memory that nobody uses, and the running nodes of this domain."""
+    """Note stale shared memory, and the running nodes of this domain."""
     stale = stale_segments()
     size = sum(_size(file) for file in stale) / 1e6
     if stale:
@@ -231,7 +231,7 @@ def _size(file: Path) -> int:
 
 
 def running_nodes(domain: int, processes: Path = Path("/proc")) -> Iterator[tuple[int, str]]:
-    """Yield process id and name of each `lupin node` in a ROS domain that this user may inspect."""
+    """Yield process id and name of each `lupin node` in a ROS domain; those of other users are left out."""
     for entry in sorted(processes.glob("[0-9]*"), key=lambda e: int(e.name)):
         try:
             names = _nodes_in(_words(entry / "cmdline"))
@@ -256,7 +256,7 @@ def _nodes_in(words: Sequence[str]) -> list[str]:
 
 
 def look_at_plugins() -> Iterator[Finding]:
-    """Every installed plugin: its contents, or why it is refused."""
+    """Check every installed plugin: a finding has its contents, or why it is refused."""
     for point in entry_points():
         try:
             plugin = verified_plugin(point)
@@ -275,7 +275,7 @@ def look_at_plugins() -> Iterator[Finding]:
 
 
 def look_at_extras() -> Iterator[Finding]:
-    """The packages that only some commands need; a finding for each extra that lacks one."""
+    """Check the packages that only some commands need; a finding for each extra that lacks one."""
     required = metadata.requires("lupin-engine") or []
     for extra, purpose in _EXTRAS.items():
         named = [text for text in required if f"extra == {extra!r}" in text.replace('"', "'")]
@@ -294,7 +294,7 @@ def _is_installed(distribution: str) -> bool:
 
 
 def look_at_missions() -> Iterator[Finding]:
-    """The missions of the nearest folder, checked."""
+    """Check the missions of the nearest folder; a finding for each."""
     try:
         catalog = load_catalog()
         folder = mission_folders()[0]

@@ -61,7 +61,7 @@ class RunMonitor:
     _ended_at: float | None = None
 
     def take(self, kind: str, data: Mapping[str, Any], at: float) -> bool:
-        """Take an arrival; return whether it belongs to this mission."""
+        """Take a `state`, an `observation` or a step; return whether it belongs to this mission."""
         if kind == "state":
             return self._take_state(data, at)
         if kind == "observation":
@@ -136,7 +136,7 @@ class RunMonitor:
 
     @property
     def verdict(self) -> int:
-        """The exit code: all found and visited, some missed, or not done."""
+        """The exit code: `ALL_VISITED`, `SOME_MISSED`, or `NOT_DONE` where the mission has not ended well."""
         if self.lifecycle not in self.profile.stages.ended:
             return NOT_DONE
         good = sum(self.count(status) for status in self.profile.statuses if self.profile.is_good(status))

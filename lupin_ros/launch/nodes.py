@@ -71,7 +71,7 @@ class LaunchableNode:
         return found(values) if found is not None else ()
 
     def load(self) -> Callable[[Sequence[str]], int]:
-        """Import the function that runs the node."""
+        """Import the function that runs the node; PluginError where its module or the function is missing."""
         attribute = self.entry.partition(":")[2]
         found: Callable[[Sequence[str]], int] | None = getattr(self._module(), attribute, None)
         if found is None:
@@ -79,7 +79,7 @@ class LaunchableNode:
         return found
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Run the node until a signal stops it, and return its exit code."""
+        """Run the node until a signal stops it, and return its exit code; its exceptions go through."""
         try:
             return self.load()(arguments)
         except (Exception, KeyboardInterrupt) as problem:

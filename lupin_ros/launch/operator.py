@@ -60,7 +60,7 @@ class Arrival:
 
 @dataclass(frozen=True)
 class Answer:
-    """The orchestrator's answer to a request.
+    """The orchestrator's answer to a request, or why there is none.
 
     `reached` is false without an answer in time, `found` is false where there is no orchestrator.
     """
@@ -140,7 +140,7 @@ class Commander:
         return Answer(False, answers[0].detail if answers else f"{caller.name}: no answer", reached=False)
 
     def is_published(self, topic: str) -> bool:
-        """Return whether somebody publishes a topic."""
+        """Return whether a node publishes a topic."""
         return bool(self._ros.node.count_publishers(topic))
 
     def close(self) -> None:
@@ -260,11 +260,11 @@ class Operator(Commander):
         return sum(1 for found, _ in self._ros.node.get_node_names_and_namespaces() if found == name)
 
     def services(self) -> frozenset[str]:
-        """Return the full names of all services that somebody serves."""
+        """Return the full names of all services that a node serves."""
         return self._served("service")
 
     def actions(self) -> frozenset[str]:
-        """Return the full names of all actions that somebody serves."""
+        """Return the full names of all actions that a node serves."""
         return self._served("action")
 
     def _served(self, kind: Kind) -> frozenset[str]:
@@ -293,7 +293,7 @@ class Operator(Commander):
         return self._call(self._callers[_START], request, timeout, self._started)
 
     def ask(self, name: str, timeout: float) -> Answer:
-        """Send an operator's request: abort, pause, resume, ..."""
+        """Send an operator's request: abort, pause, resume, ...; KeyError for none of the profile's."""
         return self._call(self._callers[name], Trigger.Request(), timeout, _of_trigger)
 
     def _started(self, response: Any) -> Answer:

@@ -23,7 +23,7 @@ def segments_of(pid: int, processes: Path = PROCESSES) -> frozenset[str]:
 
 
 def stale_segments(folder: Path = FOLDER, processes: Path = PROCESSES) -> list[Path]:
-    """Return the files of this user that no living process maps, oldest name first."""
+    """Return the files of this user that no living process maps, sorted by name."""
     used: set[str] = set()
     for entry in processes.iterdir() if processes.is_dir() else ():
         if entry.name.isdigit():
@@ -32,7 +32,11 @@ def stale_segments(folder: Path = FOLDER, processes: Path = PROCESSES) -> list[P
 
 
 def remove(names: Iterable[str], folder: Path = FOLDER, processes: Path = PROCESSES) -> list[str]:
-    """Remove those of the named segments that are stale, with their semaphores; return the removed files."""
+    """Remove those of the named segments that are stale, with their semaphores; return the removed files.
+
+    Raises:
+        OSError: one cannot be removed.
+    """
     wanted = {_segment(name) for name in names}
     gone = []
     for file in stale_segments(folder, processes):

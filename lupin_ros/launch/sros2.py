@@ -96,7 +96,7 @@ def policy(
 
 
 def governance(domain: int) -> str:
-    """Return the governance.xml of a ROS domain: nobody without permissions, nothing in clear."""
+    """Return the governance.xml of a ROS domain: no node without permissions, nothing in clear."""
     root = Xml.Element("dds")
     rule = Xml.SubElement(Xml.SubElement(root, "domain_access_rules"), "domain_rule")
     Xml.SubElement(Xml.SubElement(rule, "domains"), "id").text = str(domain)

@@ -150,7 +150,7 @@ def plain(value: Any) -> Any:
 
 
 def _check(path: Path) -> None:
-    """Check that a file begins as MCAP does."""
+    """Raise UsageError unless a file can be read and begins as MCAP does."""
     if path.is_dir():
         raise UsageError(f"{str(path)!r} is a folder; name the .mcap file in it")
     try:

@@ -35,7 +35,7 @@ class _RecordedStep:
 
 
 class RecordedPages:
-    """See `plugin.pages.PageSource`.
+    """A recording as a source of pages: its history and charts (`plugin.pages.PageSource`).
 
     Args:
         recording: the recording.
@@ -60,22 +60,22 @@ class RecordedPages:
 
     @property
     def topics(self) -> Mapping[str, str]:
-        """See `PageSource`."""
+        """The recorded topics that can be read, each with its type."""
         return self._recording.topics
 
     @property
     def events(self) -> Collection[str]:
-        """See `PageSource`."""
+        """No topic: a page sees each at a moment, by its last message."""
         return ()
 
     @property
     def access(self) -> Access:
-        """See `PageSource`."""
+        """Return the access: viewers may read all topics, and draw and explain charts."""
         services = (*names.ACCESS.viewer, *names.ACCESS.operator)
         return Access(viewer=(*self._recording.topics, *services))
 
     def about(self) -> Mapping[str, Any]:
-        """See `PageSource`."""
+        """Return the mode, the file's name, the recorded time in ms since 1970, and problems for people."""
         recording = self._recording
         return {
             "mode": "recording",
@@ -97,28 +97,32 @@ class RecordedPages:
             yield f"{topic} cannot be read: {why}"
 
     def begin(self, publish: Callable[[PageMessage], None], forget: Callable[[], None]) -> None:
-        """See `PageSource`."""
+        """Do nothing: a recording publishes nothing by itself, pages ask for its `history`."""
 
     def work(self, now: float) -> float | None:
-        """See `PageSource`."""
+        """Return None: there is nothing to do."""
         return None
 
     def clock(self, now: float) -> float:
-        """See `PageSource`."""
+        """Return the end of the recording, in milliseconds since 1970."""
         return self._recording.end / 1e6
 
     def stop(self, stopped: bool) -> None:
-        """See `PageSource`."""
+        """Do nothing: there is no robot."""
 
     def call(self, service: str, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
-        """See `PageSource`."""
+        """See `PageSource`; LupinError for all but drawing and explaining, which a recording can answer."""
         if service not in (names.DRAW_SERVICE, names.EXPLAIN_SERVICE):
             raise LupinError(f"{service}: this is a recording: it cannot be commanded, and nobody answers")
         loaded = self._chart(str(arguments.get("chart", "")))
         return drawn(loaded, arguments) if service == names.DRAW_SERVICE else self._explain(loaded, arguments)
 
     def _explain(self, loaded: LoadedMissions, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Explain a state or transition at a `moment` in milliseconds since 1970, or at the end."""
+        """Explain a state or transition at a `moment` in milliseconds since 1970, or at the end.
+
+        Raises:
+            LupinError: `moment` is no number. Other problems are in the response's `message`.
+        """
         moment = arguments.get("moment", self._recording.end / 1e6)
         if isinstance(moment, bool) or not isinstance(moment, int | float):
             raise LupinError(f"{names.EXPLAIN_SERVICE}: moment must be a number")
@@ -131,7 +135,11 @@ class RecordedPages:
         return shown(loaded, arguments, "explanation", explained)
 
     def _machine(self, loaded: LoadedMissions, moment: float) -> tuple[Machine, float]:
-        """Return the machine, restored from the journal, at a moment in ms since 1970, and its clock."""
+        """Return the machine, restored from the journal, at a moment in ms since 1970, and its clock.
+
+        Raises:
+            LupinError: no step was recorded until then, or the journal cannot be used.
+        """
         place = bisect_right(self._steps, moment, key=lambda step: step.at)
         if not place:
             raise LupinError("no step was recorded until this moment")
@@ -175,7 +183,7 @@ class RecordedPages:
         return self._charts[asked]
 
     def history(self, since: float, topics: Collection[str]) -> Iterator[PageMessage]:
-        """See `PageSource`."""
+        """Yield the messages later than `since`, thinned where not every one counts; no topics: of all."""
         last: dict[tuple[str, str], int] = {}
         for message in self._recording.messages(topics, round(since * 1e6)):
             source = message.topic, _frame(message.fields)
@@ -186,7 +194,11 @@ class RecordedPages:
 
 
 def _load(files: Mapping[str, str], folder: Path, catalog: Catalog) -> LoadedMissions:
-    """Load missions from the texts of their files, written into an empty folder."""
+    """Load missions from the texts of their files, written into an empty folder.
+
+    Raises:
+        LupinError: a name leads out of the folder, or the missions have errors with the plugins here.
+    """
     write_files(files, folder)
     try:
         return load_files(lifecycle_in(folder), mission_files(folder), catalog)

@@ -25,7 +25,7 @@ def message_text(type_name: str) -> str:
 
 
 def _inside(type_name: str) -> Iterator[str]:
-    """Yield the nested messages, each before its own."""
+    """Yield the nested messages at every depth, each before those inside it; one may come several times."""
     for _, kind in local_fields(type_name):
         nested = str(kind.get("nested_type_name") or "")
         if nested:

@@ -139,6 +139,7 @@ class CommandMemory:
         return self._recall(asked, now) is not None
 
     def _recall(self, asked: CommandRequest, now: float) -> tuple[float, str, CommandAnswer] | None:
+        """Return the answer that this command's id got in the last `REMEMBERED_S` seconds; else None."""
         for command_id, (kept, _, _) in list(self._known.items()):  # the oldest come first
             if now - kept <= REMEMBERED_S:
                 break
@@ -217,7 +218,7 @@ def _too_long(asked: CommandRequest) -> str:
 
 
 def _fields(text: str) -> dict[str, Any]:
-    """Parse the JSON object of a command; an empty text is an empty object."""
+    """Parse the JSON object of a command; an empty text is an empty object, any other a ValueError."""
     try:
         found = json.loads(text or "{}", parse_constant=_no_number, parse_float=_finite)
     except RecursionError:
@@ -241,7 +242,7 @@ def _no_number(text: str) -> Any:
 
 
 def _check_names(fields: Mapping[str, Any], known: Iterable[str]) -> None:
-    """Refuse unknown fields."""
+    """Raise ValueError for unknown fields, with the nearest known ones."""
     names = list(known)
     unknown = [name for name in fields if name not in names]
     problems = [unknown_field(name, names) for name in unknown[:MAX_PROBLEMS]]

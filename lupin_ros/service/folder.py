@@ -74,7 +74,8 @@ class MissionsFolder:
         """Return the present missions; unchanged files give the same object.
 
         Raises:
-            LupinError: a mission does not exist or has errors, or a binding does not fit an interface.
+            LupinError: there is no mission, one has errors, a binding does not fit an interface, or a bundle
+                cannot be used.
         """
         self._marks = self._look_marks()
         try:
@@ -107,8 +108,9 @@ class MissionsFolder:
         return _marks({self._path, *(Path(name).parent for name in self._names)})
 
     def _bundle(self) -> Bundle | None:
-        """Return the bundle that `missions_path` names, with a valid signature where one is required; else
-        None.
+        """Return the bundle that `missions_path` names, with a valid signature where one is required.
+
+        None where it names no bundle, or missions are named as well.
 
         Raises:
             LupinError: it cannot be used, or no bundle is named where one is required.

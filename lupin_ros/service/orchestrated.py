@@ -21,7 +21,7 @@ from lupin_ros.service.reports import PossibleNews, StateMessages, StepMoment, S
 
 
 class Audience(Protocol):
-    """Who hears an orchestrator."""
+    """The receiver of a simulated orchestrator's messages and steps."""
 
     def take(self, message: PageMessage) -> None:
         """Take a message that is published."""
@@ -98,11 +98,11 @@ class VirtualOrchestrator:
         return commands.answered(asked, self.simulation.request(event))
 
     def draw(self, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Draw the chart by the fields of `lupin_engine_msgs/srv/Draw`."""
+        """Draw the chart by the fields of `lupin_engine_msgs/srv/Draw`; errors as for `drawn`."""
         return drawn(self._loaded, arguments)
 
     def explain(self, arguments: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Explain a state or transition by the fields of `lupin_engine_msgs/srv/Explain`."""
+        """Explain a state or transition by the fields of `lupin_engine_msgs/srv/Explain`, errors included."""
 
         def explained() -> dict[str, str]:
             machine, now = self.simulation.machine, self.simulation.now

@@ -21,12 +21,12 @@ class Pace:
         self._anchor = (0.0, 0.0)
 
     def go(self, now: float, virtual: float) -> None:
-        """Run from here on."""
+        """Let virtual time run from `virtual` on, beginning at `now` of the steady clock."""
         self.is_running = True
         self._anchor = (now, virtual)
 
     def stand(self) -> None:
-        """Pause."""
+        """Pause virtual time."""
         self.is_running = False
 
     def set_speed(self, speed: float, now: float, virtual: float) -> None:

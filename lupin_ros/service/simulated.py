@@ -107,7 +107,7 @@ class SimulationRecord(_Standing):
 
 
 class SimulatedPages:
-    """See `plugin.pages.PageSource`.
+    """A simulation as a source of pages, which can command it (`plugin.pages.PageSource`).
 
     Args:
         loaded: the missions, with the chart that is simulated.
@@ -157,39 +157,39 @@ class SimulatedPages:
 
     @property
     def topics(self) -> Mapping[str, str]:
-        """See `PageSource`."""
+        """The topics of an orchestrator and of the simulation, each with its type."""
         own = (names.STEPS_TOPIC, names.MISSIONS_TOPIC, names.CHART_TOPIC, names.POSSIBLE_TOPIC)
         channels = {one.name: one.type for one in (self._wire.state, self._wire.outcomes)}
         return {**dict.fromkeys((*own, SIMULATION_TOPIC), TEXT_TYPE), **channels}
 
     @property
     def events(self) -> Collection[str]:
-        """See `PageSource`."""
+        """The topics of which every message counts: steps and outcomes."""
         return (names.STEPS_TOPIC, self._wire.outcomes.name)
 
     @property
     def access(self) -> Access:
-        """See `PageSource`."""
+        """Return the access: viewers may read, operators command the orchestrator and the simulation."""
         viewer = (SIMULATION_TOPIC, *names.ACCESS.viewer)
         return Access(viewer, (SIMULATION_SERVICE, *names.ACCESS.operator))
 
     def about(self) -> Mapping[str, Any]:
-        """See `PageSource`."""
+        """Return the mode and the mission's name."""
         return {"mode": "simulation", "title": self._script.mission}
 
     def begin(self, publish: Callable[[PageMessage], None], forget: Callable[[], None]) -> None:
-        """See `PageSource`."""
+        """Publish what pages need first; `forget` is called when a simulation begins anew."""
         self._page, self._forget = publish, forget
         for message in {message.topic: message for message in self._kept}.values():
             publish(message)
         self._publish_news(in_any_case=True)
 
     def clock(self, now: float) -> float:
-        """See `PageSource`."""
+        """Return the virtual time, in milliseconds since 1970."""
         return self._orchestrator.at
 
     def stop(self, stopped: bool) -> None:
-        """See `PageSource`."""
+        """Set the live value of the robot's stop, if the chart has that input."""
         self._stopped = stopped
         spec = self._chart.inputs.get(self._chart.profile.stop)
         if spec is not None:
@@ -197,13 +197,13 @@ class SimulatedPages:
             self._publish_news()
 
     def history(self, since: float, topics: Collection[str]) -> Iterator[PageMessage]:
-        """See `PageSource`."""
+        """Yield the kept messages later than `since`, at most `KEPT`; no topics: of all."""
         for message in list(self._kept):
             if message.at > since and (not topics or message.topic in topics):
                 yield message
 
     def call(self, service: str, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
-        """See `PageSource`."""
+        """See `PageSource`; LupinError for a service that a simulation does not have."""
         if service == SIMULATION_SERVICE:
             return self._do(arguments, now)
         if service == names.COMMAND_SERVICE:
@@ -217,7 +217,7 @@ class SimulatedPages:
         raise LupinError(f"{service}: a simulation does not have this service")
 
     def work(self, now: float) -> float | None:
-        """See `PageSource`."""
+        """Advance for at most `TURN_S`; return the seconds until the next call, None while paused."""
         end = self._steady() + TURN_S
         while self._pace.is_running and self._advance(now) and self._steady() < end:
             pass
@@ -242,7 +242,11 @@ class SimulatedPages:
     # -- what pages do to it --------------------------------------------------------------------------------
 
     def _do(self, arguments: Mapping[str, Any], now: float) -> Mapping[str, Any]:
-        """Carry out a page's request; a wrong one is answered with a message and changes nothing."""
+        """Carry out a page's request; a wrong one is answered with a message and changes nothing.
+
+        Raises:
+            LupinError: the fields are not those of a request.
+        """
         word, words = arguments.get("command"), arguments.get("words", [])
         if not isinstance(word, str) or not _are_texts(words):
             raise LupinError(f"{SIMULATION_SERVICE}: it takes a command, and words, which are texts")
@@ -344,14 +348,14 @@ class SimulatedPages:
         self._publish_news(in_any_case=True)
 
     def stepped(self, step: Step) -> None:
-        """See `Audience`."""
+        """Pause after a step that enters the state up to which the simulation is to run."""
         if self._until and any(is_named(name, self._until) for name in step.entered):
             self._stand(f"{self._until} was entered")
 
     # -- published messages ---------------------------------------------------------------------------------
 
     def take(self, message: PageMessage) -> None:
-        """See `Audience`."""
+        """Keep a message, and pass it to the page."""
         self._kept.append(message)
         self._page(message)
 

@@ -17,7 +17,7 @@ WARNING_PERIOD_S = 10.0
 
 
 class ArmClient:
-    """See `Driver` for the contract of each call."""
+    """The driver; `plugin.contract.Driver` has the contract of each call."""
 
     def __init__(self, ros: RosNode, outlet: Outlet, parameters: Mapping[str, Any]) -> None:
         self._ros = ros
@@ -38,7 +38,11 @@ class ArmClient:
         """Do nothing: there are no attempts."""
 
     def act(self, action: str, arguments: Mapping[str, Any]) -> None:
-        """Send the arm to a preset, if missions may move it and the server is available."""
+        """Send the arm to a preset, if missions may move it and the server is available (else warn).
+
+        Raises:
+            ValueError: this is not the action `preset`.
+        """
         if action != "preset":
             raise ValueError(f"arm has no action {action!r}")
         if not self._enabled:

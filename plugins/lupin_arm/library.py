@@ -456,7 +456,11 @@ def _identity(path: Path) -> tuple[int, ...] | None:
 
 
 def _object(raw: bytes, wrong: list[str]) -> dict[str, Any]:
-    """Return the JSON object of a file; duplicate names go to `wrong`, and the first of them counts."""
+    """Return the JSON object of a file; duplicate names go to `wrong`, and the first of them counts.
+
+    Raises:
+        _CorruptLibrary: it is no JSON, or no object.
+    """
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found = dict(pairs)

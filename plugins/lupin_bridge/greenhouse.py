@@ -135,7 +135,7 @@ def _simulator(settings: SimulatorSettings) -> GreenhouseSimulator:
 
 
 def _existing(file: str, what: str) -> Path | None:
-    """Return the path as the package wants it; None for the package's own file."""
+    """Return the path as the package wants it, None for the package's own file; LupinError: no such file."""
     if not file:
         return None
     path = Path(os.path.expanduser(file))

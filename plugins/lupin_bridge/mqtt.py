@@ -139,7 +139,7 @@ class Mqtt:
         return self._latest.tags() if self._sensors is None else tuple(self._sensors)
 
     def read(self, tag_id: str) -> TagValues:
-        """Return the latest values of a tag that are not too old."""
+        """Return the latest values of a tag that are not too old; raises as `Backend.read` does."""
         heard = self._latest.of(tag_id)
         if self._sensors is None:
             if not heard and self._connection:
@@ -259,7 +259,7 @@ class Mqtt:
                 raise Rejected("too many tags or sensors")
 
     def _refuse_ageless(self, sample: SensorSample) -> None:
-        """Refuse a retained message, which may be old: it would look new at each connection."""
+        """Raise Rejected for a retained message of unknown age: it would look new at each connection."""
         if sample.stamp is None:
             raise Rejected("retained, but without a stamp", "nobody knows how old it is")
         if sample.stamp > self._clocks.wall() + AHEAD_S:
@@ -287,7 +287,7 @@ def _port(settings: MqttSettings) -> int:
 
 
 def _aim(client: Client, settings: MqttSettings) -> None:
-    """Set the broker's address; the client connects once its loop runs."""
+    """Set the broker's address; the client connects once its loop runs. LupinError: it is no address."""
     host, port = settings.host, _port(settings)
     if _NO_HOST.search(host) or host.count(":") == 1:  # an address of IPv6 has more
         hint = "expected a name or an address, such as broker.local; the port goes into mqtt_port"
@@ -328,7 +328,7 @@ def _secure(client: Client, settings: MqttSettings) -> None:
 
 
 def _credentials(file: str, environment: Mapping[str, str] = os.environ) -> tuple[str, str | None]:
-    """Return user and password: of the file, one a line, else of the environment; '' for none.
+    """Return user and password: of the file, one a line, else of the environment; '' and None where unset.
 
     Raises:
         LupinError: the file cannot be used.

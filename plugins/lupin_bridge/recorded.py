@@ -69,7 +69,7 @@ class Recorded:
         return tuple(self._sensors)
 
     def read(self, tag_id: str) -> TagValues:
-        """Return a tag's latest recorded values at the replay's present time."""
+        """Return a tag's latest values at the replay's present time; raises as `Backend.read` does."""
         if tag_id not in self._sensors:
             raise unknown_tag(tag_id, len(self._sensors), self._known)
         now = self._now()

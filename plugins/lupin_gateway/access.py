@@ -176,6 +176,7 @@ def _shown(word: str) -> str:
 
 
 def _end_of(day: str) -> float | None:
+    """Return the end of a day (UTC) in POSIX time; None where the text is no day."""
     try:
         begin = datetime.strptime(day, "%Y-%m-%d").replace(tzinfo=timezone.utc)
     except ValueError:
@@ -318,7 +319,7 @@ class AccessControl:
         """Return the token and the visitor of a person who was authenticated otherwise (by an invitation).
 
         Raises:
-            NotAdmitted: nobody has this name any more, or the token has expired.
+            NotAdmitted: the file has no such name any more, or the token has expired.
         """
         for one in self._usable(self._tokens) if self._tokens else ():
             if one.visitor.name == name:
@@ -350,8 +351,7 @@ class AccessControl:
         return [one.has_expired(wall) or ("" if (one, one.mark) in stay else taken) for one in visitors]
 
     def check_origin(self, headers: Mapping[str, str]) -> None:
-        """Refuse a request from a page of another host, on any port (cross-site requests, DNS
-        rebinding).
+        """Refuse a request from a page of another host, on any port: cross-site requests, DNS rebinding.
 
         Raises:
             NotAdmitted: with the setting that would allow it.

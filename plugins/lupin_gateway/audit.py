@@ -65,7 +65,7 @@ class _PrivateFile(RotatingFileHandler):
         self.flush = self.close = lambda: None  # type: ignore[method-assign]
 
     def handleError(self, _: logging.LogRecord) -> None:  # noqa: N802
-        """See `take`."""
+        """Report the first of several failures in a row, and let `take` return False."""
         self._fails = True
         if not self._is_reported:
             self._report(f"{self.baseFilename}: the audit log cannot be written: {sys.exc_info()[1]}")

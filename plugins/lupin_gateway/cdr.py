@@ -64,7 +64,7 @@ def _aligned(codes: str) -> tuple[list[Callable[..., tuple[Any, ...]]], list[int
 
 
 def _text(data: bytes, at: int) -> tuple[str, int]:
-    """Read a text at an offset: its length with the closing zero, then UTF-8."""
+    """Read a text at an offset: its length with the closing zero, then UTF-8; ValueError if it is cut off."""
     begin = (at + 3 & -4) + 4
     end = begin + int.from_bytes(data[begin - 4 : begin], "little")
     if end > len(data):

@@ -26,7 +26,7 @@ _TAGS = {"i1": 72, "u2": 69, "u4": 70, "u8": 71, "i2": 77, "i4": 78, "i8": 79, "
 
 
 def as_json(data: Any) -> bytes:
-    """Return plain data as JSON."""
+    """Return plain data, bytes and arrays as JSON; TypeError for anything else."""
     return orjson.dumps(data, _other_json, orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS)
 
 
@@ -39,7 +39,7 @@ def _other_json(value: Any) -> Any:
 
 
 def as_cbor(data: Any) -> bytes:
-    """Return plain data as CBOR."""
+    """Return plain data, bytes and arrays as CBOR; TypeError for anything else."""
     return cbor2.dumps(data, default=_other_cbor)
 
 
@@ -63,7 +63,7 @@ class Sample:
     ) -> None:
         """`stamp_ns` is when it was published, in ns of the publisher's wall clock.
 
-        `at` tells pages when it was, in ms since 1970, where their clock does not go with real time.
+        `at` is its time for pages whose clock is not the real one, in ms since 1970; None: not sent.
         """
         self._at = "" if at is None else f'"at":{at:.3f},'
         self.topic = topic

@@ -1,6 +1,6 @@
 """Fans topics out to clients: one ROS subscription for each topic and type, and a bounded queue per client.
 
-A message is encoded once for all clients. A client that reads too slowly delays nobody: its outbox (4 MB)
+A message is encoded once for all clients. A client that reads too slowly delays no other: its outbox (4 MB)
 drops the oldest states first, then events, and the client gets a warning with the number of lost events. All
 of it runs on the event loop.
 """
@@ -195,7 +195,7 @@ class Subscriber:
 
 
 class _OpenTopic:
-    """One topic that somebody subscribes to."""
+    """One topic that a client subscribes to."""
 
     def __init__(self, name: str, type_: str, kept: Backlog) -> None:
         self.name = name

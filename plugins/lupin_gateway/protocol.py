@@ -198,7 +198,7 @@ def full_type(name: str, kind: str) -> str:
 
 
 class _Fields:
-    """The fields of a frame, each checked as it is read; null is the same as absent."""
+    """The fields of a frame, each checked as it is read (else _WrongField); null is the same as absent."""
 
     def __init__(self, data: Mapping[str, Any]) -> None:
         self._data = data
@@ -214,10 +214,11 @@ class _Fields:
         return value
 
     def id(self) -> str | None:
+        """Return the frame's id; None without one."""
         return self.text("id") if self._data.get("id") is not None else None
 
     def name(self, key: str) -> str:
-        """Return a name of ROS from the root: pages often leave out the first slash."""
+        """Return a name of ROS from the root: pages often leave out the first slash. Others: _WrongField."""
         name = self.text(key)
         if len(name) > LONGEST_NAME:
             raise _WrongField(f"{key!r} is longer than {LONGEST_NAME} characters")
@@ -232,7 +233,7 @@ class _Fields:
             raise _WrongField(f"{key!r}: {problem}") from None
 
     def number(self, key: str, largest: float) -> float:
-        """Return a number that is not negative; 0 where it is absent."""
+        """Return a number from 0 to `largest`, 0 where it is absent; raises _WrongField for anything else."""
         value = self._data.get(key)
         if value is None:
             return 0.0

@@ -80,7 +80,7 @@ class StopsRecord(TypedDict):
 class StopArbiter:
     """Keeps the stop of each page, connected or gone; the robot is stopped while any of them is engaged.
 
-    Anybody who sees a danger may stop the robot: viewers too, unless `viewers_stop` is false. Only an
+    Every user may stop the robot: viewers too, unless `viewers_stop` is false. Only an
     operator may release: a viewer's `false` is refused, and an operator resets that stop by its name, as one
     whose page is gone.
     """

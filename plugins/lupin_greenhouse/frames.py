@@ -155,7 +155,7 @@ class Frames:
         return frame
 
     def _chain(self, target: str, source: str) -> Iterable[str] | None:
-        """Return the frames from `source` up to below `target`."""
+        """Return the frames from `source` up to below `target`; None where no transforms lead there."""
         chain: dict[str, None] = {}
         frame = source
         while frame != target:

@@ -4,7 +4,7 @@ Metres in frame `map`. The simulator, the bridge and the world read the same fil
 {id: {"x", "y", "sensors", "facing"}}, "tables": {name: {"x0", "x1", "y0", "y1"}}}`; one without `tags` is
 the tag map itself. `facing` is optional: the map axis of a plate's normal, "+x", "+y", "-x" or "-y". The
 bundled `greenhouse.json` is that of mdp-greenhouse 1.0.8 (29 tags, 10 tables, no tag 8), whose plates have
-no `facing`; ours are the guesses of `lupin_nav.plates`, and nobody has checked them on site.
+no `facing`; ours are the guesses of `lupin_nav.plates`, and they were not checked on site.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ def pose_of(position: Iterable[float], rotation: Iterable[float]) -> Pose | None
 def seen_rotation(rotation: Any) -> tuple[float, float, float, float] | None:
     """Return the unit quaternion (x, y, z, w) of a tag that was seen; None where it is not finite.
 
-    In a DiscoveredTag all zeros mean that nobody set the orientation, so the identity is returned, and w = 0
+    In a DiscoveredTag all zeros mean that the orientation was not set, so the identity is returned, and w = 0
     is a true half turn. That w = 0 means "no pose" holds for Observation, TwinTagState and ConfirmTag only.
     """
     given = rotation.x, rotation.y, rotation.z, rotation.w

@@ -1,7 +1,7 @@
 """The emergency stop as a fold over its sources: the robot is stopped while any source is engaged.
 
 Each source has a topic of its own, because a message does not name its writer. Several writers of a topic
-are one source: a false counts only if nobody else can have published the true that it would release.
+are one source: a false counts only if no other writer can have published the true that it would release.
 Pure: times are arguments, in seconds of one steady clock.
 """
 

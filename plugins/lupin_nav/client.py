@@ -104,7 +104,7 @@ class NavClient:
         return self._server.missing()
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        """Begin `localize`, `go_to`, `choose_frontier` or `dock`."""
+        """Begin `localize`, `go_to`, `choose_frontier` or `dock`; ValueError for any other operation."""
         if operation == "localize":
             self._start_localizing(attempt, arguments["max_variance"])
         elif operation == "go_to":

@@ -101,7 +101,7 @@ class Explorer:
                 self._outlet.progress(attempt, missing)
 
     def _search(self, robot: Point | None, avoid: Sequence[Point]) -> tuple[str, Frontier | None]:
-        """Return the missing input, or the frontier to drive to."""
+        """Return why there is no frontier to drive to, and None; else '' and the frontier."""
         topic = self._parameters["map_topic"]
         if not self._map_came:
             return f"no {topic} received", None

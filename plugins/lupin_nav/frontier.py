@@ -217,6 +217,7 @@ def _apart(xs: Numbers, ys: Numbers, avoid: Sequence[Point], distance: float) ->
 
 
 def _best(xs: Numbers, ys: Numbers, sizes: Indices, robot: Point | None) -> Frontier | None:
+    """Return the largest frontier, of which distance to the robot takes away; None without any."""
     if sizes.size == 0:
         return None
     scores: Any = sizes.astype(np.float64)

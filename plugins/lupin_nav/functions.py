@@ -79,19 +79,27 @@ def bind_add_place(_: Parameters) -> Callable[[list[Pose], Pose], list[Pose]]:
 
 
 def bind_numeric_order(parameters: Parameters) -> Callable[[], list[TagRecord]]:
-    """Return `tags.numeric_order()` over the layout of the parameters."""
+    """Return `tags.numeric_order()` over the layout of the parameters; LupinError: that cannot be used."""
     known = layout.load(parameters["tag_locations_file"])
     return lambda: [_record(tag) for tag in known.numeric_order()]
 
 
 def bind_named(parameters: Parameters) -> Callable[[list[str]], list[TagRecord]]:
-    """Return `tags.named(names)` over the layout of the parameters; unknown ids raise ValueError."""
+    """Return `tags.named(names)` over the layout of the parameters; it raises ValueError for unknown ids.
+
+    Raises:
+        LupinError: the layout cannot be used.
+    """
     known = layout.load(parameters["tag_locations_file"])
     return lambda names: [_record(tag) for tag in known.named(names)]
 
 
 def bind_tag_reader(parameters: Parameters) -> Callable[[Any], TagRecord]:
-    """Return the reader of type `tag`: an id to its record; unknown ids raise ValueError."""
+    """Return the reader of type `tag`, from an id to its record; it raises ValueError for unknown ids.
+
+    Raises:
+        LupinError: the layout cannot be used.
+    """
     known = layout.load(parameters["tag_locations_file"])
     return lambda tag_id: _record(known.tag(tag_id))
 

@@ -38,8 +38,11 @@ class MovementWatch:
         self.attempt = ""
 
     def moves(self, place: Point, now: float, runs: bool) -> bool:
-        """Take a pose; return True once if the robot is farther than `MOVED_M` from where it stood
-        `BRAKING_S` after the cancel. `runs`: the server still has the drive.
+        """Take a pose; return True, once, if the robot has moved on.
+
+        It has when it is farther than `MOVED_M` from where it stood `BRAKING_S` after the cancel, and after
+        the drive's end. The watch ends then, or some seconds after that end. `runs`: the server still has the
+        drive.
         """
         if not self.attempt:
             return False

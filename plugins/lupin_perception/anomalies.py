@@ -65,7 +65,11 @@ class AnomalyWatch:
         self._row = 0
 
     def add(self, detections: Iterable[Detection], place: Point | None, now: float) -> Pest | None:
-        """Count a frame seen from `place`; return a pest to report now."""
+        """Count a frame seen from `place` (None: unknown); return a pest to report now.
+
+        None where the frames in a row are too few, the place is unknown, one was reported near it, or
+        `MAX_REPORTS` were.
+        """
         sure = [
             d.confidence for d in detections if d.name == self._name and d.confidence >= self._min_confidence
         ]

@@ -175,6 +175,7 @@ def _class_name(entry: Mapping[str, Any], classes: Sequence[str]) -> str | None:
 
 
 def _bearing(box: Any, width: float) -> float | None:
+    """Return where the middle of a box is across the image, -1 to 1; None where it is no box."""
     if not isinstance(box, list) or len(box) != 4:
         return None
     numbers = [number for value in box if (number := finite(value)) is not None]

@@ -32,6 +32,7 @@ def records(message: Any) -> tuple[list[Record], list[str]]:
 
 
 def _record(tag: Any) -> Record | None:
+    """Return a tag as a record; None where its position or orientation is not finite."""
     place, turn = tag.pose_in_map.position, seen_rotation(tag.pose_in_map.orientation)
     if turn is None or not all(map(math.isfinite, (place.x, place.y))):
         return None

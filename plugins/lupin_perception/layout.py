@@ -131,7 +131,7 @@ def _box_of(layout: Layout, tag_id: str, motion: RigidMotion, plate: Pose) -> Pl
 
 
 def nearest_table(tables: Iterable[Table], tag: Tag) -> Table | None:
-    """Return the table nearest to a tag; of equally near ones the first by id."""
+    """Return the table nearest to a tag, of equally near ones the first by id; None without tables."""
     return min(tables, key=lambda table: (table.distance(tag.x, tag.y), table.id), default=None)
 
 

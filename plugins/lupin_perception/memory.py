@@ -76,7 +76,10 @@ class MissionFile:
 
 
 def memory_path(given: str, environment: Mapping[str, str]) -> Path | None:
-    """Return the path of the file: the given one, else one for each ROS domain in the user's state folder."""
+    """Return the path of the file: the given one, else one for each ROS domain in the user's state folder.
+
+    None where `NOWHERE` is given: nothing is kept. UsageError where the user has no home folder.
+    """
     if given == NOWHERE:
         return None
     if given:

@@ -109,7 +109,7 @@ class Registry:
         self.revision += 1
 
     def find(self, tag_id: str) -> Known | None:
-        """Return a tag if it is discovered."""
+        """Return a tag; None where it was not seen, or too seldom to count as discovered."""
         known = self._known.get(tag_id)
         return known if known is not None and known.sightings >= self._enough else None
 

@@ -67,7 +67,7 @@ def blooms_of(tag_id: str) -> tuple[SimulatedBloom, ...]:
 
 
 def readable(plates: Iterable[Plate]) -> list[Plate]:
-    """Return the plates that a detector can report: those with a numeric id."""
+    """Return the plates that a detector can report: with an id of digits, at most `MOST_DIGITS`."""
     numbered = (plate for plate in plates if plate.id.isascii() and plate.id.isdecimal())
     return [plate for plate in numbered if len(plate.id) <= MOST_DIGITS]
 
@@ -79,7 +79,10 @@ def tag_in_robot(pose: FloorPose, plate: Plate) -> FloorPose:
 
 
 def tag_entries(pose: FloorPose, plates: Iterable[Plate]) -> list[dict[str, Any]]:
-    """Return a frame of the tag detector: id, corners clockwise from the upper left, and distance ahead."""
+    """Return a frame of the tag detector: id, corners clockwise from the upper left, and distance ahead.
+
+    Plates must be `readable`: ValueError for another id.
+    """
     return [_tag_entry(tag_in_robot(pose, plate), plate) for plate in plates]
 
 

@@ -71,6 +71,7 @@ class Floor:
         return fits
 
     def _nearest_free(self, point: Point, within: float) -> Point | None:
+        """Return the nearest free place; None where there is none within so many metres."""
         if self.is_free(*point):
             return point
         cell = self._nearest_free_cell(point, within)

@@ -176,7 +176,12 @@ def _mission_row(mission: MissionSummary) -> tuple[str, ...]:
 def export(
     store: str, domain: int | None, mission: str, format_: str | None, output: str, origin: str | None
 ) -> int:
-    """Write the record of a mission."""
+    """Write the record of a mission.
+
+    Raises:
+        UsageError: all problems of the options.
+        LupinError: the store cannot be read, or a file cannot be written.
+    """
     problems = Problems(UsageError)
     with problems.collecting():
         wanted = _format(format_, output)
@@ -219,7 +224,12 @@ def _format(given: str | None, output: str) -> str:
 def plot(
     store: str, domain: int | None, mission: str, sensor: str, output: Path, distance: float | None
 ) -> int:
-    """Draw the field of one sensor, or of all."""
+    """Draw the field of one sensor, or of all.
+
+    Raises:
+        UsageError: all problems of the options.
+        LupinError: the store cannot be read, a file cannot be written, or nothing can be drawn.
+    """
     from lupin_twin.picture import ENDINGS as PICTURES
     from lupin_twin.picture import picture
 

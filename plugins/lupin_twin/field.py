@@ -176,7 +176,10 @@ class Interpolation:
         return self._field(values)
 
     def _reached(self, changed: list[tuple[float, float, float]]) -> tuple[slice, slice] | None:
-        """Return the rows and columns of the smallest rectangle with all cells that these samples reach."""
+        """Return the rows and columns of the smallest rectangle with all cells that these samples reach.
+
+        None where they reach no cell.
+        """
         found = [(_within(self._y, y, self._reach), _within(self._x, x, self._reach)) for x, y, _ in changed]
         found = [(rows, columns) for rows, columns in found if rows.start < rows.stop]
         found = [(rows, columns) for rows, columns in found if columns.start < columns.stop]

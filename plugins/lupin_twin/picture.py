@@ -137,7 +137,7 @@ def picture(
 
 
 def _grid(tags: list[TwinTag], occupancy: OccupancyMap | None) -> FieldGrid:
-    """Return the cells over all tags and the known part of the map."""
+    """Return the cells over all tags and the known part of the map; NoPicture: wider than `WIDEST_M`."""
     places = [(tag.pin.x, tag.pin.y) for tag in tags if tag.pin is not None]
     low = np.min(places, axis=0) - MARGIN_M
     high = np.max(places, axis=0) + MARGIN_M

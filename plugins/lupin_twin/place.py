@@ -12,6 +12,9 @@ def store_path(given: str = "", domain: int | None = None) -> str:
 
     One for each ROS domain, because a domain is a greenhouse with one twin: `twin.sqlite` in domain 0 and
     `twin-42.sqlite` in domain 42. Without `domain` it is that of this process.
+
+    Raises:
+        UsageError: none is given, and there is no such domain or no home folder.
     """
     if given:
         return os.path.expanduser(given)

@@ -139,7 +139,7 @@ class Store:
             raise StoreError(f"the folder of {self.path} cannot be made: {error.strerror}") from None
 
     def _move_aside(self) -> str:
-        """Rename the file and its log; return the new name of the file."""
+        """Rename the file and its log; return the new name of the file. StoreError: that is not possible."""
         free = (f"{self.path}.corrupt-{number}" for number in range(1, 10_000))
         moved = next(name for name in free if not os.path.lexists(name))
         try:
@@ -283,7 +283,12 @@ def _check(db: sqlite3.Connection, path: str) -> None:
 
 
 def _check_ours(db: sqlite3.Connection, path: str, version: int, tables: list[str]) -> None:
-    """Check that a file that is not empty is a complete store."""
+    """Check that a file that is not empty is a complete store.
+
+    Raises:
+        StoreError: a later version of the twin wrote it.
+        _CorruptStore: it is another program's, or damaged.
+    """
     if "record" not in tables or version == 0:
         raise _CorruptStore("another program's database")
     if version > VERSION:
@@ -321,6 +326,7 @@ def _moment(received: object) -> float:
 
 
 def _map(db: sqlite3.Connection, path: str, unreadable: list[str]) -> OccupancyMap | None:
+    """Return the stored map; None without one, or with a problem in `unreadable`."""
     found = db.execute("SELECT x, y, yaw, resolution, width, height, cells FROM map").fetchone()
     if found is None:
         return None
@@ -367,7 +373,7 @@ def _opened_for_reading(path: str) -> sqlite3.Connection:
     """Return a read-only connection.
 
     SQLite wants to create its index of the log beside the file. Where that is not allowed, and there is no
-    log, nobody is writing, and the file is opened as immutable.
+    log, no process is writing, and the file is opened as immutable.
     """
     place = f"file:{quote(os.path.abspath(path))}"
     db = sqlite3.connect(f"{place}?mode=ro", uri=True, timeout=BUSY_S)

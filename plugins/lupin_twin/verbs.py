@@ -20,6 +20,8 @@ def twin() -> None:
     """Show, list, export or plot the digital twin's records: show, missions, export, plot.
 
     All of them read the twin's store, also while a twin writes to it, and need no ROS.
+
+    Exit code of each: 0 done; 1 the store cannot be read, or a file cannot be written; 2 wrong usage.
     """
 
 
@@ -64,7 +66,7 @@ def show(**given: Any) -> int:
 @_store
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, one object.")
 def missions(**given: Any) -> int:
-    """List the missions that observed something."""
+    """List the missions with observations in the store."""
     from lupin_twin.commands import missions as work
 
     return work(**given)

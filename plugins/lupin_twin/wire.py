@@ -214,7 +214,7 @@ def pin_of(pose: Any) -> Pin | None:
 
 
 def _seen_pin(pose: Any) -> Pin | None:
-    """Return position and yaw; the identity where there is no yaw."""
+    """Return position and yaw, the identity where there is no yaw; None where numbers are not finite."""
     p, turn = pose.position, seen_rotation(pose.orientation)
     if turn is None or not all(map(math.isfinite, (p.x, p.y))):
         return None
@@ -241,7 +241,7 @@ def _name(name: str, what: str) -> str:
 
 
 def _check_frame(expected: str, what: str, *frames: str) -> None:
-    """Check the first frame that is given; without any it counts as the expected one."""
+    """Raise Dropped where the first frame that is given is not the expected one; without any it is."""
     frame = frame_name(next((name for name in frames if name), expected))
     if frame != expected:
         raise Dropped(f"{what} in frame {shortened(frame)!r} dropped, expected {expected!r}")

@@ -83,7 +83,7 @@ class Verbs(click.Group):
         return [*VERBS, *OPERATOR_VERBS, *_request_verbs(), *_points_of_plugins()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a verb."""
+        """Import a verb; None where none has that name, PluginError where a plugin's cannot be used."""
         if cmd_name in VERBS:
             return _load("verbs", f"{cmd_name}_" if keyword.iskeyword(cmd_name) else cmd_name)
         if cmd_name in OPERATOR_VERBS:
@@ -114,7 +114,11 @@ class Verbs(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the verb; an unknown one is answered with the nearest spelling."""
+        """Find the verb.
+
+        Raises:
+            click.UsageError: it is unknown; the text has the nearest spelling.
+        """
         if args and args[0] not in {*VERBS, *OPERATOR_VERBS} and not args[0].startswith("-"):
             known = self.list_commands(ctx)
             if args[0] not in known:
@@ -124,7 +128,11 @@ class Verbs(click.Group):
         return name, command, left
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the verb; report all values that it refuses at once."""
+        """Run the verb.
+
+        Raises:
+            click.UsageError: values of its options are refused; the text has all of them.
+        """
         try:
             return super().invoke(ctx)
         except click.BadParameter as first:

@@ -11,7 +11,9 @@ PAUSE_S = 0.3
 
 
 def changes(files: Callable[[], Iterable[Path]], wait: Callable[[], None]) -> Iterator[None]:
-    """Yield at once, and again whenever the contents of the files have changed.
+    """Yield at once, and again whenever the contents of the files have changed, without end.
+
+    A file that cannot be read counts as absent.
 
     Args:
         files: returns the files, called every time: some may be new or removed.

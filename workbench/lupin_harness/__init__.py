@@ -1,4 +1,4 @@
-"""The harness: the contract of plugins as tests that anybody can run against theirs.
+"""The harness: the contract of plugins as tests that authors run against their plugins.
 
 `cases` has the test classes for pytest; `rules` needs no ROS, `live` tests drivers over ROS 2.
 """

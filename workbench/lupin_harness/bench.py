@@ -121,7 +121,7 @@ class Servers:
         self._logs.cleanup()
 
     def check(self) -> None:
-        """Raise when a process has ended by itself."""
+        """Raise ContractBroken when a process has ended by itself."""
         self._deaths += self._supervisor.deaths() if self._supervisor else []
         for death in self._deaths:
             log = death.log.read_text(encoding="utf-8", errors="replace")
@@ -184,7 +184,7 @@ class Bench:
             raise
 
     def make_driver(self) -> tuple[Referee, Driver]:
-        """Make a driver with a referee of its own."""
+        """Make a driver with a referee of its own; ContractBroken where it cannot be made."""
         again = lambda attempt: self.ros.post(lambda: self._cancel_again(attempt))  # noqa: E731
         referee = Referee(self.plugin, again, self._numbers)
         try:
@@ -245,7 +245,11 @@ class Bench:
     # --- time
 
     def until(self, condition: Callable[[], Any], what: str) -> None:
-        """Spin all nodes until a condition holds."""
+        """Spin all nodes until a condition holds.
+
+        Raises:
+            ContractBroken: it does not within `PATIENCE_S`, or a server's process has ended.
+        """
         end = time.monotonic() + PATIENCE_S
         while not condition():
             if self._servers is not None:
@@ -261,7 +265,11 @@ class Bench:
         return f"; reports so far: {'; '.join(reports)}" if reports else ""
 
     def until_ready(self) -> None:
-        """Wait until the driver misses nothing, or a network problem explains why it does."""
+        """Wait until the driver misses nothing.
+
+        Raises:
+            ContractBroken: it does not within `PATIENCE_S`, or a network problem explains why it cannot.
+        """
         apart: list[str] = []
         since: dict[str, float] = {}
         look_at = time.monotonic() + LOOK_S
@@ -290,12 +298,12 @@ class Bench:
         return [f"{interface.name}: {problem}" for interface in found for problem in interface.problems]
 
     def until_heard(self, attempt: str) -> None:
-        """Wait until an attempt is accepted, or has ended."""
+        """Wait until an attempt is accepted, or has ended; raises as `until` does."""
         known = self.referee.attempts[attempt]
         self.until(lambda: known.reports, f"{attempt} is to be accepted")
 
     def until_ended(self, attempt: str) -> RefereedAttempt:
-        """Wait until an attempt has ended."""
+        """Wait until an attempt has ended; raises as `until` does."""
         known = self.referee.attempts[attempt]
         self.until(lambda: known.ended, f"the end of {attempt}")
         return known
@@ -319,7 +327,7 @@ class Bench:
         return self.begin(operation)
 
     def until_done(self, attempt: str) -> None:
-        """Wait until an attempt has succeeded."""
+        """Wait until an attempt has succeeded; ContractBroken where it ends otherwise, or not in time."""
         known = self.until_ended(attempt)
         if "done" not in known.reports:
             broken = NeedsArguments if "failed" in known.reports else ContractBroken
@@ -389,7 +397,12 @@ class Lab:
 
     @contextlib.contextmanager
     def bench(self) -> Iterator[Bench]:
-        """Make a bench with servers; once a driver did not get ready, the next ones are not waited for."""
+        """Make a bench with servers, and wait until its driver is ready.
+
+        Raises:
+            ContractBroken: the driver does not get ready.
+            Untried: an earlier one did not, so this one is not waited for.
+        """
         if self._hopeless:
             raise Untried("not tried: the driver does not come to work among its servers")
         self._hopeless = True

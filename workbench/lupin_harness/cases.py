@@ -87,7 +87,7 @@ class DriverContract:
 
     @classmethod
     def node_entries(cls) -> dict[str, str]:
-        """Return the nodes to start, with their entry points `module:function`."""
+        """Return the nodes to start, with their entry points `module:function`; UsageError: unknown one."""
         own = _subject(cls.plugin).plugin.serving
         known = {
             name: entry for plugin in load_catalog().plugins.values() for name, entry in plugin.nodes.items()

@@ -20,7 +20,7 @@ LOOKS = 3
 
 
 def waits_alone(lab: Lab) -> None:
-    """Where nobody is: the driver says whom it misses, and attempts end, at the latest when cancelled."""
+    """Without servers the driver names what it misses, and attempts end, at the latest when cancelled."""
     with lab.lonely_bench() as bench:
         missing = bench.missing()
         if lab.setting.waits and not missing:
@@ -36,7 +36,7 @@ def waits_alone(lab: Lab) -> None:
 
 
 def comes_to_work(lab: Lab) -> None:
-    """Among its servers the driver can be made, misses nobody, and hears all that is sent to it."""
+    """Among its servers the driver can be made, misses nothing, and no endpoint has other QoS or types."""
     with lab.bench() as bench:
         bench.look_around()
         problems = bench.network_problems()
@@ -85,7 +85,7 @@ def _cancelled_in_vain(bench: Bench, operation: str) -> str:
 
 
 def is_cancelled_at_once(lab: Lab, operation: str) -> None:
-    """An attempt that is cancelled before anybody took it ends, once; what comes after it works."""
+    """An attempt that is cancelled before a server took it ends, once; what comes after it works."""
     with lab.bench() as bench:
         bench.prepare(operation)
         attempt = bench.begin(operation)
@@ -106,7 +106,7 @@ def keeps_attempts_apart(lab: Lab, operation: str) -> None:
 
 
 def ignores_strangers(lab: Lab) -> None:
-    """A cancel of an attempt that nobody knows is ignored."""
+    """A cancel of an unknown attempt is ignored."""
     with lab.bench() as bench:
         bench.cancel("nobody_knows_this_one")
         for operation in lab.plugin.operations:

@@ -64,7 +64,7 @@ class Spot:
 
     @property
     def field(self) -> FieldInfo | None:
-        """The model's field for the key."""
+        """The model's field for the key; None where the model has none, and at the top."""
         return fields_of(self.holder).get(self.key) if self.holder else None
 
     @property
@@ -84,7 +84,7 @@ class Spot:
 
     @property
     def name_meaning(self) -> Meaning | None:
-        """The meaning of the mapping's keys here, when they are names."""
+        """The meaning of the mapping's keys here, when they are names; else None."""
         if self.shape.model is ActionNode or (self.shape.item and self.shape.item.model is ActionNode):
             return Meaning.ACTION
         if self.shape.names is None:
@@ -158,7 +158,7 @@ def _joined(shapes: Sequence[Shape]) -> Shape:
 
 
 def kind_of(found: Scan) -> type[Node] | None:
-    """Return the kind of a file, by its characteristic key."""
+    """Return the kind of a file, by its characteristic key; None where it has none."""
     words = {token.text for token in found.keys(())}
     return next((model for word, model in FILES.items() if word in words), None)
 

@@ -24,7 +24,7 @@ class Hover:
 
 
 def hover(folder: Folder, path: Path, offset: int) -> Hover | None:
-    """Return the description of the name at an offset."""
+    """Return the description of the name at an offset; None where there is no name or nothing to say."""
     root = folder.kind(path)
     if root is None:
         return None

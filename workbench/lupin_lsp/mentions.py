@@ -86,7 +86,7 @@ def expressions_in(token: Token, meaning: Meaning) -> list[tuple[str, int]]:
 
 
 def pieces(expression: str, offset: int = 0) -> list[ExpressionPiece]:
-    """Cut an expression that begins at an offset into its pieces."""
+    """Return the names, quoted texts and signs of an expression, which begins at an offset, in order."""
     found: list[ExpressionPiece] = []
     for match in _PIECES.finditer(expression):
         call = found[-2].text if len(found) > 1 and found[-1].text == "(" else ""
@@ -101,7 +101,7 @@ def mentions_in(scan: Scan, root: type[Node]) -> Iterator[Mention]:
 
 
 def mention_at(scan: Scan, root: type[Node], offset: int) -> Mention | None:
-    """Return the innermost name at an offset, or ending there."""
+    """Return the innermost name at an offset, or ending there; None where there is none."""
     token = scan.token_at(offset)
     found = list(mentions_of(scan, root, token)) if token else []
     inside = [mention for mention in found if mention.start <= offset <= mention.end]

@@ -138,12 +138,12 @@ class Model:
     # -- other names ---------------------------------------------------------------------------------------
 
     def part(self, name: str) -> UsedNode | None:
-        """Return a valid part, or the mission that is used by that name."""
+        """Return a valid part, or the mission that is used by that name; None where there is none."""
         files = [file for file in self.documents.values() if isinstance(file, (PartNode, MissionNode))]
         return next((file for file in files if Path(file.place.file).stem == name), None)
 
     def file(self, path: Path) -> FileNode | None:
-        """Return the parsed file, if it is valid."""
+        """Return the parsed file; None where it is not valid."""
         return self.documents.get(path)
 
     # -- what expressions see ------------------------------------------------------------------------------

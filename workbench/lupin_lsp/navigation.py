@@ -28,7 +28,7 @@ class Reference:
 
 
 def mention_under(folder: Folder, path: Path, offset: int) -> Mention | None:
-    """Return the mention at an offset of a file."""
+    """Return the mention at an offset of a file; None where there is none, or the file's kind is unknown."""
     root = folder.kind(path)
     return mention_at(folder.scan(path), root, offset) if root else None
 

@@ -80,7 +80,7 @@ def meant(mention: Mention) -> Meaning:
 
 
 def place_of(folder: Folder, draft: Draft) -> Spanned | None:
-    """Return the range of a state's name in the present text."""
+    """Return the range of a state's name in the present text; None where it has none any more."""
     if folder.model is None:
         return None
     file, local = folder.model.written(draft)
@@ -224,7 +224,7 @@ def _tree(file: Path) -> ast.Module:
 
 @lru_cache(32)
 def catalog_file(plugin: str) -> Path | None:
-    """Return the file that makes the `Plugin` of that name."""
+    """Return the file that makes the `Plugin` of that name; None where none is installed."""
     if plugin == builtin.BUILTIN:
         return Path(builtin.__file__)
     modules = (point.module for point in entry_points() if import_plugin(point).name == plugin)

@@ -68,7 +68,7 @@ def rename(folder: Folder, path: Path, offset: int, name: str) -> dict[Path, lis
 
 
 def _drafts(folder: Folder, path: Path, mention: Mention) -> list[Draft]:
-    """Return the states to rename."""
+    """Return the states to rename; Refused where there is none, or it has a name that must stay."""
     model = folder.model
     if model is None or folder.inspect_with(folder.current()).composed is None:
         raise Refused("a file of this folder cannot be read; mend that first")
@@ -89,7 +89,7 @@ def _drafts(folder: Folder, path: Path, mention: Mention) -> list[Draft]:
 
 
 def _refuse_shared(folder: Folder, found: Iterable[Reference], wanted: frozenset[object]) -> None:
-    """Refuse when a mention means other states too: they would lose it."""
+    """Raise Refused where a mention means other states too: they would lose it."""
     for each in found:
         others = identity(folder, each.file, each.mention) - wanted
         if others:
@@ -99,7 +99,7 @@ def _refuse_shared(folder: Folder, found: Iterable[Reference], wanted: frozenset
 
 
 def _verify(folder: Folder, edits: Mapping[Path, list[Edit]], renamed: set[str], name: str) -> None:
-    """Compare the inspections before and after."""
+    """Compare the inspections before and after; Refused where anything else would change its meaning."""
     texts = folder.current()
     before = folder.inspect_with(texts)
     changed = {path: apply(texts.get(path, folder.text(path)), found) for path, found in edits.items()}
@@ -121,7 +121,10 @@ def _verify(folder: Folder, edits: Mapping[Path, list[Edit]], renamed: set[str],
 
 
 def _meanings(composed: Composed, renamed: set[str], name: str) -> Iterator[tuple[str | None, ...]]:
-    """Yield the states and where they lead, by the names they will have."""
+    """Yield each state with its initial child, and each transition with its event and target (None: none).
+
+    States have the names that they will have.
+    """
     for state in composed.chart.states.values():
         yield (_renamed(state.name, renamed, name), _renamed(state.initial, renamed, name))
         for transition in (*state.transitions, *state.resume_at):
@@ -148,7 +151,7 @@ def _ending(composed: Composed, name: str) -> set[str | None]:
 
 
 def _renamed(full: str | None, renamed: set[str], name: str) -> str | None:
-    """Return the full name that a state will have."""
+    """Return the full name that a state will have; None for None."""
     if full is None:
         return None
     words = full.split(".")

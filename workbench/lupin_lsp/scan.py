@@ -1,6 +1,6 @@
 """Keys and values of a text that is being typed, each with its place and its path from the top.
 
-`chart.source` reads a file as YAML does, and stops at the first mistake. While somebody types there is always
+`chart.source` reads a file as YAML does, and stops at the first mistake. While a user types there is always
 one, so this scanner never stops: it follows indentation and brackets, and closes an open bracket or quote at
 the first line that cannot belong to it. On YAML without mistakes both find the same keys and values in the
 same places; a test compares them for every mission of the repository.
@@ -121,12 +121,12 @@ class Scan:
                 self._keys.setdefault(token.path[:-1], []).append(token)
 
     def value(self, *path: str | int) -> str | None:
-        """Return the scalar at a path."""
+        """Return the text of the scalar at a path; None where there is none."""
         found = self._values.get(path)
         return None if found is None else found.text
 
     def value_token(self, path: Steps) -> Token | None:
-        """Return the scalar at a path, with its place."""
+        """Return the scalar at a path, with its place; None where there is none."""
         return self._values.get(path)
 
     def keys(self, path: Steps) -> list[Token]:
@@ -134,11 +134,11 @@ class Scan:
         return self._keys.get(path, [])
 
     def key_token(self, path: Steps) -> Token | None:
-        """Return the key that a path ends with."""
+        """Return the key that a path ends with; None where there is none."""
         return next((token for token in self.keys(path[:-1]) if token.path == path), None)
 
     def token_at(self, offset: int) -> Token | None:
-        """Return the key or value that an offset lies in, or right behind."""
+        """Return the key or value that an offset lies in, or right behind; None between them."""
         index = bisect.bisect_right(self._starts, offset) - 1
         if index >= 0 and self.tokens[index].start <= offset <= self.tokens[index].end:
             return self.tokens[index]
@@ -159,7 +159,10 @@ class Scan:
         return self._on_blank_line(line, column, offset) if not row.strip() else None
 
     def _token_before(self, offset: int) -> Token | None:
-        """Return the plain value before the cursor, where only blanks lie between: typing continues it."""
+        """Return the plain value before the cursor with the blanks between, as typing continues it.
+
+        None where a key, a quoted value or more than blanks come before the cursor.
+        """
         index = bisect.bisect_right(self._starts, offset) - 1
         if index < 0:
             return None
@@ -276,7 +279,7 @@ class _Scanner:
         return self._value(inner, path, at, end, TokenRole.VALUE)
 
     def _key(self, at: int, end: int) -> tuple[str, str, int, int] | None:
-        """Return text, quote, end and colon of the key that stands at an offset."""
+        """Return text, quote, end and colon of the key that begins at an offset; None where none does."""
         if self._text[at] in _NO_KEY:
             return None
         quote = self._text[at] if self._text[at] in _QUOTES else ""
@@ -392,7 +395,10 @@ class _Scanner:
         return at
 
     def _continued(self, end: int, base: int) -> int | None:
-        """Return the beginning of the next line with content, if it can belong to the open brackets."""
+        """Return the beginning of the next line with content; None where it cannot be inside the brackets.
+
+        It can where it is indented deeper than `base`, or begins with a closing bracket.
+        """
         line = self._lines.position(end)[0] + 1
         while line < len(self._lines.starts):
             begin, end = self._lines.starts[line], self._lines.end(line)

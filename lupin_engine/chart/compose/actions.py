@@ -122,7 +122,10 @@ class ActionReader:
         self._findings.unknown(node.place, "unknown-action", path, "action", node.name, known)
 
     def _write(self, node: ActionNode, given: Map | None, scope: Scope, path: str) -> ActionCall | None:
-        """Read `set`, which writes variables, and `add` and `remove`, which change the elements of a list."""
+        """Read `set`, which writes variables, and `add` and `remove`, which change the elements of a list.
+
+        A variable with a finding is left out; None after a finding that no variable is named.
+        """
         if not given:
             hint = f"write '{node.name}: {{NAME: VALUE}}'"
             problem = f"{node.name} names no variable"

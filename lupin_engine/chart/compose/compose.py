@@ -102,7 +102,7 @@ def compose(
     catalog: Catalog,
     findings: Findings,
 ) -> Composed | None:
-    """Compose the chart of these documents; after errors it has holes, but may be checked further.
+    """Compose the chart of these documents; parts with errors are left out, and the rest may be checked.
 
     `missions` are those that can be started, `parts` the parts and missions that states use. None where the
     profile is unknown: of several profiles the lifecycle must name one.
@@ -112,7 +112,10 @@ def compose(
 
 
 def _with_profile(catalog: Catalog, lifecycle: LifecycleNode, findings: Findings) -> Catalog | None:
-    """Return the catalog with the profile that a lifecycle names; without a name the only one holds."""
+    """Return the catalog with the profile that a lifecycle names, else with the only one installed.
+
+    None after a finding: the name is unknown, or none is written where several are installed.
+    """
     name, known = lifecycle.profile, catalog.profiles
     if name is None:
         if len(known) > 1:
@@ -541,6 +544,7 @@ class _Composer:
         return self._actions.read(nodes, scope, path_of(draft.name, key))
 
     def _initial(self, draft: Draft) -> str | None:
+        """Return the full name of the initial child; None without one, and after findings."""
         written = draft.initial
         if draft.kind is Kind.HISTORY:
             siblings = draft.parent
@@ -560,7 +564,11 @@ class _Composer:
         return self._only_child(draft)
 
     def _only_child(self, draft: Draft) -> str | None:
-        """Choose the child to enter where none is written: the only one that is a beginning."""
+        """Return the child to enter where no initial one is written: the only one that is not final.
+
+        A final state counts where there is no other; a history never does. None where several are left, or
+        none; that is a finding, except in the slot for missions (and, for none, where a part is embedded).
+        """
         proper = [child for child in draft.children.values() if child.kind not in (Kind.FINAL, Kind.HISTORY)]
         proper = proper or [child for child in draft.children.values() if child.kind is not Kind.HISTORY]
         if len(proper) == 1:
@@ -596,7 +604,7 @@ class _Composer:
         return walk, inner
 
     def _check_identity(self, item: Type, place: Place, path: str) -> None:
-        """Refuse targets without an identity in published messages."""
+        """Report targets without an `id`, by which published messages name them."""
         own = item.fields.get("id", item) if item.kind == "record" else item
         if own.kind not in ("any", "text", "integer"):
             problem = f"a target is told by its 'id', and {with_article(item)} has none"

@@ -220,7 +220,10 @@ class Declarer:
             self._findings.add(node.at("type"), "wrong-type", path, problem, f"a parameter {POSSIBLE_TYPES}")
 
     def measured(self, node: Node, kind: str, unit: str | None, path: str) -> Type | None:
-        """Read the `type` and `unit` of a node; a plain number with a unit is one of that dimension."""
+        """Read the `type` and `unit` of a node; a plain number with a unit is one of that dimension.
+
+        None after findings about the type; after one about the unit the type is returned without it.
+        """
         return self._in_unit(self._type(kind, node.at("type"), path), node, unit, path)
 
     def _in_unit(self, kind: Type | None, node: Node, unit: str | None, path: str) -> Type | None:
@@ -242,7 +245,7 @@ class Declarer:
         return kind
 
     def _bounded(self, node: VariableNode | RequestFieldNode, path: str) -> Type | None:
-        """Read a type with its `max`, which of a list is the number of its elements."""
+        """Read a type with its `max`, which of a list is the number of its elements; None after findings."""
         kind = self.measured(node, node.type, node.unit, path)
         if kind is None:
             return None
@@ -343,7 +346,7 @@ class Declarer:
         return read.value if read else None
 
     def _check_unit(self, node: InputNode, kind: Type, path: str) -> None:
-        """Refuse a unit that the value does not have; it is written for people, so it must be right."""
+        """Report a unit that the value does not have; it is written for people, so it must be right."""
         of_value = [unit for unit, (base, _) in UNITS.items() if is_number(kind) and base == kind.unit]
         if node.unit is None or node.unit in of_value:
             return
@@ -455,7 +458,7 @@ class Declarer:
     def field(
         self, name: str, node: RequestFieldNode, place: Place, scope: Scope, codes: set[str]
     ) -> Field | None:
-        """Read one field of a mission's request."""
+        """Read one field of a mission's request; None after findings about its name or type."""
         path, findings = f"request.{name}", self._findings
         if not self.good_name("field", name, place, path):
             return None
@@ -482,7 +485,7 @@ class Declarer:
         return Field(name, kind, place, default, node.not_empty, low, node.summary)
 
     def _can_be_given(self, name: str, node: RequestFieldNode, kind: Type, place: Place, path: str) -> None:
-        """Refuse a field that no start can fill: a mission with it could never begin."""
+        """Report a field that no start can give a value: a mission with it could never begin."""
         fields = self._catalog.profile.request
         carried = fields[name].type.kind if name in fields else None
         if carried is None and node.default is None:
@@ -494,7 +497,7 @@ class Declarer:
 
 
 def check_code(code: str, place: Place, path: str, declared: Iterable[str], findings: Findings) -> None:
-    """Refuse a code that has no label."""
+    """Report a code that is not declared, so that it has no label."""
     if code not in declared:
         hint = or_else(meant(code, declared), declared_as("codes", code))
         findings.add(place, "undeclared-code", path, f"the code {code!r} is not declared", hint)

@@ -92,7 +92,7 @@ class InvokeReader:
                 yield read.value
 
     def _check_on_hold(self, node: InvokeNode, operation: Operation, path: str) -> None:
-        """Refuse a reaction to a hold's release that the operation does not allow."""
+        """Report a reaction to a hold's release that the operation does not allow."""
         at, path = node.at("on_hold"), f"{path}.on_hold"
         if node.on_hold != "again" and operation.on_hold is not OnHold.CANCEL:
             problem = f"a hold does not cancel {node.do}: it goes on, and its answer waits for the release"
@@ -142,7 +142,7 @@ class InvokeReader:
     def _check_unless(
         self, node: RetryNode, operation: Operation, timeout_code: str | None, path: str
     ) -> None:
-        """Refuse a code that the operation cannot end in."""
+        """Report a code that the operation cannot end in."""
         possible = {code.name for code in operation.codes} | ({timeout_code} if timeout_code else set())
         for index, code in enumerate(node.unless):
             if code not in possible:
@@ -172,7 +172,7 @@ class InvokeReader:
         return ForEach(node.item, items, key, invoke, node.place, limit, when, done, error)
 
     def _check_item(self, node: ForEachNode, scope: Scope, path: str) -> None:
-        """Refuse a name of the element that means something else already, or cannot be read."""
+        """Report a name of the element that is no name, or that is a variable of the chart."""
         place, path = node.at("item"), f"{path}.item"
         if self._declarer.good_name("element", node.item, place, path) and node.item in scope.names:
             problem = f"{node.item!r} is a variable of the chart, the element would hide it"

@@ -187,7 +187,7 @@ class TransitionReader:
         )
 
     def ask(self, draft: Draft, node: AskNode) -> Prompt | None:
-        """Compose the question of a state."""
+        """Compose the question of a state; None after findings about its text or its time limit."""
         path, findings = path_of(draft.name, "ask"), self._findings
         scope = any_event(draft)
         question = read_key(node, "question", TEXT, scope, findings, path)
@@ -295,7 +295,7 @@ class TransitionReader:
                 check_code(code, node.at(word), path, self._codes, self._findings)
 
     def _check_sense(self, node: TransitionNode, event: str, path: str) -> None:
-        """Refuse combinations that contradict themselves."""
+        """Report keys that contradict each other."""
         is_request = event in self._catalog.profile.events or event.startswith(("operator.", ANSWER))
         if node.refuse is not None and not is_request:
             problem = "only a request can be refused"

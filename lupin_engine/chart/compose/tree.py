@@ -71,7 +71,7 @@ class Draft:
 
     @property
     def initial(self) -> tuple[str, Place] | None:
-        """The written initial child, and its place."""
+        """The written initial child, and its place; None where none is written, and for the slot."""
         if self.slot or (self.kind is Kind.HISTORY and self.node is None):
             return None
         holder: FileNode | StateNode = self.node or self.file
@@ -214,7 +214,7 @@ class Forest:
         self._children(draft, part.states, part)
 
     def _can_use(self, draft: Draft, node: StateNode, name: str) -> bool:
-        """Refuse to use a mission where no mission runs, and to begin it in all its states at once."""
+        """Say whether a state may use a mission; a finding outside of missions and in a parallel state."""
         problem, hint, key = "", "write a part of the states that both need", "use"
         if not draft.mission:
             problem = f"{name!r} is a mission, and only a mission can use one"
@@ -254,7 +254,7 @@ class Forest:
         self._enter(draft, history)
 
     def _check_shape(self, draft: Draft, node: StateNode) -> None:
-        """Refuse words that say nothing in a state of this kind."""
+        """Report keys that have no meaning in a state of this kind."""
         if draft.kind is Kind.FINAL:
             allowed = {"type", "summary", "entry", "phase", "result"}
         elif draft.kind is Kind.HISTORY:
@@ -268,7 +268,7 @@ class Forest:
             self._findings.add(node.key_at(shown), "wrong-shape", draft.name, problem)
 
     def _check_filled(self, draft: Draft, node: StateNode) -> None:
-        """Refuse keys of compound states in a state that turns out to have no children."""
+        """Report keys of compound states in a state without children."""
         if draft.slot or node.use is not None:
             return
         for key, written in (("type", node.type == "parallel"), ("history", node.history is not None)):
@@ -301,7 +301,7 @@ class Forest:
             self._check_for_each(draft, node)
 
     def _check_for_each(self, draft: Draft, node: StateNode) -> None:
-        """Refuse keys that exclude a `for_each`."""
+        """Report keys that exclude a `for_each`."""
         alone = "give the for_each a state of its own, a region of a 'type: parallel' state"
         inside = "an element's end is handled inside 'for_each'"
         hints = {"invoke": alone, "states": alone, "use": alone, "slot": alone}
@@ -311,7 +311,7 @@ class Forest:
             self._findings.add(node.key_at(key), "wrong-shape", draft.name, problem, hints[key])
 
     def _check_one_end(self, draft: Draft, node: StateNode) -> None:
-        """Refuse a state that ends with its operation and with a child: both would be one event."""
+        """Report a state that ends with its operation and with a child: both would be one event."""
         if node.invoke is None or draft.slot or not _can_end(draft):
             return
         inside = "all its regions end" if draft.kind is Kind.PARALLEL else "a final state inside is reached"

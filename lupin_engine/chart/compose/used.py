@@ -31,7 +31,7 @@ class UsedMissionReader:
         self._requests = requests
 
     def read(self, draft: Draft, node: StateNode, mission: MissionNode) -> UsedMission:
-        """Read a use of a mission."""
+        """Read a use of a mission; a field of its request with a finding has no value."""
         path, inside = path_of(draft.name, "use"), draft.inner
         assert inside is not None
         event = inside.with_event(ANY)
@@ -82,14 +82,14 @@ class UsedMissionReader:
         return (draft for draft in self._forest.drafts.values() if draft.part is not None)
 
     def _check_context(self, file: MissionNode, used: MissionNode) -> None:
-        """Refuse a variable of one name in a mission and in one that it uses."""
+        """Report a variable of one name in a mission and in one that it uses."""
         for name in (name for name in file.context if name in used.context):
             at, where = file.key_at("context", name), used.key_at("context", name)
             problem = f"the mission {used.name!r} is used here and has its own {name!r}, in {where}"
             self._findings.add(at, "conflicting-definition", f"context.{name}", problem, "rename one")
 
     def _check_apart(self, draft: Draft, node: StateNode, mission: MissionNode, begun: Iterable[str]) -> None:
-        """Refuse variables that restart here while another state relies on them."""
+        """Report variables that restart here and belong to a state that is active at the same time, too."""
         rule, around = "conflicting-definition", list(draft.up())
         for file in each_once(above.file for above in around if isinstance(above.file, MissionNode)):
             self._check_context(file, mission)

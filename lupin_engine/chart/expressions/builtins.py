@@ -1,4 +1,7 @@
-"""The built-in functions of expressions, with their signatures."""
+"""The built-in functions of expressions: each checks a call, and returns its type and code.
+
+A call with mistakes is `UNTYPED` after findings. Those that loop over a list are in `loops`.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +25,7 @@ from lupin_engine.plugin.types import ANY, BOOL, COUNT, Type, list_of
 
 
 def _len(checker: ExpressionReader, node: ast.Call) -> Typed:
+    """`len(LIST)` or `len(TEXT)`: the number of elements or letters."""
     if not checker.arity(node, "len", 1):
         return UNTYPED
     argument = checker.visit(node.args[0])
@@ -32,6 +36,7 @@ def _len(checker: ExpressionReader, node: ast.Call) -> Typed:
 
 
 def _extreme(checker: ExpressionReader, node: ast.Call) -> Typed:
+    """`min` and `max` of a list, or of several numbers in one unit; of an empty list an error at run time."""
     name = dotted(node.func) or ""
     if not node.args:
         return checker.wrong(node, "missing-argument", f"{name} takes a list of numbers, or several numbers")
@@ -62,6 +67,7 @@ def _abs(checker: ExpressionReader, node: ast.Call) -> Typed:
 
 
 def _round(checker: ExpressionReader, node: ast.Call) -> Typed:
+    """`round(NUMBER)`, a whole number, or `round(NUMBER, DIGITS)` with 0 to 9 digits, written out."""
     if len(node.args) not in (1, 2):
         checker.arity(node, "round", 1)
         return UNTYPED
@@ -80,6 +86,7 @@ def _round(checker: ExpressionReader, node: ast.Call) -> Typed:
 
 
 def _quantifier(checker: ExpressionReader, node: ast.Call) -> Typed:
+    """`any` and `all` of a list of booleans."""
     name = dotted(node.func) or ""
     if not checker.arity(node, name, 1):
         return UNTYPED
@@ -88,6 +95,7 @@ def _quantifier(checker: ExpressionReader, node: ast.Call) -> Typed:
 
 
 def _known(checker: ExpressionReader, node: ast.Call) -> Typed:
+    """`known(VALUE)`: whether a live value or another value that may be missing is there."""
     if not checker.arity(node, "known", 1):
         return UNTYPED
     argument, before = node.args[0], checker.unknowns
@@ -101,6 +109,7 @@ def _known(checker: ExpressionReader, node: ast.Call) -> Typed:
 
 
 def _held(checker: ExpressionReader, node: ast.Call) -> Typed:
+    """`held(NAME)`: whether a hold is engaged."""
     name = _word(checker, node, "held", "a hold")
     if name is None:
         return UNTYPED
@@ -111,11 +120,13 @@ def _held(checker: ExpressionReader, node: ast.Call) -> Typed:
 
 
 def _in_state(checker: ExpressionReader, node: ast.Call) -> Typed:
+    """`in_state(NAME)`: whether a state is active, named by the end of its full name."""
     states = _states(checker, node, "in_state")
     return UNTYPED if states is None else Typed(BOOL, f"{environment_code('in_state')}({states!r})")
 
 
 def _was_in_state(checker: ExpressionReader, node: ast.Call) -> Typed:
+    """`was_in_state(NAME)`: whether a state was active before the step; in properties only."""
     if "this_step" not in checker.scope.names:
         return checker.wrong(node, "unknown-name", "only a property asks what was active before a step")
     states = _states(checker, node, "was_in_state")
@@ -125,7 +136,10 @@ def _was_in_state(checker: ExpressionReader, node: ast.Call) -> Typed:
 
 
 def _states(checker: ExpressionReader, node: ast.Call, function: str) -> tuple[str, ...] | None:
-    """Return the full names of the states that the argument names; None after a finding."""
+    """Return the full names of the states that the argument names, () of an unknown one (see `_no_state`).
+
+    None after a finding that it is no name.
+    """
     name = _word(checker, node, function, "a state")
     if name is None:
         return None
@@ -136,6 +150,7 @@ def _states(checker: ExpressionReader, node: ast.Call, function: str) -> tuple[s
 
 
 def _no_state(checker: ExpressionReader, node: ast.expr, name: str) -> None:
+    """Report an unknown state: an error; where missions may be missing, a warning if one is similar."""
     problem = f"no state is called {name!r}"
     known = {word for state in checker.scope.states for word in state.split(".")}
     if not checker.scope.open_states:
@@ -151,7 +166,10 @@ def _no_state(checker: ExpressionReader, node: ast.expr, name: str) -> None:
 
 
 def _word(checker: ExpressionReader, node: ast.Call, function: str, what: str) -> str | None:
-    """Return the single argument when it is a word that is written out, quoted or not."""
+    """Return the single argument, which must be a word that is written out, quoted or not.
+
+    None after a finding: there is not one argument, or it is no word.
+    """
     if not checker.arity(node, function, 1):
         return None
     argument = node.args[0]

@@ -129,7 +129,7 @@ def compile_expression(
 def check_expression(
     fragment: Fragment, scope: Scope, wanted: Type, findings: Findings, path: str
 ) -> Typed | None:
-    """Check an expression without compiling it; for one that is built into others."""
+    """Check an expression without compiling it, for one that is built into others; None after findings."""
     return _Checker(fragment, scope, findings, path).check(wanted)
 
 
@@ -436,7 +436,7 @@ class _Checker(ExpressionReader):
     def _check_values(
         self, operator: ast.cmpop, left: ast.expr, right: ast.expr, first: Type, second: Type
     ) -> None:
-        """Refuse to compare a text of which all possible values are known with one that it can never be."""
+        """Report a comparison of a text whose possible values are known with one that it can never be."""
         if not (first.values or second.values):
             return
         if isinstance(operator, (ast.In, ast.NotIn)):

@@ -1,4 +1,4 @@
-"""The guard of whatever has one, as one value: also where none is written, and where it has mistakes."""
+"""The type of a guard. It has a value also where no guard is written, and where one has mistakes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Condition(Expression):
 
     @property
     def constant(self) -> bool | None:
-        """Its value, where it depends on nothing."""
+        """Its value, where it depends on nothing; else None."""
         return constant(self.source) if self else True
 
     @property
@@ -46,5 +46,5 @@ FREE = Condition("", Place("", 1, 1), BOOL, _free)
 
 
 def mistaken(raw: Any, place: Place) -> Condition:
-    """Stand in for a condition with mistakes, as it was written."""
+    """Return the condition that replaces one with mistakes: always false, with the source as written."""
     return Condition(str(raw), place, BOOL, never)

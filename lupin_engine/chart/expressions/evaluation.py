@@ -34,22 +34,26 @@ class UnknownInput(UnknownValue):
 
 
 def _times(left: Any, right: Any) -> Any:
-    """Multiply; integers only within the precision of a float."""
+    """Multiply; OverflowError beyond `_counted`'s limits."""
     return _counted(left * right, left, right)
 
 
 def _over(left: Any, right: Any) -> Any:
-    """Divide."""
+    """Divide; ZeroDivisionError, and OverflowError beyond `_counted`'s limits."""
     return _counted(left / right, left, right)
 
 
 def _round(value: Any, digits: int | None = None) -> Any:
-    """Round; to whole numbers only within the precision of a float."""
+    """Round; OverflowError beyond `_counted`'s limits."""
     return _counted(round(value, digits), value)
 
 
 def _counted(result: Any, *operands: Any) -> Any:
-    """Return a computed number, or raise if it is beyond the limit; a sensor's infinity passes."""
+    """Return a computed number; a sensor's infinity passes.
+
+    Raises:
+        OverflowError: an integer beyond the precision of a float, or finite operands make no finite number.
+    """
     if isinstance(result, int):
         if abs(result) > MAX_INTEGER:
             raise OverflowError(f"{float(result):.3g} is too large")
@@ -59,7 +63,7 @@ def _counted(result: Any, *operands: Any) -> Any:
 
 
 def _number(value: Any) -> Any:
-    """Refuse to calculate with anything but numbers: no text or list may be multiplied."""
+    """Return a number that is calculated with; TypeError for anything else: no text may be multiplied."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise TypeError(f"expected a number, got {value!r}")
     return value
@@ -68,7 +72,7 @@ def _number(value: Any) -> Any:
 def _text(value: Any, unit: str, digits: int | None, computed: str) -> str:
     """Return a value as text; a number with a unit in that unit.
 
-    A sensor's value may be infinite; a `computed` one, which is its source or '', may not.
+    A sensor's value may be infinite; a `computed` one (its source; '': it was not) raises OverflowError.
     """
     if isinstance(value, (list, tuple)):
         return ", ".join(_text(each, unit, digits, computed) for each in value)
@@ -84,7 +88,7 @@ def _text(value: Any, unit: str, digits: int | None, computed: str) -> str:
 
 
 def _bounded(values: Any) -> Any:
-    """Refuse to loop over anything but a list of limited length."""
+    """Return a list to loop over; TypeError for anything else, ValueError above `MAX_ELEMENTS`."""
     if not isinstance(values, (list, tuple)):
         raise TypeError(f"expected a list, got {values!r}")
     if len(values) > MAX_ELEMENTS:
@@ -93,7 +97,7 @@ def _bounded(values: Any) -> Any:
 
 
 def _short(values: Any) -> Any:
-    """Refuse a list or text that is too long to be read in each pass of a loop."""
+    """Return a list or text to be read in each pass of a loop; ValueError where it is too long for that."""
     limit = MAX_TEXT if isinstance(values, str) else MAX_ELEMENTS
     if len(values) > limit:
         raise ValueError(f"something of length {len(values)}; in a loop at most {limit} can be looked at")
@@ -106,14 +110,14 @@ def _first(values: Sequence[Any], otherwise: Callable[[], Any]) -> Any:
 
 
 def _found(values: Iterator[Any], sought: str) -> Any:
-    """Return the first of the elements that were sought."""
+    """Return the first of the elements that fit; UnknownValue without one."""
     for value in values:
         return value
     raise UnknownValue(f"{sought} is unknown: there is no such element")
 
 
 def _named(values: Sequence[Mapping[str, Any]], name: str, sought: str) -> Any:
-    """Return the value of a name in a list of records."""
+    """Return the value of a name in a list of records; UnknownValue where the name is not there."""
     for value in values:
         if value["name"] == name:
             return value["value"]
@@ -121,7 +125,7 @@ def _named(values: Sequence[Mapping[str, Any]], name: str, sought: str) -> Any:
 
 
 def _known(read: Callable[[], Any]) -> bool:
-    """Say whether a value can be read."""
+    """Say whether a value can be read: reading it raises no UnknownValue; other errors go through."""
     try:
         read()
     except UnknownValue:
@@ -189,7 +193,7 @@ class Compiled:
 
 
 def never(_: Environment) -> bool:
-    """Stand in for a condition with mistakes; rules recognise it and say nothing about it."""
+    """Replace a condition with mistakes: always false; rules recognise it and report nothing about it."""
     return False
 
 

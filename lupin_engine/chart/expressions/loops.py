@@ -1,7 +1,8 @@
 """Loops over lists in an expression: one at a time, over a bounded list.
 
 The element has a name: in `[... for NAME in LIST if ...]` the author's, in `find` and `sorted` it is `t`. A
-nested loop is refused, so that the cost of an expression is hardly more than the sum of its lists.
+nested loop is refused, so that the cost of an expression is hardly more than the sum of its lists. The
+functions that read a call or a loop return `UNTYPED` after findings.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def holding(kind: Type, most: float) -> Type:
 
 
 def by_name(shown: str, kind: Type, index: Typed) -> str:
-    """Return a hint for `shown[index]`: a field, or the element with that identity."""
+    """Return a hint for `shown[index]`, which the language lacks: a field or a `find`; '' without a guess."""
     if index.written in kind.fields:
         return f"write '{shown}.{index.written}'"
     inner = {f"{shown}.{name}": field for name, field in kind.fields.items()}
@@ -140,7 +141,7 @@ def _list_argument(checker: ExpressionReader, node: ast.Call, name: str, count: 
 
 
 def _values(checker: ExpressionReader, node: ast.expr) -> Typed | None:
-    """Return the list that is gone through; None after findings."""
+    """Return the list that a loop iterates over; None after findings."""
     typed = checker.visit(node)
     if typed.type.kind in ("list", "any"):
         return typed

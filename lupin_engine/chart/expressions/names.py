@@ -97,7 +97,7 @@ def _asked(node: ast.expr, outcome: bool) -> frozenset[str]:
 
 
 def _question(node: ast.AST) -> ast.expr | None:
-    """Return the argument of `known(...)`."""
+    """Return the argument of `known(...)`; None where the node is no such call."""
     if isinstance(node, ast.Call) and _is_called(node, "known") and node.args:
         return node.args[0]
     return None

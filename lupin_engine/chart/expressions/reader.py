@@ -103,7 +103,7 @@ class ExpressionReader(ABC):
 
     @property
     def start(self) -> int:
-        """Where in its text the expression begins."""
+        """The offset in its text at which the expression begins."""
         return self.fragment.offset + indent_of(self.fragment.source)
 
     # -- reading -------------------------------------------------------------------------------------------
@@ -142,7 +142,7 @@ class ExpressionReader(ABC):
         return root
 
     def stop(self, offset: int, problem: str, hint: str = "") -> None:
-        """Report that nothing more can be said of the expression."""
+        """Report an error that ends the reading of the expression."""
         place = self.fragment.text.at(self.start + min(offset, len(self._source)))
         self.findings.add(place, "bad-expression", self.path, problem, hint)
         self.failed = True
@@ -190,21 +190,25 @@ class ExpressionReader(ABC):
         self.wrong(node, "wrong-type", f"expected {asked}, but {shown!r} is {q.describe(got)}", hint)
 
     def refuse(self, node: ast.expr, kind: str) -> Typed:
-        """Report a construct of Python that expressions do not have."""
+        """Report a construct of Python that expressions do not have, and return the placeholder."""
         what = _REFUSED.get(kind, f"this ({kind})")
         return self.wrong(
             node, "bad-expression", f"{what} is not allowed in an expression", _INSTEAD.get(kind, "")
         )
 
     def wanted(self, node: ast.expr, wanted: Type) -> Typed:
-        """Visit a node that must be of a type."""
+        """Visit a node that must be of a type; a finding where it is of another one."""
         typed = self.visit(node)
         if not q.accepts(wanted, typed.type):
             self.mismatch(node, wanted, typed.type)
         return typed
 
     def looked_at(self, typed: Typed, times: int = 1) -> Typed:
-        """Add the cost of reading a whole value; in a loop that must be short."""
+        """Add the cost of reading a whole value.
+
+        Inside a loop the code that is returned fails at run time for a value that is not short, unless its
+        type limits it.
+        """
         kind = typed.type
         if kind.kind not in ("list", "text", "any"):
             return typed
@@ -218,7 +222,7 @@ class ExpressionReader(ABC):
         return Typed(kind, f"_short({typed.code})")
 
     def no_number(self, node: ast.expr, got: Type) -> Typed:
-        """Report a value that is no number."""
+        """Report a value that is no number, and return the placeholder."""
         if self.failed and got.kind == "any":
             return UNTYPED  # what it is has been told to be wrong already
         shown = self.text_of(node)
@@ -243,7 +247,7 @@ def _bare_quantity(source: str) -> str:
 
 
 def _syntax(error: SyntaxError, length: int) -> tuple[int, str]:
-    """Return where and how Python stopped reading; in our words, for Python's change with every version."""
+    """Return the offset at which Python stopped, and a text of ours: Python's changes with its version."""
     offset = (error.offset or length + 1) - 1
     if offset >= length:
         return length, "not an expression: it ends too early"

@@ -94,7 +94,10 @@ def describe(kind: Type) -> str:
 
 
 def named_in(kind: Type) -> tuple[str, Type] | None:
-    """Return the values by name that a type has: its own, else those of the field of a record with some."""
+    """Return '' and a type that has named values, else the first field of a record whose type has some.
+
+    None where neither has any.
+    """
     if kind.named:
         return "", kind
     return next(((name, inner) for name, inner in kind.fields.items() if inner.named), None)

@@ -72,7 +72,10 @@ def read_value(
 def read_under(
     holder: Map, key: str, wanted: Type, scope: Scope, findings: Findings, path: str
 ) -> Value | None:
-    """Read the value under a key as `read_value` does; where it stands is asked for constants only."""
+    """Read the value under a key as `read_value` does, None after findings; KeyError where the key is absent.
+
+    The place of an expression is that of its text, so the mapping is asked for a constant's place only.
+    """
     raw = holder[key]
     fragment = fragment_of(raw) if is_expression(raw) else None
     if fragment is not None:
@@ -81,7 +84,10 @@ def read_under(
 
 
 def read_literal(holder: Map, key: str, scope: Scope, findings: Findings, path: str) -> Value | None:
-    """Read the value under a key without an expected type: a literal has the type of its form."""
+    """Read the value under a key without an expected type: a literal has the type of its form.
+
+    None after findings.
+    """
     raw = holder[key]
     is_text = is_expression(raw) and fragment_of(raw) is None  # with expressions in it
     return read_under(holder, key, TEXT if is_text else literal_type(raw), scope, findings, path)
@@ -99,7 +105,10 @@ def read_key(node: Node, key: str, wanted: Type, scope: Scope, findings: Finding
 
 
 def read_list(raw: Any, place: Place, scope: Scope, findings: Findings, path: str) -> Value | None:
-    """Read a list of anything; one that is written out has the type that its elements have."""
+    """Read a list of anything; one that is written out has the type that its elements have.
+
+    None after findings: elements of several types, or what `read_value` finds.
+    """
     item = ANY
     if isinstance(raw, Seq) and raw:
         item = literal_type(raw[0])
@@ -131,7 +140,10 @@ def literal_type(raw: Any) -> Type:
 
 
 def _both(first: Type, second: Type) -> Type | None:
-    """Return the common type of two literals; a text that looks like a quantity may be a text."""
+    """Return the common type of two literals, None where they have none.
+
+    A text that looks like a quantity may be a text.
+    """
     if first.kind == second.kind == "record":
         if first.fields.keys() != second.fields.keys():
             return None
@@ -153,7 +165,7 @@ def _difference(first: Type, this: Type) -> str:
 
 
 def check_bound(value: Value, wanted: Type, name: str, findings: Findings, path: str) -> None:
-    """Refuse a list that may have more elements than the variable holds."""
+    """Report a list that may have more elements than the variable holds."""
     may = capacity(value.type)
     if wanted.item is None or wanted.maximum is None or isinstance(value, Constant) or may <= wanted.maximum:
         return
@@ -176,7 +188,7 @@ def read_per_element(
 ) -> Expression | None:
     """Read an expression about the element of a list.
 
-    One that does not read the element is refused: it would make all elements alike.
+    One that does not read the element is refused: it would make all elements alike. None after findings.
     """
     name, kinds = wanted.name, wanted.kinds
     raw, place, path = getattr(node, key), node.at(key), f"{path}.{key}"

@@ -291,7 +291,7 @@ def unhandled_outcome(index: Index) -> Iterator[Diagnostic]:
 
 
 def _without_answer(index: Index, state: State) -> Iterator[Diagnostic]:
-    """Find an end that nothing is said of; in FAULT also the errors that any operation may end in."""
+    """Find an end of an operation that no transition handles; in FAULT always also that with an error."""
     invoke = state.invoke
     assert invoke is not None
     handled = {transition.event for transition in state.transitions}

@@ -62,7 +62,10 @@ def _finding(expression: Expression, state: State, name: str, lacking: Transitio
 
 
 def _expressions(state: State) -> Iterator[tuple[Expression, Transition | None]]:
-    """Yield the expressions of a state that read an event's fields, each with its transition."""
+    """Yield the expressions of a state that read an event's fields, with their transition.
+
+    None stands for the transition of what the state does on its entry.
+    """
     given = state.use.request.values() if state.use else ()
     for part in (*state.on_entry, *given, *((state.invoke,) if state.invoke else ())):
         yield from ((found, None) for found in _reading(part))
@@ -163,6 +166,7 @@ def _lacks(index: Index, transition: Transition, name: str) -> bool:
 
 
 def _fields(index: Index, transition: Transition) -> frozenset[str] | None:
+    """Return the fields of a transition's event; None for a wildcard, whose fields are unknown."""
     event, chart = transition.event, index.chart
     if event.endswith("*"):
         return None

@@ -44,7 +44,7 @@ class Index:
     """The input of the rules."""
 
     def __init__(self, composed: Composed) -> None:
-        """Index a chart, perhaps one with holes."""
+        """Index a chart, perhaps one from which parts with errors were left out."""
         self.composed = composed
         self.chart = composed.chart
         self.states = tuple(composed.chart.states.values())
@@ -92,7 +92,7 @@ class Index:
     # -- the tree ------------------------------------------------------------------------------------------
 
     def inside(self, name: str, ancestor: str) -> bool:
-        """Say whether a state is the other one or stands in it."""
+        """Say whether a state is `ancestor` or below it."""
         return ancestor in self.lineage[name]
 
     def regions(self, state: State) -> list[State]:
@@ -100,13 +100,13 @@ class Index:
         return [self.chart.states[name] for name in self.semantics.regions(state.name)]
 
     def begun(self, state: State) -> list[str]:
-        """Return the children that are entered with a state when nothing else is said."""
+        """Return the children that are entered with a state by default; [] where no initial one is known."""
         if state.slot or state.kind is Kind.PARALLEL:
             return [child.name for child in self.regions(state)]
         return [state.initial] if state.initial is not None else []
 
     def entered(self, name: str) -> Iterator[str]:
-        """Yield a state and all that is entered with it when nothing else is said."""
+        """Yield a state and all that are entered with it by default."""
         yield name
         for child in self.begun(self.chart.states[name]):
             yield from self.entered(child)
@@ -147,7 +147,7 @@ class Index:
 
     @cached_property
     def slot(self) -> State | None:
-        """The state that the missions stand in."""
+        """The state that the missions stand in; None in a chart without one."""
         return next((state for state in self.states if state.slot), None)
 
     @cached_property
@@ -232,7 +232,7 @@ class Index:
 
 
 def guard_of(thing: Transition | ActionCall) -> Condition:
-    """Return the guard of a transition or an `if`; with more conditions than that, one not understood."""
+    """Return the guard of a transition or an `if`; where it has further conditions, one not `understood`."""
     kind: type = type(thing)
     if not _has_more(kind):
         return thing.guard
@@ -262,7 +262,7 @@ def taken_when(transition: Transition) -> Formula:
 
 
 def groups_of(transitions: Sequence[Transition]) -> Iterator[list[Transition]]:
-    """Yield those that answer the same event, in order; a wildcard is in every group that it covers."""
+    """Yield groups of two or more that answer one event, in order; a wildcard is in each that it covers."""
     by_event: dict[str, list[Transition]] = {}
     for transition in transitions:
         by_event.setdefault(transition.event, []).append(transition)

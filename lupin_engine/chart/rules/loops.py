@@ -56,7 +56,7 @@ def no_time(index: Index) -> Iterator[Diagnostic]:
 
 
 def _endless(loops: _Loops, part: Sequence[str], failures: set[str]) -> list[Transition]:
-    """Return a circle of some transitions in which something fails and that never ends; else nothing."""
+    """Return an endless circle of these transitions in which an operation fails; [] without one."""
     if failures.isdisjoint(part):
         return []
     failing = (c for c in cycles(loops.following, part, MAX_STEPS) if not failures.isdisjoint(c))

@@ -151,7 +151,7 @@ def one_way_switch(index: Index) -> Iterator[Diagnostic]:
 
 
 def unused_field(index: Index) -> Iterator[Diagnostic]:
-    """Find a field of a request that the mission never reads; its own text for one that no start can fill."""
+    """Find a field of a request that the mission never reads; one that no start can give is skipped here."""
     for mission in index.chart.missions.values():
         for field in mission.request.values():
             can_be_given = field.default is not None or field.name in index.chart.profile.request

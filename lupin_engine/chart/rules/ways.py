@@ -52,8 +52,8 @@ def _can_be_done(chart: Chart, state: State) -> bool:
 def waits_for_ever(index: Index) -> Iterator[Diagnostic]:
     """Find an operation that has no timeout on purpose, and no other way out of its state either.
 
-    It is a warning if only the lifecycle has a way out, such as an abort, because nothing tells a person to
-    take it; or if only a live value or an event of a plugin leads out, because it may never come.
+    A way out that only the lifecycle has, such as an abort, is a warning: no operator is asked to take it. So
+    is one that only a live value or an event of a plugin opens, because that may never come.
     """
     for work in index.works:
         node = index.composed.drafts[work.state.name].node
@@ -136,7 +136,10 @@ def _comes_from_the_world(event: str, raised: set[str]) -> bool:
 
 
 def _has_way_out(index: Index, state: State, without: Iterable[str] = ()) -> bool:
-    """Say whether a transition of the state, or of one around it, has a target."""
+    """Say whether a transition of the state, or of one around it, has a target.
+
+    Events in `without` do not count, nor do ends of what the states around have begun.
+    """
     if any(t.target is not None and t.event not in without for t in state.transitions):
         return True
     around = (index.chart.states[name] for name in index.lineage[state.name][1:])

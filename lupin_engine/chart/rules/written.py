@@ -42,7 +42,7 @@ class WrittenAction(NamedTuple):
 
 
 class Saying(NamedTuple):
-    """Something that a chart says, with the mission and, within the states, the state that says it.
+    """An expression, a code or a list of actions of a chart, with its mission and (within states) its state.
 
     In place of a mission that is used as a part stands the state that uses it.
     """
@@ -87,7 +87,7 @@ def calls_of(sayings: Iterable[Saying]) -> list[WrittenAction]:
 
 
 def codes_of(sayings: Iterable[Saying]) -> set[str]:
-    """Return every code that stands under a word of its own."""
+    """Return every code that is written under a key for codes; those among arguments are not there."""
     codes = [said.value for said in sayings if said.role is Role.CODE]
     return {code for found in codes for code in ((found,) if isinstance(found, str) else found)}
 
@@ -102,7 +102,7 @@ def reads_of(sayings: Iterable[Saying]) -> list[Read]:
 
 
 class Texts:
-    """All expressions of a chart as text, by mission; asked when nothing quicker has found a name."""
+    """All expressions of a chart as text, by mission: a slow search, for names that no index has."""
 
     def __init__(self, found: Iterable[tuple[str, str]]) -> None:
         by_mission: dict[str, list[str]] = {}

@@ -238,6 +238,7 @@ class _Layouter:
         return _simple(_without_short_steps(_simple(corners)))
 
     def _label(self, index: int, drawn: dict[str, ClusterLayout], rects: dict[str, Rect]) -> Point | None:
+        """Return the place of an arrow's label; None where it has none."""
         name = self._home(index)
         place = drawn[name].labels.get(index)
         return None if place is None else (rects[name].x + place[0], rects[name].y + place[1])

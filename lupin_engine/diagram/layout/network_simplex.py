@@ -219,7 +219,7 @@ class _Network:
     # -- pivots -----------------------------------------------------------------------------------------
 
     def _leaving_edge(self, start: int) -> int | None:
-        """Return a tree edge with a negative cut value, searching cyclically from `start`."""
+        """Return a tree edge with a negative cut value, searching cyclically from `start`; None: optimal."""
         size = len(self._edges)
         for step in range(size):
             index = (start + step) % size

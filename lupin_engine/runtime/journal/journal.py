@@ -354,7 +354,13 @@ def journal_folder(path: str = "", domain: int | None = None) -> Path:
 
 
 def domain_folder(name: str, path: str = "", domain: int | None = None) -> Path:
-    """Return where an orchestrator of a ROS domain, by default this process's, keeps something; or `path`."""
+    """Return `path`, or without one the folder `name` of a ROS domain in the user's state folder.
+
+    `domain` is by default this process's.
+
+    Raises:
+        UsageError: there is no such domain, or the user has no home folder.
+    """
     if path:
         return Path(path)
     here = ros_domain() if domain is None else domain

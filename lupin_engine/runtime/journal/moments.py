@@ -53,6 +53,11 @@ class JournalMoments:
         return _lived(_until(found, next(later, None)), chart, wall, before)
 
     def _file(self, wall: float) -> JournalFile | None:
+        """Return the file that was written at a time of the wall clock; None before the first.
+
+        Raises:
+            JournalError: it cannot be read.
+        """
         path = next((path for path, begin in reversed(self._begins) if begin <= wall), None)
         if path is None:
             return None

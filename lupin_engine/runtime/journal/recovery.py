@@ -65,7 +65,7 @@ class Leftover:
 
     @property
     def last(self) -> JournalRecord | None:
-        """The last thing that entered the machine."""
+        """The last input of the machine; None where no input is recorded."""
         return next((r for r in reversed(self.file.records) if r.kind in INPUTS), None)
 
     def away(self, wall: float) -> float:

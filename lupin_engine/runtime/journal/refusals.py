@@ -27,7 +27,7 @@ class _Alike:
 
 
 class RefusalLog(Protocol):
-    """Where the numbers are recorded."""
+    """Records the numbers; the journal's writer is one."""
 
     def refused(self, request: str, code: str, more: int) -> None:
         """Record how many more requests of a name were refused with a code."""

@@ -86,7 +86,7 @@ def replay(found: JournalFile, world: World, watch: KeptWatch | None = None) -> 
 
 
 def _run(machine: Machine, record: JournalRecord) -> tuple[Step | None, Machine]:
-    """Return the step of a record, if it is an input, and the machine after it.
+    """Return the step of a record, None where it is no input, and the machine after it.
 
     Raises:
         ValueError: the machine comes to something else.

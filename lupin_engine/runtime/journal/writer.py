@@ -66,32 +66,32 @@ class MemoryWriter:
         self.data = MAGIC if cut is None else self.data[:cut]
 
     def append(self, data: bytes, *, urgent: bool) -> None:
-        """Keep it."""
+        """Add the bytes to the file in memory."""
         self.data += data
 
     def do(self, work: Callable[[], None]) -> None:
         """Do nothing: there is no disk."""
 
     def when_flushed(self, then: Callable[[], None]) -> None:
-        """Call it: all is kept."""
+        """Call `then` at once: everything is kept already."""
         then()
 
     def give_up(self) -> list[Callable[[], None]]:
-        """Nothing waits."""
+        """Return []: no call waits."""
         return []
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no file is open."""
 
 
 class WriterOwner(Protocol):
-    """Whose frames are written."""
+    """The owner of a writer: it gets the writer's calls on its thread."""
 
     def post(self, call: Callable[[], None]) -> None:
         """Run a call on the loop's thread."""
 
     def failed(self, reason: str, waiting: list[Callable[[], None]]) -> None:
-        """The disk fails, and the calls that wait for it are returned; on the loop's thread."""
+        """Take that the disk fails, and the calls that wait for it; on the loop's thread."""
 
 
 class JournalWriter:
@@ -250,7 +250,7 @@ class JournalWriter:
             os.ftruncate(self._file, cut)
 
     def _take(self, folder: Path) -> None:
-        """Lock a folder against other processes."""
+        """Lock a folder against other processes; OSError where one holds it, or it cannot be made."""
         if self._lock is not None:
             if _is_file(self._lock, folder / LOCK):
                 return

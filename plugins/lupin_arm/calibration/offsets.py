@@ -43,6 +43,8 @@ class Correction:
 def corrections(counts: Mapping[str, int], offsets: Mapping[str, int], largest: float) -> list[Correction]:
     """Return the correction of each servo at its position in `counts`.
 
+    It is refused where the offset is unknown or would be too large; a change of up to `SMALL` is not made.
+
     Args:
         counts: the position of every servo while its joint is held at zero.
         offsets: the present offset of every servo; one that could not be read is missing.

@@ -230,7 +230,7 @@ class Arm:
             self._publish(_stay(self.pose() or self._should_be(), seconds))
 
     def halt(self, reason: str) -> None:
-        """Stop a motion that has an owner, since whoever wanted it is gone; an arm at rest is left alone."""
+        """Stop a motion that has an owner, since its owner has ended; an arm at rest is left alone."""
         if self._motion is None or not self._motion.owner or not self._motion.under_way(self._ros.elapsed()):
             return
         self._ros.log.warning("the arm stops", reason=reason)

@@ -268,7 +268,11 @@ def serve_library(ros: RosNode, arm: Arm, mission: MissionGate, given_path: str)
 
 
 def library_path(given: str) -> Path:
-    """Return the file of the library: the given one, else one in the user's configuration."""
+    """Return the file of the library: the given one, else one in the user's configuration.
+
+    Raises:
+        UsageError: none is given, and the user has no home folder.
+    """
     if given:
         return Path(os.path.expanduser(given))
     return user_folder("XDG_CONFIG_HOME", ".config") / "arm_library.json"

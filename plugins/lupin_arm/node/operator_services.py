@@ -35,7 +35,10 @@ MOST_WAITING = 8
 
 
 def serve_presets(ros: RosNode, arm: Arm, duration: float) -> None:
-    """Offer `/lupin/arm/preset`; a motion takes `duration` seconds, or longer for a long way."""
+    """Offer `/lupin/arm/preset`; a motion takes `duration` seconds, or longer for a long way.
+
+    A name that is unknown and a motion that the arm refuses are answered with the reason.
+    """
 
     def go(request: SetArmPreset.Request, response: SetArmPreset.Response) -> SetArmPreset.Response:
         try:
@@ -53,7 +56,7 @@ def serve_presets(ros: RosNode, arm: Arm, duration: float) -> None:
 
 
 def serve_torque(ros: RosNode, arm: Arm) -> None:
-    """Offer `/lupin/arm/set_torque`."""
+    """Offer `/lupin/arm/set_torque`; refusals, and requests beyond `MOST_WAITING`, get the reason at once."""
     waiting = 0
 
     def switch(request: SetBool.Request, response: Any, answer: Callable[[Any], None]) -> None:
@@ -151,5 +154,5 @@ def _refuse_status(response: Any, _reason: str) -> Any:
 
 
 def serve_sliders(ros: RosNode, arm: Arm, init_duration: float) -> None:
-    """Offer the services."""
+    """Offer the vendor-compatible services of joints and jaw (`Sliders`)."""
     Sliders(ros, arm, init_duration)

@@ -49,7 +49,7 @@ class Player:
 
     @property
     def sequence(self) -> Sequence | None:
-        """The sequence that is played."""
+        """The sequence that is played; None: none is."""
         return self._now.sequence if self._now else None
 
     @property
@@ -88,6 +88,7 @@ class Player:
         playing.answer(problem)
 
     def _send(self, playing: _Playing) -> str | None:
+        """Send a sequence as a trajectory; return why that is refused, None where it is played."""
         try:
             replay = plan(playing.sequence, playing.speed, self._arm.here(OWNER))
             self._arm.send(replay.trajectory, OWNER)
@@ -143,7 +144,7 @@ class Player:
 def if_on(arm: Arm, owner: str, then: Done) -> None:
     """Call `then(None)` once the servos are on, or `then(reason)` where they cannot be switched on.
 
-    They are switched on only while their state is unknown; servos that somebody has switched off stay off.
+    They are switched on only while their state is unknown; servos that a user has switched off stay off.
 
     Raises:
         ArmRequestRefused: the arm may not be moved; `then` is not called.

@@ -40,7 +40,7 @@ class _Switch:
         self._service = ros.service(SetBool, name)
 
     def call(self, on: bool, done: Callable[[_ServiceResponse], None]) -> None:
-        """Switch; `done` is called once."""
+        """Switch; `done` is called once: also where no server is found, or it refuses or does not answer."""
 
         def found(there: bool) -> None:
             if there:
@@ -88,7 +88,7 @@ class Torque:
         self.switching = False
 
     def set(self, on: bool, done: Done) -> None:
-        """Switch the servos on or off, after earlier requests."""
+        """Switch the servos on or off, after earlier requests; `done` gets None, or why it failed."""
         self._waiting.append((on, done))
         self._next()
 

@@ -1,6 +1,6 @@
 """Delays the answers to wrong tokens and codes: exponential backoff for each address.
 
-Right ones are never delayed, also from an address that has sent wrong ones, so nobody is locked out.
+Right ones are never delayed, also from an address that has sent wrong ones, so no user is locked out.
 """
 
 from __future__ import annotations

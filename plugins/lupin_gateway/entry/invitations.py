@@ -22,7 +22,12 @@ GOOD_FOR_S = 600
 
 
 def state_folder(domain: int | None = None) -> Path:
-    """Return the gateway's state folder for a ROS domain (None: this process's), created if need be."""
+    """Return the gateway's state folder for a ROS domain (None: this process's), created if need be.
+
+    Raises:
+        UsageError: there is no such domain, or the user has no home folder.
+        OSError: it cannot be created.
+    """
     number = ros_domain() if domain is None else domain
     folder = user_folder("XDG_STATE_HOME", ".local/state") / (f"gateway-{number}" if number else "gateway")
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)

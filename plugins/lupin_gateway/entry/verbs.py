@@ -33,7 +33,7 @@ def invite(name: str, at: str, domain: int | None) -> int:
     within 10 minutes, and only for a gateway that this user has started on this machine. Without --at it
     leads to a host of the certificate: an address that this machine has, else a name.
 
-    Exit code: 0 printed, 2 nobody of this name, or no gateway that asks for tokens.
+    Exit code: 0 printed, 2 no line for this name, an expired one, or no gateway that asks for tokens.
     """
     folder, wall = state_folder(domain), time.time()
     served = GatewayAddress.read(folder)

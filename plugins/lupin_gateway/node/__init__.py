@@ -99,14 +99,14 @@ def kept_by(values: Mapping[str, Any]) -> Mapping[str, Backlog]:
 
 
 def check(values: Mapping[str, Any]) -> None:
-    """Check the parameters together; see `ros.launch.nodes`."""
+    """Check the parameters together; LupinError where they do not fit. See `lupin_ros.launch.nodes`."""
     kept_by(values)
     history_topics(values["history"])
     rule_parameters.check(values)
 
 
 def addresses(values: Mapping[str, Any]) -> list[str]:
-    """Return where browsers find the pages; see `ros.launch.nodes`."""
+    """Return where browsers find the pages; see `lupin_ros.launch.nodes`."""
     if not values["open"]:
         return [f"pages at http://{values['host']}:{values['port']}"]
     who = "for who has a token; `lupin invite NAME` prints a link for a phone"

@@ -39,14 +39,14 @@ WATCH_S, GONE_AFTER_S = 0.5, 3.0
 
 
 def service_type(ros: RosNode, name: str) -> str:
-    """Return the type of a served service; '' where nobody serves it."""
+    """Return the type of a served service; '' where no node serves it."""
     requests, _ = service_channels(name)
     servers = ros.node.get_subscriptions_info_by_topic(requests, no_mangle=True)
     return type_name(servers[0]).removesuffix("_Request") if servers else ""
 
 
 def action_type(ros: RosNode, name: str) -> str:
-    """Return the type of a served action; '' where nobody serves it."""
+    """Return the type of a served action; '' where no node serves it."""
     return service_type(ros, f"{name}/_action/send_goal").removesuffix("_SendGoal")
 
 

@@ -1,7 +1,7 @@
 """The adapter of `RosPort` to rclpy: posts each request to the ROS thread, and each result back to the loop.
 
-While the robot is stopped, publications, calls and goals that move it are refused, also those that were
-waiting for their server.
+While the robot is stopped, every goal is refused, and so are publications and calls that move it; also those
+that wait for their server when the stop comes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Post = Callable[..., None]
 
 
 class RosAdapter:
-    """See `ports.RosPort`; `post` schedules a call on the event loop."""
+    """The robot as a `ports.RosPort`; `post` schedules a call on the event loop."""
 
     def __init__(self, ros: RosNode, post: Post) -> None:
         self._ros = ros
@@ -39,7 +39,7 @@ class RosAdapter:
         self._stops = 0
 
     def about(self) -> Mapping[str, Any]:
-        """See `RosPort`."""
+        """Return the mode `robot`."""
         return {"mode": "robot"}
 
     def listen(
@@ -49,21 +49,21 @@ class RosAdapter:
         on_sample: Callable[[Sample, bool], None],
         problem: Callable[[str], None],
     ) -> _HeldSubscription:
-        """See `RosPort`."""
+        """Subscribe to a topic on the ROS thread; return the feed, which may be closed at once."""
         feed = _HeldSubscription(self._ros, self._subscriptions)
         self._ros.post(lambda: feed.open(topic, type_, on_sample, problem))
         return feed
 
     def advertise(self, topic: str, type_: str, latch: bool, problem: Callable[[str], None]) -> None:
-        """See `RosPort`."""
+        """Prepare to publish; `problem` gets why that is not possible."""
         self._ros.post(lambda: self._report(problem, self._publishers.advertise(topic, type_, latch)))
 
     def unadvertise(self, topic: str) -> None:
-        """See `RosPort`."""
+        """Stop publishing, once every page that advertised the topic has called this."""
         self._ros.post(lambda: self._publishers.unadvertise(topic))
 
     def publish(self, topic: str, data: Any, problem: Callable[[str], None]) -> None:
-        """See `RosPort`."""
+        """Publish a message by its fields; `problem` gets why not, such as a stop."""
         self._ros.post(lambda: self._report(problem, self._publish(topic, data)))
 
     def _publish(self, topic: str, data: Any) -> str:
@@ -76,7 +76,7 @@ class RosAdapter:
             self._post(problem, text)
 
     def call(self, service: str, data: Any, limit: float, done: Callable[[Any], None]) -> None:
-        """See `RosPort`."""
+        """Call a service; `done` gets the response or `CallFailed`, which a stop meanwhile causes, too."""
         answer = partial(self._post, done)
         moves = self.moving.called(service)
 
@@ -98,7 +98,7 @@ class RosAdapter:
         feedback: Callable[[Mapping[str, Any]], None],
         done: Callable[[GoalEnd | CallFailed], None],
     ) -> Callable[[], None]:
-        """See `RosPort`."""
+        """Send a goal, `CallFailed` while stopped; return the function that cancels it."""
         pending = PendingGoal(action, partial(self._post, feedback), partial(self._post, done))
         self._ros.post(lambda: self._send_goal(pending, data))
         return lambda: self._ros.post(pending.cancel)
@@ -112,7 +112,7 @@ class RosAdapter:
     # -- what stops ---------------------------------------------------------------------------------------
 
     def hear_stop(self, engaged: bool) -> None:
-        """Take whether the robot is stopped; on the ROS thread. An engaged stop ends all motion of pages."""
+        """Record whether the robot is stopped; on the ROS thread. A stop ends all motion of pages."""
         if engaged and not self._stopped:
             self._stops += 1
             self._end_motion()
@@ -127,7 +127,7 @@ class RosAdapter:
         self._publishers.halt(self.moving)
 
     def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
-        """See `RosPort`."""
+        """Answer a call of `/rosapi/QUESTION` by `done`; False where there is no such question."""
         if question not in self._rosapi.questions:
             return False
         self._ros.post(lambda: self._rosapi.answer(question, data, partial(self._post, done)))
@@ -153,7 +153,7 @@ class _HeldSubscription:
             self._subscription = self._subscriptions.add(*arguments)
 
     def close(self) -> None:
-        """See `hub.Feed`."""
+        """End the subscription; no sample follows after the ROS thread has done so."""
         self._is_closed = True
         self._ros.post(self._end)
 

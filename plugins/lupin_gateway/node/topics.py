@@ -35,7 +35,7 @@ Post = Callable[..., None]
 
 
 class Subscription:
-    """One topic; the ROS subscription is made as soon as somebody publishes.
+    """One topic; the ROS subscription is made as soon as a node publishes it.
 
     Its reliability and durability are the best that all publishers offer: a stricter reader would get
     nothing, a laxer one no backlog.

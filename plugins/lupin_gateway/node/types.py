@@ -46,5 +46,5 @@ def _message_class(name: str) -> Any:
 
 @functools.cache
 def decode(name: str, part: str = "") -> Callable[[bytes], dict[str, Any]]:
-    """Return the decoder of a type; see `cdr.decoder`."""
+    """Return the decoder of a type; see `cdr.decoder`. NotCarried: pages cannot get this type."""
     return decoder(shape(name, part))

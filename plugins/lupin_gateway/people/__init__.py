@@ -84,7 +84,7 @@ class People:
         return {"commands": [one for one in self._commands if one["number"] > (since if is_number else 0)]}
 
     def acknowledge(self, arguments: Any, who: str, at: float) -> Mapping[str, Any]:
-        """Return the response of `ACKNOWLEDGE`, whose `ids` are now known to somebody."""
+        """Acknowledge the notifications in `ids`; return the response, a refusal for wrong ones."""
         ids = arguments.get("ids") if isinstance(arguments, Mapping) else None
         if not isinstance(ids, list) or not all(isinstance(each, int) for each in ids):
             return {"success": False, "message": "'ids' must be a list of numbers of notifications"}

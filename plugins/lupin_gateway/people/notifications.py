@@ -1,4 +1,4 @@
-"""Notifications that stay until somebody acknowledges them; at most `MOST`, shared by all pages.
+"""Notifications that stay until a user acknowledges them; at most `MOST`, shared by all pages.
 
 Beyond that, acknowledged ones are dropped first, then the oldest. Pure: times are in seconds since 1970.
 """
@@ -62,6 +62,7 @@ class Notifications:
             del self._all[min(self._all.values(), key=lambda one: (one.acknowledged is None, one.id)).id]
 
     def _open(self, kind: str, about: str) -> Notification | None:
+        """Return the newest such notification that is not acknowledged; None without one."""
         found = (one for one in reversed(self._all.values()) if (one.kind, one.about) == (kind, about))
         return next((one for one in found if one.acknowledged is None), None)
 

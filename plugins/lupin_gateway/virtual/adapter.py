@@ -19,7 +19,7 @@ from lupin_gateway.ports import CallFailed, GoalEnd
 
 
 class _HeardTopic:
-    """One subscription; see `hub.Feed`."""
+    """One subscription to a topic of the source (`hub.Feed`)."""
 
     def __init__(
         self, all_: list[_HeardTopic], topic: str, on_sample: Callable[[Sample, bool], None]
@@ -30,12 +30,12 @@ class _HeardTopic:
         all_.append(self)
 
     def close(self) -> None:
-        """See `hub.Feed`."""
+        """End the subscription: no sample follows."""
         self._all.remove(self)
 
 
 class SourceAdapter:
-    """See `ports.RosPort`; `steady` is the clock, in seconds, by which the source works."""
+    """A source as a `ports.RosPort`; `steady` is the clock, in seconds, by which it works."""
 
     def __init__(self, source: PageSource, steady: Callable[[], float]) -> None:
         self._source = source
@@ -92,7 +92,7 @@ class SourceAdapter:
     # -- as the side of ROS -----------------------------------------------------------------------------
 
     def about(self) -> Mapping[str, Any]:
-        """See `RosPort`."""
+        """Return the source's `mode` and further details."""
         return self._source.about()
 
     def listen(
@@ -102,7 +102,7 @@ class SourceAdapter:
         on_sample: Callable[[Sample, bool], None],
         problem: Callable[[str], None],
     ) -> _HeardTopic:
-        """See `RosPort`."""
+        """Subscribe; the last sample follows soon, or `problem` where the type is another one."""
         known = self._types.get(topic, type_)
         loop = asyncio.get_running_loop()
         if type_ and type_ != known:
@@ -112,18 +112,18 @@ class SourceAdapter:
         return _HeardTopic(self._heard, topic, on_sample)
 
     def advertise(self, topic: str, type_: str, latch: bool, problem: Callable[[str], None]) -> None:
-        """See `RosPort`."""
+        """Refuse by `problem`: a source hears nothing that pages publish."""
         problem(self._no("hears nothing that pages publish", topic))
 
     def unadvertise(self, topic: str) -> None:
-        """See `RosPort`."""
+        """Do nothing: nothing was advertised."""
 
     def publish(self, topic: str, data: Any, problem: Callable[[str], None]) -> None:
-        """See `RosPort`."""
+        """Refuse by `problem`: a source hears nothing that pages publish."""
         problem(self._no("hears nothing that pages publish", topic))
 
     def call(self, service: str, data: Any, limit: float, done: Callable[[Any], None]) -> None:
-        """See `RosPort`."""
+        """Call the source; `done` gets the response, or `CallFailed` where it refuses. `limit` has no use."""
         loop = asyncio.get_running_loop()
         try:
             if not isinstance(data, Mapping):
@@ -141,12 +141,12 @@ class SourceAdapter:
         feedback: Callable[[Mapping[str, Any]], None],
         done: Callable[[GoalEnd | CallFailed], None],
     ) -> Callable[[], None]:
-        """See `RosPort`."""
+        """Refuse by `CallFailed`: a source has no actions."""
         asyncio.get_running_loop().call_soon(done, CallFailed(self._no("has no actions", action)))
         return lambda: None
 
     def ask(self, question: str, data: Any, done: Callable[[Any], None]) -> bool:
-        """See `RosPort`."""
+        """Answer `get_time` and `topics`; every other question is `CallFailed`. Always True."""
         if question == "get_time":
             rest, seconds = math.modf(self._source.clock(self._steady()) / 1000.0)
             done({"time": {"sec": int(seconds), "nanosec": int(rest * 1e9)}})
@@ -168,14 +168,14 @@ class SourceHistory:
 
     @property
     def topics(self) -> Collection[str]:
-        """See `HistoryPort`."""
+        """The topics of the source."""
         return self._source.topics.keys()
 
     def start(self) -> None:
-        """See `HistoryPort`."""
+        """Do nothing: the source records by itself."""
 
     def lines(self, begin: float, topics: Collection[str]) -> Iterator[bytes]:
-        """See `HistoryPort`."""
+        """Yield messages from a time on (ms since 1970), a line of JSON each, the oldest first."""
         for message in self._source.history(begin, topics):
             encoded = as_json(message.fields)
             yield b'{"topic":%b,"at":%.3f,"msg":%b}\n' % (as_json(message.topic), message.at, encoded)

@@ -145,6 +145,7 @@ class Aggregator:
         self._publish_tags()
 
     def _recall(self) -> Past | None:
+        """Return what the memory file has; None where it cannot be read, which is logged."""
         try:
             return self._memory.read()
         except LupinError as error:

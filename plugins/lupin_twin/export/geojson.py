@@ -111,7 +111,7 @@ def _shared(observation: Observation) -> dict[str, Any]:
 
 
 def _values(readings: dict[str, float]) -> dict[str, float | None]:
-    """Return values under unique names."""
+    """Return values under unique names; None for those that JSON cannot represent."""
     return {f"sensor_{name}": finite(value) for name, value in readings.items()}
 
 

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 def answer(choice: str | None, domain: int | None) -> int:
     """Answer the open question of a mission; without a CHOICE, show it.
 
-    Exit code: 0 answered or shown; 1 nothing is asked, or the answer was refused; 2 nobody is there.
+    Exit code: 0 answered or shown; 1 nothing is asked, or the answer was refused; 2 no orchestrator answers,
+    or there is no such choice.
     """
     if choice is None:
         return _show(last_published(domain).asked())

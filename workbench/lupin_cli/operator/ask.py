@@ -7,7 +7,7 @@ import click
 from lupin_cli import options
 from lupin_cli.operator.network import attendant, print_answer
 
-_CODES = "Exit code: 0 accepted; 1 refused, with the reason; 2 nobody is there."
+_CODES = "Exit code: 0 accepted; 1 refused, with the reason; 2 no orchestrator answers."
 
 
 def request_command(verb: str, doc: str) -> click.Command:

@@ -44,7 +44,7 @@ def last_published(domain: int | None) -> Published:
     """Return what the orchestrator has published last; ROS is used only where none of this machine answers.
 
     Raises:
-        UsageError: nobody is there, or see `attendant`.
+        UsageError: no orchestrator answers, or see `attendant`.
     """
     with contextlib.suppress(UsageError):  # `attendant` says that again, with what else is wrong
         close_the_doors(domain)
@@ -57,7 +57,7 @@ def last_published(domain: int | None) -> Published:
 
 
 def nobody() -> UsageError:
-    """Return the error that no orchestrator is there."""
+    """Return the error that no orchestrator answers in this ROS domain."""
     return UsageError(
         f"no orchestrator speaks in ROS domain {current_domain()}; give --domain, or `lupin up`"
     )

@@ -34,7 +34,7 @@ def start(mission: str, request: dict[str, Any], fields: tuple[str, ...], domain
     that are not given have their defaults.
     `lupin run` also starts the nodes that a mission needs, and follows it.
 
-    Exit code: 0 started; 1 refused, with the reason; 2 nobody is there.
+    Exit code: 0 started; 1 refused, with the reason; 2 wrong usage, or no orchestrator answers.
     """
     with attendant(domain) as orchestrator:
         if not orchestrator.hear_missions():

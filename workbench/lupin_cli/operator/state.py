@@ -29,7 +29,7 @@ WATCH_PERIOD_S = 0.25
 def state(watch: bool, as_json: bool, domain: int | None) -> int:
     """Show the state of the orchestrator, and its available requests.
 
-    Exit code: 0 shown; 2 nobody is there.
+    Exit code: 0 shown; 2 no orchestrator answers.
     """
     if not watch:
         found = _look(last_published(domain))

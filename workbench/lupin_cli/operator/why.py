@@ -57,7 +57,7 @@ def why(
     The answer has the events, the transitions with the values that their conditions read, and the servers'
     answers.
 
-    Exit code: 0 explained, 2 the journal has no answer.
+    Exit code: 0 explained, 2 wrong usage, or the journal has no answer.
     """
     from lupin_engine.replay import Inquiry, chart_of, covering, replay_run, run_called, runs_of
     from lupin_engine.runtime import journal_folder
@@ -92,7 +92,11 @@ def why(
 
 
 def _asked(inquiry: Inquiry, about: tuple[str, ...], target: str) -> Explanation:
-    """Return the cause of the given subject: a target after the word for one, else a state, else a target."""
+    """Return the cause of the given subject: a target after the word for one, else a state, else a target.
+
+    Raises:
+        NothingKnown: it is none of them in this run.
+    """
     from lupin_engine.replay import NothingKnown
 
     name = " ".join(about[1:]) if about[0].lower() == target and len(about) > 1 else ""

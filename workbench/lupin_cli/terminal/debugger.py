@@ -203,7 +203,7 @@ class Debugger:
         return [row for line in lines for row in laid_out(line, self._columns)]
 
     def _let(self, text: str, what: Effect) -> list[TonedLine]:
-        """Apply an effect, and return the lines of the steps that follow."""
+        """Apply an effect, and return the lines of the steps that follow; Wrong where it has no effect."""
         if not self._rewindable.do(effect(text, what)):
             raise Wrong("nothing came of that")
         return self._news() or [[("nothing came of that", "dim")]]

@@ -31,7 +31,7 @@ def rule_text(rule: str) -> str:
 
 
 def _page() -> Path | None:
-    """Return the page of the rules: in the checkout, or inside the installed package."""
+    """Return the page of the rules: in the checkout, or inside the installed package; None: in neither."""
     package = Path(lupin_engine.__file__).resolve().parent
     places = (package.parent / "docs" / "rules.md", package / "rules.md")
     return next((place for place in places if place.is_file()), None)

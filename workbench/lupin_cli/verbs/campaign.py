@@ -119,7 +119,7 @@ def campaign(
 def _run(
     campaign: Campaign, dealer: Dealer, out: Path, show: bool
 ) -> tuple[dict[str, Written], BaseException | None]:
-    """Run all seeds, and write the scenarios; return these, and the exception that stopped it."""
+    """Run all seeds, and write the scenarios; return these, and the exception that stopped it or None."""
     written: dict[str, Written] = {}
     try:
         with _progress(dealer, show):
@@ -139,7 +139,10 @@ def _interruption_text(dealer: Dealer) -> str:
 
 
 def _make_folder(out: Path) -> None:
-    """Make the folder of scenarios before there is one: from it the mission has its name."""
+    """Make the folder of scenarios; UsageError where that is not possible.
+
+    It must exist before scenarios do, because they name the mission relative to it.
+    """
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
@@ -176,7 +179,11 @@ def _campaign(mission: str, rates: Path | None, settings: tuple[str, ...]) -> Ca
 
 
 def _cluster(address: str, dealer: Dealer) -> Callable[[], Executor]:
-    """Return a function that makes an executor of a Dask cluster."""
+    """Return a function that makes an executor of a Dask cluster; it raises LupinError once that is lost.
+
+    Raises:
+        UsageError: it is no address, Dask is not installed, or no scheduler answers there.
+    """
     if not _ADDRESS.fullmatch(address):
         raise UsageError(f"--cluster: {address!r} is no address of a Dask scheduler; write tcp://HOST:PORT")
     try:

@@ -226,7 +226,7 @@ def _is_elsewhere(diagnostic: Diagnostic, lifecycle: Path, missions: Iterable[Pa
 
 
 def _missions_in(folder: Path, name: str) -> list[Path]:
-    """Return the missions of a folder that is called by name; none where it has a lifecycle only."""
+    """Return the missions of a folder, [] where it has a lifecycle only; UsageError: it has neither."""
     from lupin_engine.missions import LOCAL
     from lupin_engine.missions import folders as files
 
@@ -239,7 +239,11 @@ def _missions_in(folder: Path, name: str) -> list[Path]:
 
 
 def _meant_by(name: str) -> tuple[Path, list[Path]]:
-    """Return the lifecycle and the missions to check for a path or a mission's name."""
+    """Return the lifecycle and the missions to check for a path or a mission's name.
+
+    Raises:
+        UsageError: there is none of this name, or the file is no mission, or does not stand beside one.
+    """
     from lupin_engine.chart import head
     from lupin_engine.missions import folders as files
     from lupin_engine.missions import mission_folders

@@ -66,6 +66,8 @@ def diagram(
     MISSION is the name of a mission (inspection, InspectionMission) or a file. SVG needs nothing but this
     program; PNG needs the package's extra 'diagram'. Mermaid is for documentation sites, SCXML for other
     statechart tools.
+
+    Exit code: 0 drawn, 1 a mission has errors, 2 wrong usage.
     """
     if folder is not None:
         if mission or focus or trace or output is None:
@@ -210,7 +212,7 @@ def _draw_all(folder: Path, formats: tuple[str, ...], depth: int | None, output:
 
 
 def _loaded_each(files: Sequence[Path]) -> list[LoadedMissions]:
-    """Load missions, each for itself; report the problems of all at once, those of a shared file once."""
+    """Load missions, each for itself; ChartError with the problems of all, those of a shared file once."""
     from lupin_engine.missions import load_missions
 
     catalog = load_catalog()

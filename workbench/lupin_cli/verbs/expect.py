@@ -1,4 +1,4 @@
-"""`lupin expect`: predicts how long a mission will take, what will be left, and what it will miss."""
+"""`lupin expect`: predicts how long a mission takes, what is left, and which targets it misses."""
 
 from __future__ import annotations
 
@@ -57,10 +57,10 @@ def expect(
     seeds: int,
     as_json: bool,
 ) -> int:
-    """Predict a mission, from what was learned of the robot.
+    """Predict time, remaining inputs and missed targets of a mission, from the rates learned of the robot.
 
     The mission runs once for each seed, in virtual time. p50 is what half of the runs keep to, p90 what nine
-    of ten do. Remarks name what was learned from too little.
+    of ten do. Rates that were learned from too few attempts are named.
 
     Exit code: 0 every run came to its end; 1 some did not; 2 nothing can be predicted.
     """

@@ -17,6 +17,8 @@ def lsp() -> int:
     """Serve an editor over standard input and output (Language Server Protocol).
 
     Editors start this themselves; docs/editor.md says what to write into their settings.
+
+    Exit code: 0 the editor has ended it; 2 the package's extra 'editor' is missing.
     """
     try:
         from lupin_lsp import serve

@@ -22,6 +22,8 @@ def node(names: tuple[str, ...]) -> int:
     Several names: they share this process, where their plugins allow it, and end together.
 
     Example: lupin node NAME --ros-args -p rate:=5.0
+
+    Exit code: that of the node; 2 no such node, or no usable ROS 2.
     """
     catalog = load_catalog()
     if not names:

@@ -112,6 +112,8 @@ def show(name: str, as_json: bool) -> int:
     NAME may also be a binding of the missions in the current folder, or its file.
 
     Example: lupin plugin show nav
+
+    Exit code: 0 shown; 1 it cannot be used; 2 there is none, or the binding has errors.
     """
     from lupin_engine.plugin import sections
 
@@ -127,7 +129,12 @@ def show(name: str, as_json: bool) -> int:
 
 
 def _installed_or_bound(name: str) -> tuple[Plugin, str]:
-    """Return a plugin and where it is from: a package, or a binding of the missions in the current folder."""
+    """Return a plugin and where it is from: a package, or a binding of the missions in the current folder.
+
+    Raises:
+        UsageError: there is none, or the binding has errors.
+        PluginError: the package's plugin cannot be used.
+    """
     file = _binding_called(name)
     if file is None:
         point = find_entry_point(name)
@@ -144,7 +151,10 @@ def _installed_or_bound(name: str) -> tuple[Plugin, str]:
 
 
 def _binding_called(name: str) -> Path | None:
-    """Return the file of a binding: named itself, or by its name, of the missions in the current folder."""
+    """Return the file of a binding: named itself, or by its name, of the missions in the current folder.
+
+    None where there is no such file.
+    """
     named = Path(name)
     files = (
         [named] if named.suffix == ".yaml" else [Path(folder, "bindings", f"{name}.yaml") for folder in _HERE]
@@ -215,7 +225,11 @@ def _subjects(name: str | None) -> list[PluginUnderTest]:
 
 
 def _in_folder(folder: Path) -> list[PluginUnderTest]:
-    """Return the plugins that a project declares; its packages are found as if it was installed."""
+    """Return the plugins that a project declares, and add its packages to the import path.
+
+    Raises:
+        UsageError: it has no pyproject.toml, or declares none there.
+    """
     from lupin_harness import PluginUnderTest
 
     file = folder / "pyproject.toml"
@@ -311,6 +325,8 @@ def new(name: str, folder: str | None, no_node: bool) -> int:
     files are never overwritten.
 
     Example: lupin plugin new lamp
+
+    Exit code: 0 written; 2 the name cannot be one or is taken, or a file exists.
     """
     target = Path(folder or f"lupin-{name}")
     for file in write_plugin(name, target, no_node):

@@ -34,7 +34,7 @@ _TICK_S = 0.2
 @click.option("--without", metavar="REGEX", help="Leave out topics in whose name this is found.")
 @options.domain
 def record(output: Path | None, without: str | None, domain: int | None) -> int:
-    """Record every topic that somebody publishes into one MCAP file.
+    """Record every topic that a node publishes into one MCAP file.
 
     Ends with the mission that runs, or that comes next, and at Ctrl-C. Messages that publishers keep for late
     subscribers are in the file too. Topics of actions, which ROS hides, are left out.

@@ -92,7 +92,11 @@ def _show(file: Path, port: int, journal: Path | None, domain: int | None) -> in
 
 
 def _cut(loaded: LoadedMissions, lived: list[LivedStep], until: str | None) -> list[LivedStep]:
-    """Return the steps up to a time or a state; those that there are where it was not come to."""
+    """Return the steps up to a time or a state; all where the run did not reach it.
+
+    Raises:
+        UsageError: `until` is neither a duration nor a state.
+    """
     from lupin_cli.verbs.simulate import read_until
     from lupin_engine.sim import is_named
 
@@ -131,7 +135,11 @@ class _Again:
     mission_id: str
 
     def write(self, file: Path) -> int:
-        """Make a scenario; nothing is written over."""
+        """Make a scenario.
+
+        Raises:
+            UsageError: the file exists or has another ending, or the run does not come out again as recorded.
+        """
         from lupin_cli.files import write_text
         from lupin_engine.replay import scenario_text
         from lupin_engine.sim import SUFFIX, Missions, is_scenario
@@ -149,7 +157,7 @@ class _Again:
         return 0
 
     def compare(self, changed: Path) -> int:
-        """Print whether another mission would have done otherwise, and return the exit code."""
+        """Print whether another mission would have done otherwise; return the exit code, 1 where it would."""
         from lupin_engine.missions import load_missions
         from lupin_engine.replay import would_differ
         from lupin_engine.sim import Missions
@@ -164,7 +172,7 @@ class _Again:
         return int(bool(found))
 
     def go_on(self, time: float) -> int:
-        """Go on by hand from a time."""
+        """Go on by hand from a time; return the exit code. UsageError: the run cannot be made again."""
         from lupin_cli.settings import read_value
         from lupin_cli.terminal.debugger import Debugger
         from lupin_cli.terminal.interactive import interact

@@ -63,8 +63,8 @@ def run(
     are started; running ones are used and left alone. Ctrl-C aborts the mission, lets the robot drive home
     and ends everything that was started; a second one stops the robot on the way, a third one forces.
 
-    Exit code: 0 all targets visited, 1 some missed, 2 fault or not started, 130 interrupted, or
-    nobody reads any more.
+    Exit code: 0 all targets visited, 1 some missed, 2 fault or not started, 130 interrupted, or the reader
+    of the output has ended.
     """
     from lupin_cli.bring_up import CheckedOptions, GivenOptions
     from lupin_cli.recording import check_recording, recorded
@@ -107,7 +107,10 @@ def _carry_out(
     start: Callable[[], RunMonitor],
     keys: bool,
 ) -> int:
-    """Run the mission that is started so; an error is reported to the observer and aborts the mission."""
+    """Bring the nodes up, start the mission and follow it; return the exit code.
+
+    An error is reported to the observer and aborts the mission.
+    """
     from lupin_ros.launch import NOT_DONE, Interrupted
 
     try:

@@ -48,6 +48,8 @@ def schema(kind: str | None, with_names: bool, folder: Path | None) -> int:
 
     Editors complete and check YAML with it. With --catalog it lists the operations, actions, events and live
     values of the plugins that are installed here.
+
+    Exit code: 0 printed or written; 2 no such kind, or a file cannot be written.
     """
     from lupin_lsp import ANY_KIND, text_of, write
 
@@ -67,7 +69,7 @@ def schema(kind: str | None, with_names: bool, folder: Path | None) -> int:
 
 
 def schemas(with_names: bool = False) -> dict[str, dict[str, Any]]:
-    """Return the schemas of all kinds of files, and of any."""
+    """Return the schemas of all kinds of files, and of any; PluginError where a plugin cannot be used."""
     from lupin_engine.sim import ScenarioNode
     from lupin_lsp import all_schemas, kinds
 

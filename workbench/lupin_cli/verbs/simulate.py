@@ -260,7 +260,11 @@ def with_rates(
 
 
 def read_until(chart: Chart, text: str | None) -> float | str | None:
-    """Read `--until`: a duration, in seconds, or the name of a state."""
+    """Read `--until`: a duration, in seconds, or the name of a state; None where it is not given.
+
+    Raises:
+        UsageError: it is neither; the text has the nearest state.
+    """
     from lupin_engine.plugin import DURATION, convert
     from lupin_engine.sim import is_named
 
@@ -280,7 +284,7 @@ def read_until(chart: Chart, text: str | None) -> float | str | None:
 
 
 def check_clock(text: str | None) -> None:
-    """Check that a text is a date with a time of day."""
+    """Raise UsageError where a text is no date with a time of day; None is right."""
     from lupin_engine.runtime import UTC, calendar_of
 
     try:
@@ -291,7 +295,7 @@ def check_clock(text: str | None) -> None:
 
 
 def _check_picture(name: str | None) -> None:
-    """Check that a timeline can be drawn there."""
+    """Raise UsageError where a timeline cannot be drawn into this file; None and `TERMINAL` are right."""
     from lupin_cli.run_folders import writable
 
     if name is None or name == TERMINAL:

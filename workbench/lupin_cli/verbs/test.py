@@ -148,7 +148,7 @@ def _chosen(paths: Sequence[Path]) -> list[Path]:
 
 
 def _default() -> Iterable[Path]:
-    """Return the nearest folder of scenarios, and the scenarios that `lupin prove` has written."""
+    """Return the nearest folder of scenarios, and those that `lupin prove` has written; UsageError: none."""
     folder = next(([place] for place in _PLACES if place.is_dir()), [])
     found = [*folder, *sorted(Path("missions").glob(f"*{SUFFIX}"))]
     if found:
@@ -159,7 +159,11 @@ def _default() -> Iterable[Path]:
 def _make_scenario(
     recording: Path | None, output: Path | None, paths: Sequence[Path], catalog: Catalog
 ) -> int:
-    """Make a scenario of a recorded run; nothing is written over."""
+    """Make a scenario of a recorded run.
+
+    Raises:
+        UsageError: all problems of the arguments, or the run does not come out again as recorded.
+    """
     from lupin_engine.replay import read_recording, scenario_text
     from lupin_engine.sim import Missions, is_scenario
 

@@ -81,7 +81,7 @@ class _Connection:
 
 
 class Servos:
-    """See `plugin.contract.Driver` for the contract of each call."""
+    """The driver of the servos; `plugin.contract.Driver` has the contract of each call."""
 
     def __init__(self, ros: RosNode, arm: Arm, outlet: Outlet, gate: str, mark: RestoreMarker) -> None:
         """`gate` is the vendor's service that lets the controller command the servos.
@@ -136,7 +136,7 @@ class Servos:
         return []
 
     def start(self, attempt: str, operation: str, arguments: Mapping[str, Any]) -> None:
-        """Begin an operation."""
+        """Begin one of the chart's operations; KeyError for any other."""
         self._running.add(attempt)
         self._outlet.accepted(attempt)
         self._operations[operation](attempt, arguments)
@@ -245,7 +245,7 @@ class Servos:
         self._ask(attempt, calls, written, code=None)
 
     def _owe(self, offsets: Mapping[str, int]) -> None:
-        """Save the offsets that the servos must get back, in memory and on disk."""
+        """Save the offsets that the servos must get back ({}: none), in memory and on disk."""
         self._owed = dict(offsets)
         self._mark.set(json.dumps(self._owed))
 
@@ -265,7 +265,10 @@ class Servos:
         ]
 
     def _measure(self, attempt: str, arguments: Mapping[str, Any]) -> None:
-        """Use only positions that arrive from now on: older ones are from before the pose."""
+        """Measure by positions that arrive from now on: older ones are from before the pose.
+
+        It fails with `no_position` where a servo reports none within the window.
+        """
         self._servos.counts.clear()
         self._ros.call_later(arguments["window"], lambda: self._measured(attempt, arguments["largest"]))
 
