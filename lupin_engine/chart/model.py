@@ -198,9 +198,11 @@ class Prompt:
 
 @record(frozen=True)
 class Field:
-    """A field of a mission's request: type, default, and the code that refuses an empty list.
+    """A field of a mission's request.
 
-    In an embedded mission the default is the argument of its use, if there is one.
+    One without a `default` must be given. `not_empty` is the code that refuses an empty value; None allows
+    it. A number below `minimum` is refused. In an embedded mission the default is the argument of its use, if
+    there is one.
     """
 
     name: str
@@ -296,7 +298,8 @@ class Hold:
     """A suspension of the whole chart.
 
     `engage` is a request (`operator.pause`) or a level (`input.danger`); `release` are requests. A guard that
-    is false refuses the request with `engage_code` or, for a release, with `code`. Engaging reports `code`.
+    is false refuses the request: to engage with `engage_code` (None: with `code`), to release with `code`.
+    Engaging reports `code`.
     """
 
     name: str
@@ -323,7 +326,7 @@ class Mission:
 
 @record(frozen=True)
 class Variable:
-    """A context variable: written by `set`, kept in the snapshot.
+    """A context variable: the actions in `WRITING` change it, and snapshots keep it.
 
     One `of_mission` is declared by a mission or a part, and begins anew with every mission.
     """
@@ -357,7 +360,8 @@ class Input:
     """A live value of a plugin under the chart's own name for it; unknown when older than its freshness.
 
     A report outside `minimum` to `maximum` is dropped. With `of_mission` only reports since the mission began
-    count, of a list only new or changed elements; until then it is `initial`.
+    count, of a list only new or changed elements. Before the first report that counts it has the value
+    `initial`; without one (None) it is unknown. One without a `freshness` (None) never grows old.
     """
 
     name: str

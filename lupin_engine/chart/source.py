@@ -235,7 +235,7 @@ class Map(dict[str, Any]):
         self.model: Any = None
 
     def note(self, key: str, start: Mark) -> None:
-        """Record the place of a value that has none itself, unlike texts, mappings and lists."""
+        """Record the place of a value that has none itself (a number, yes or no, null), or of an alias."""
         if self._elsewhere is None:
             self._elsewhere = {}
         self._elsewhere[key] = start
@@ -246,17 +246,17 @@ class Map(dict[str, Any]):
         return self.file.place(self.start)
 
     def value_place(self, key: str) -> Place:
-        """Return where a value stands."""
+        """Return where a value stands; KeyError without it."""
         if self._elsewhere is not None and key in self._elsewhere:
             return self.file.place(self._elsewhere[key])
         return self.file.place(self[key].start)
 
     def key_place(self, key: str) -> Place:
-        """Return where a key stands."""
+        """Return where a key stands; KeyError without it."""
         return self.file.place(self.key_starts[key])
 
     def key_text(self, key: str) -> Text:
-        """Return a key as it was written, where it is an expression or a quantity."""
+        """Return a key as a text with its place, for an expression or a quantity; KeyError without it."""
         start = self.key_starts[key]
         row, column = self.file.lines[start.line], start.column
         first = row[column : column + 1]
@@ -303,7 +303,7 @@ def read(path: Path, findings: Findings) -> Map | None:
 
 
 def read_bytes(path: Path, findings: Findings) -> bytes | None:
-    """Return the bytes of a file; None after a finding."""
+    """Return the bytes of a file; None after a finding: it cannot be read, or has more than `MAX_BYTES`."""
     start = Place(str(path), 1, 1)
     try:
         raw, size = _content(path)
@@ -347,7 +347,7 @@ def _content(path: Path) -> tuple[bytes, int]:
 def parse_bytes(raw: bytes, name: str, findings: Findings) -> Map | None:
     """Parse the bytes of a file to a mapping with places; `name` is the file's name in them.
 
-    None after a finding: it is not UTF-8, no YAML, or no mapping.
+    None after a finding: it is not UTF-8, or `parse` cannot read it.
     """
     try:
         text = raw.decode("utf-8-sig")
@@ -363,7 +363,9 @@ def parse_bytes(raw: bytes, name: str, findings: Findings) -> Map | None:
 def parse(text: str, name: str, findings: Findings) -> Map | None:
     """Parse the text of a file to a mapping with places; `name` is the file's name in them.
 
-    None after a finding: it is no YAML, or no mapping.
+    None after a finding: it is no YAML, not one document, no mapping, has a tag or a key that is no scalar,
+    or is beyond a bound. After a duplicate key there is a finding and a mapping. The length of the text is
+    bounded by `read_bytes`, not here.
     """
     builder = _Builder(text, name, findings)
     try:

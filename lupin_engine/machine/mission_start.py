@@ -1,4 +1,4 @@
-"""The begin of missions: of the one in the slot, and of those that are embedded in a state."""
+"""Begins missions: the one in the slot, and those that are embedded in a state."""
 
 from __future__ import annotations
 
@@ -21,13 +21,16 @@ class MissionStart:
     __slots__ = ("_content", "_scope", "_walks")
 
     def __init__(self, scope: EvaluationScope, content: ExecutableContent, walks: Iterable[State]) -> None:
-        """Make it for one machine; `walks` are the states whose targets the request alone says."""
+        """Make it for one machine; `walks` are the states whose targets follow from the request alone."""
         self._scope = scope
         self._content = content
         self._walks = walks
 
     def begin_context(self, step: Macrostep) -> None:
-        """Set variables without a value to their default; one that raises is reported, and stays unset."""
+        """Set variables without a value to their default.
+
+        Where a default raises, the step reports that as an error, and the variable stays unset.
+        """
         scope, context = self._scope, self._scope.memory.context
         for name, variable in scope.chart.context.items():
             try:
@@ -37,7 +40,7 @@ class MissionStart:
                 step.fail("", f"{variable.place}: context {name}: {reason(problem)}")
 
     def begin(self, event: Event, values: dict[str, Any], step: Macrostep) -> None:
-        """Begin the mission that a request starts, with the values of its fields."""
+        """Begin the mission that an accepted request starts; `values` are its fields, checked before."""
         memory = self._scope.memory
         memory.begin_mission(self._scope.chart)
         memory.mission = str(event.data["mission_type"])

@@ -78,7 +78,8 @@ SLICE = 25
 class Slices:
     """Makes many short calls in order, such as publishing a thousand outcomes, without blocking the thread.
 
-    The first `SLICE` are made at once, the rest in the following turns. After an exception the others follow.
+    Up to `SLICE` are made at once, the rest in the following turns. What a call raises passes on to whoever
+    makes it; that call is not repeated, and those behind it follow in the next turn.
     """
 
     def __init__(self, host: Poster) -> None:
@@ -89,7 +90,7 @@ class Slices:
         self._posted = False
 
     def add(self, act: Callable[[], None]) -> None:
-        """Make a call, now or in a later turn."""
+        """Make a call, now or in a later turn; raises what a call raises that is made now."""
         self.add_each((act,))
 
     def add_each(self, acts: Iterable[Callable[[], None]]) -> None:
@@ -106,7 +107,10 @@ class Slices:
         return not self._waiting
 
     def finish(self) -> None:
-        """Make all waiting calls now, because there will be no other turn."""
+        """Make all waiting calls now, because there will be no other turn.
+
+        A call that raises ends this: the calls behind it still wait, so `finish` must be called again.
+        """
         while (act := self._take()) is not None:
             act()
 

@@ -1,7 +1,7 @@
 """One run: nodes brought up, the mission started and followed, everything stopped.
 
 A single loop on the caller's thread spins the operator's node, checks processes and interrupts, and calls the
-observer. Every wait has a deadline.
+observer. Every wait has a deadline, except for the end of the mission and the watch of the nodes.
 """
 
 from __future__ import annotations
@@ -156,7 +156,9 @@ class Bringup:
         reported.
 
         Raises:
-            RunFailed: a process died, or something is still missing after its time.
+            RunFailed: a node that an option configures runs already, or a second one of ours appeared; a
+                process could not be started or died; our orchestrator reports a fault; or something is still
+                missing after its time.
             Interrupted: the user wants to stop.
         """
         doors = open_to()
@@ -287,6 +289,7 @@ class Bringup:
 
         Raises:
             RunFailed: it was refused, or no orchestrator answered.
+            UsageError: the interface of commands, which `any_field` needs, is not installed.
         """
         began = time.monotonic()
         answer = self._operator.start(mission, request, ANSWER_S, any_field=any_field)
@@ -303,7 +306,7 @@ class Bringup:
         return monitor
 
     def _held_before(self) -> str:
-        """Report how to resume a mission that was under way before this orchestrator was started."""
+        """Return how to resume a mission that was under way before the orchestrator started; '' for none."""
         if RESTARTED not in self._view.get("held", ()):
             return ""
         of_before = f"{self._progress.mission} {self._progress.mission_id} was under way before"
@@ -331,7 +334,13 @@ class Bringup:
         self._wait_until(lambda: monitor.all_received, STRAGGLER_S)
 
     def command(self, verb: str, request: Mapping[str, Any]) -> Answer:
-        """Send a command of the user; messages that arrive meanwhile are handled later."""
+        """Send a command of the user; messages that arrive meanwhile are handled later.
+
+        Without an orchestrator, or without its answer in time, the `Answer` is one that was not `reached`.
+
+        Raises:
+            UsageError: the interface of commands is not installed.
+        """
         return self._operator.command(verb, request=request)
 
     def _check_patience(self, monitor: RunMonitor, waited: float) -> None:
@@ -343,7 +352,12 @@ class Bringup:
     def abort(self, monitor: RunMonitor) -> None:
         """Abort the mission, which sends the robot home; stop it on the way if there is no time for that.
 
-        There is time after Ctrl-C, until it is pressed again or the robot cannot go on without help.
+        There is time only after Ctrl-C, until it is pressed again, the robot cannot go on without help, or
+        `HOME_LIMIT_S` have passed. An abort that fails, or is unknown to the profile, is reported to the
+        observer. Our own orchestrator is not asked if it is dead.
+
+        Raises:
+            RunFailed: our orchestrator died meanwhile, and is not started again.
         """
         if self.owns_orchestrator and ORCHESTRATOR not in self.supervisor.names:
             return  # nobody is left to ask
@@ -363,7 +377,7 @@ class Bringup:
         self._wait_for_the_end(monitor, home)
 
     def _wait_for_the_end(self, monitor: RunMonitor, home: bool) -> None:
-        """Wait until the aborted mission has ended, or Ctrl-C was pressed again."""
+        """Wait for the end of the aborted mission, or for another Ctrl-C; report one that still runs."""
 
         def enough() -> bool:
             return self._interrupts.insisted_twice if home else self._interrupts.insisted
@@ -392,7 +406,8 @@ class Bringup:
         """Keep the nodes running, and show the published state periodically.
 
         Raises:
-            RunFailed: the orchestrator is gone, and is not started again.
+            RunFailed: the orchestrator that this bringup started died, and is not started again; the end of
+                another one is not noticed.
             Interrupted: the user wants to stop.
         """
         while True:

@@ -18,7 +18,10 @@ BACK_AFTER_S = 5.0
 
 @dataclass
 class _Gone:
-    """A process that has died: the wall clock's time of that, and the time of its restart."""
+    """A process that has died: the wall clock's time of that, and the times of its restart.
+
+    `due` is when it is to be restarted (None: not, or done), `started` when it was (None: not yet).
+    """
 
     since: str
     due: float | None
@@ -36,7 +39,11 @@ class Respawns:
         self._gone: dict[str, _Gone] = {}
 
     def died(self, name: str, now: float, clock: str) -> str:
-        """Record a death at the wall clock's time `clock`; return a sentence about the restart."""
+        """Record a death at the wall clock's time `clock`; return a sentence about the restart.
+
+        The sentence says when it comes, or that there is none: after the last of `RESPAWN_AFTER_S`, or
+        without `respawn`.
+        """
         if now - self._started.get(name, now) >= FORGIVEN_AFTER_S:
             self._tries.pop(name, None)
         tries = self._tries.get(name, 0)
@@ -53,7 +60,7 @@ class Respawns:
         return f"{name} is started again in {delay:g} s ({tries + 1} of {len(RESPAWN_AFTER_S)})"
 
     def comes_back(self, name: str) -> bool:
-        """Return whether a dead process is restarted."""
+        """Return whether a dead process is still to be restarted; False for an unknown or a restarted one."""
         return name in self._gone and self._gone[name].due is not None
 
     def due(self, now: float) -> list[str]:
@@ -65,7 +72,7 @@ class Respawns:
         return found
 
     def back(self, running: Container[str], now: float) -> list[str]:
-        """Return sentences about processes that are back: restarted ones that have run for a while."""
+        """Return a sentence, once, for each process that is back: restarted, and alive for `BACK_AFTER_S`."""
         found = [
             name
             for name, gone in self._gone.items()

@@ -42,14 +42,22 @@ class Sightings:
         self._unplaced = 0
 
     def take(self, transforms: Iterable[Any], now: float, *, static: bool = False) -> list[str]:
-        """Add the transforms of a TFMessage; return the problems of those left out, once for each kind."""
+        """Add the transforms of a TFMessage, and count the waiting sightings that they place.
+
+        Sightings that have waited longer than `LATE_S` are dropped without a word. Return the problems of the
+        transforms left out, once for each kind.
+        """
         problems = self._frames.take(transforms, static=static, heard=now)
         # Whichever transform it was that was missing: that of the tag, or one on the way to the map.
         self._late = {tag: late for tag, late in self._late.items() if not self._place_late(*late, now)}
         return problems
 
     def see(self, seen: Sequence[TagSeen], now: float) -> str:
-        """Take a frame of the detector; return a warning, '' for none."""
+        """Take a frame of the detector: count its tags, or let those that cannot be placed yet wait.
+
+        A tag beyond the reach of the registry is in sight, but not counted. Return a warning at the
+        `UNPLACED_FRAMES`-th frame in a row of which no tag could be placed; '' for none.
+        """
         self._forget_sights(now)
         self._sights.update({tag.id: (tag.distance, now) for tag in seen})
         near = [tag for tag in seen if self._tags.is_near(tag.distance)]
@@ -67,11 +75,11 @@ class Sightings:
         return {tag: distance for tag, (distance, _) in self._sights.items()}
 
     def where(self, frame: str, now: float) -> Pose | None:
-        """Return the pose of a frame on the map; None without recent transforms."""
+        """Return the pose of a frame on the map; None where recent transforms do not connect the two."""
         return self._frames.find(MAP, frame, now - LATE_S)
 
     def forget(self) -> None:
-        """Begin a new mission: drop waiting sightings."""
+        """Begin a new mission: drop waiting sightings; tags in sight and transforms stay."""
         self._late.clear()
 
     def _forget_sights(self, now: float) -> None:
@@ -94,7 +102,10 @@ class Sightings:
         return True
 
     def _undecided(self, near: Sequence[TagSeen], unplaced: Sequence[TagSeen], now: float) -> str:
-        """Return a warning when tags are seen but none can be placed: an exploration would find nothing."""
+        """Return a warning, once in a row, when tags are seen but none can be placed; '' for none.
+
+        An exploration would find nothing.
+        """
         some_placed = len(unplaced) < len(near)
         self._unplaced = 0 if some_placed else self._unplaced + bool(near)
         if not near or self._unplaced != UNPLACED_FRAMES:

@@ -20,8 +20,9 @@ def fields_in(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the fields given as `name=value`, as data of these types, and their problems.
 
-    Problems are a missing `=`, and those of the `faults` that a value has as a file would write it. A field
-    without a type is text. A field with a problem is returned as well.
+    A problem is a text without `=` or without a name, which gives no field; or a value that does not fit its
+    type, judged like a value in a file, if that is one of the `faults`. A field without a type is text. A
+    field whose value has a problem is returned as well.
     """
     texts, wrong = split(REQUEST, given)
     values = {name: read_value(text, types.get(name, TEXT)) for name, text in texts.items()}
@@ -32,7 +33,7 @@ def fields_in(
 
 
 def given_twice(options: Iterable[str], fields: Collection[str]) -> list[str]:
-    """Return a problem for the fields that both an option of their own and `--request` give."""
+    """Return at most one problem: it names the fields given by their own option and by `--request`."""
     twice = ", ".join(name for name in options if name in fields)
     return [f"{twice}: given by an option of its own and by {REQUEST}; leave one out"] if twice else []
 
@@ -99,7 +100,10 @@ def check_complete(loaded: LoadedMissions, request: Mapping[str, Any]) -> None:
 
 
 def carried(chart: Chart, request: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options that were given, of those that a request of the chart's missions has a field for."""
+    """Return the options that were given, of those that the profile has; empty and zero mean not given.
+
+    A mission need not have a field for each: `check_fields` reports that.
+    """
     return {name: value for name, value in given_fields(request).items() if name in chart.profile.request}
 
 
@@ -114,7 +118,9 @@ def check_request(
     Raises:
         UsageError: the first mission refuses it, with the text that the service would answer; a field is
             unknown (see `check_fields` and `request_in`) or missing (see `check_complete`); or a parameter
-            names something that does not exist, such as a file. The text has every problem.
+            names something that does not exist, such as a file. The text has every problem of the options and
+            of `--request`. Parameters are checked only when no field is missing, a refusal after them; it is
+            left out when `--request` has problems.
     """
     from lupin_engine.machine import EvaluationScope, Memory, read_request
     from lupin_engine.runtime import make_world

@@ -17,7 +17,13 @@ def example(kind: Type) -> Any:
 
 
 def arguments_for(declared: Mapping[str, Argument], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arguments for a call: given ones, else defaults, else examples where one is required."""
+    """Return arguments for a call: given ones, else defaults, else examples where one is required.
+
+    An optional argument without any is left out, and so is a given one that is not declared.
+
+    Raises:
+        ValueError: a given value does not fit its type.
+    """
     found: dict[str, Any] = {}
     for name, argument in declared.items():
         if name in given:
@@ -30,7 +36,7 @@ def arguments_for(declared: Mapping[str, Argument], given: Mapping[str, Any]) ->
 
 
 def defaults_of(declared: Mapping[str, Parameter]) -> dict[str, Any]:
-    """Return every parameter at its default, in base units."""
+    """Return every parameter at its default, in base units; ValueError where one does not fit its type."""
     return {name: convert(parameter.default, parameter.type) for name, parameter in declared.items()}
 
 

@@ -1,4 +1,4 @@
-"""Converts findings to an editor's diagnostics: with an end, and with a quick fix for misspelt words."""
+"""Converts findings to an editor's diagnostics: gives them an end, and finds the fix of a misspelt word."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MEANT = re.compile(r"did you mean '([^']+)'\?")
 
 @dataclass(frozen=True)
 class Problem:
-    """A finding for the range from `start` to `end`."""
+    """A finding for the range from `start` to `end`, which are offsets in the text."""
 
     start: int
     end: int
@@ -34,7 +34,7 @@ class Problem:
 
 
 def problem(scan: Scan, finding: Diagnostic) -> Problem:
-    """Return a finding with its range in the present text."""
+    """Return a finding with its range in the present text; a place outside it becomes the nearest one."""
     start = scan.lines.offset(finding.place.line - 1, finding.place.column - 1)
     return Problem(start, max(_end(scan, start, finding.problem), start), finding)
 
@@ -60,6 +60,6 @@ def spelling(message: str) -> str:
 
 
 def corrected(text: str, meant: str) -> str:
-    """Return the replacement of a misspelt text: its quotes stay."""
+    """Return `meant` as the replacement of a misspelt text: in the same quotes, if the text has any."""
     quote = text[0] if text[:1] in ("'", '"') and text[-1:] == text[:1] else ""
     return f"{quote}{meant}{quote}"

@@ -1,7 +1,8 @@
 """Learns from journals: durations and failures by target, distance and hour, and the use of live values.
 
-Everything is counted, nothing is fitted. A row has at least `ENOUGH` attempts; `table` writes the rows as a
-file of rates (`rates`), the finest first.
+Everything is counted, nothing is fitted. A row has at least `ENOUGH` attempts that were done, or it is a
+target or an hour that fails more than others. `table` returns the rows, the finest first, as the data of a
+file of rates (see `rates`).
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class ObservedAttempt(NamedTuple):
 
 
 class RateKey(NamedTuple):
-    """The attempts of a row; '' and None: any target, any distance, any hour."""
+    """The attempts that a row is about; '' and None: any target, any distance, any hour."""
 
     operation: str
     target: str = ""
@@ -61,7 +62,10 @@ class RateKey(NamedTuple):
 
 @dataclass
 class Drained:
-    """The loss of a live value while the robot drove, and otherwise; times in minutes."""
+    """The loss of a live value while the robot drove, and otherwise; times in minutes.
+
+    Only drives that were done count as driving; what was lost during others is left out.
+    """
 
     metres: float = 0.0
     driving: float = 0.0
@@ -71,7 +75,7 @@ class Drained:
 
     @property
     def rates(self) -> tuple[float, float]:
-        """The loss per metre and per minute; per minute alone where the two cannot be separated."""
+        """The loss per metre and per minute; the first is 0 where the two cannot be separated."""
         minutes = self.driving + self.standing
         if self.metres and self.standing >= STANDING * minutes:
             per_minute = max(0.0, self.standing_lost / self.standing)
@@ -222,7 +226,7 @@ def places(one: ObservedAttempt) -> Iterator[RateKey]:
 
 
 def rows_of(seen: Iterable[ObservedAttempt]) -> dict[RateKey, list[ObservedAttempt]]:
-    """Return the attempts of each row that has enough."""
+    """Return the attempts of each row that has `ENOUGH` that were done; failed ones are in it, too."""
     rows = defaultdict[RateKey, list[ObservedAttempt]](list)
     for one in seen:
         for place in places(one):
@@ -231,14 +235,15 @@ def rows_of(seen: Iterable[ObservedAttempt]) -> dict[RateKey, list[ObservedAttem
 
 
 def failed_of(row: Iterable[ObservedAttempt]) -> int:
-    """Return how many attempts failed."""
+    """Return how many attempts failed or timed out."""
     return sum(bool(one.code) for one in row)
 
 
 def fail_more(failed: int, count: int, elsewhere: int, others: int, rare: float = RARE_FAILURES) -> bool:
-    """Say whether so many of `count` fail that the share of failures among `others` does not explain it.
+    """Say whether so many of `count` fail that the share of failures among others does not explain it.
 
     Args:
+        elsewhere: how many of the `others` failed; at least one is assumed.
         rare: chance may bring so many once in that many cases.
     """
     usual = max(elsewhere, 1) / max(others, 2)
@@ -247,7 +252,9 @@ def fail_more(failed: int, count: int, elsewhere: int, others: int, rare: float 
 
 
 def worse_of(seen: Iterable[ObservedAttempt]) -> dict[RateKey, list[ObservedAttempt]]:
-    """Return the attempts at each target, and in each hour, that fail more; and those of all that are alike.
+    """Return the attempts at each target, and in each hour, that fail more than the rest of their operation.
+
+    The key of an operation alone has the attempts that belong to none of these.
 
     A few attempts say how long they take, but not how often they fail: what does not differ is pooled.
     """
@@ -351,7 +358,10 @@ def _after(quantiles: Iterable[float]) -> Any:
 
 
 def bands(took: Iterable[float]) -> Iterator[tuple[int, list[float]]]:
-    """Yield durations as counts with quantiles: all where they are few, else the slowest tenth apart."""
+    """Yield durations as counts with quantiles: the faster ones, and the slowest tenth apart.
+
+    Up to `QUANTILES` durations are one band, with themselves in place of quantiles.
+    """
     ordered = sorted(took)
     if len(ordered) <= QUANTILES:
         yield len(ordered), ordered

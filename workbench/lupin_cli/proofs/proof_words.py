@@ -11,7 +11,7 @@ from lupin_verify import Proof, Unreached
 
 
 def name_of(loaded: LoadedMissions, varied: str) -> str:
-    """Return the name of a proof: its mission, and the parameter that is not as given."""
+    """Return the name of a proof: its mission, and `varied`, the parameter that is not as given, if any."""
     return f"{loaded.names[0]}{f' with {varied}' if varied else ''}"
 
 
@@ -67,13 +67,16 @@ def _never_reached(dead: Sequence[Unreached]) -> str:
 
 
 def shown_place(loaded: LoadedMissions, place: Place) -> str:
-    """Return a place in few characters: as it is below this folder, else below that of the missions."""
+    """Return a place in few characters: as it is below this folder, else below that of the missions.
+
+    A file below neither keeps its full name.
+    """
     near = Path(place.shown)
     file = loaded.short_names.get(place.file)
     return place.shown if file is None or not near.is_absolute() else f"{file}:{place.line}:{place.column}"
 
 
 def counted(number: int, what: str) -> str:
-    """Return `3,416 situations`, `1 situation`, `18 properties`."""
+    """Return `3,416 situations`, `1 situation`, `18 properties`; `what` is the singular."""
     several = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
     return f"{number:,} {what if number == 1 else several}"

@@ -15,7 +15,10 @@ from lupin_engine.replay import TonedLine
 
 
 def interact(debugger: Debugger, console: Console) -> int:
-    """Read commands until quit or the end of input; nothing else ends it. Returns the exit code 0."""
+    """Read commands until quit or the end of input, and return the exit code 0.
+
+    Ctrl-C drops the line or ends the command; a wrong command is answered with its problem. Both go on.
+    """
     _show(debugger.greeting(), console)
     ask = _terminal(debugger) if sys.stdin.isatty() else _pipe(debugger, console)
     while not debugger.over:

@@ -80,7 +80,8 @@ def test(
     name, to share the work between processes and to write JUnit XML, run them with pytest:
     pytest scenarios -k abort -n auto --junitxml report.xml
 
-    Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run.
+    Exit code: 0 when every scenario holds and enough was reached, else 1; 2 when there is nothing to run,
+    or an argument is wrong.
     """
     from lupin_cli.field import FieldTable
     from lupin_engine.replay import CoverageObserver, add_up, field_evidence
@@ -148,7 +149,11 @@ def _chosen(paths: Sequence[Path]) -> list[Path]:
 
 
 def _default() -> Iterable[Path]:
-    """Return the nearest folder of scenarios, and those that `lupin prove` has written; UsageError: none."""
+    """Return the nearest folder of scenarios, and the scenarios in `missions`, as `lupin prove` writes them.
+
+    Raises:
+        UsageError: there is neither.
+    """
     folder = next(([place] for place in _PLACES if place.is_dir()), [])
     found = [*folder, *sorted(Path("missions").glob(f"*{SUFFIX}"))]
     if found:
@@ -159,7 +164,7 @@ def _default() -> Iterable[Path]:
 def _make_scenario(
     recording: Path | None, output: Path | None, paths: Sequence[Path], catalog: Catalog
 ) -> int:
-    """Make a scenario of a recorded run.
+    """Make a scenario of a recorded run, and return the exit code 0.
 
     Raises:
         UsageError: all problems of the arguments, or the run does not come out again as recorded.

@@ -52,7 +52,10 @@ _ROOTS = ("context", "input", "known", "param")
 
 
 def reads(value: Value) -> frozenset[tuple[str, str]]:
-    """Return the reads of an expression: pairs of a root of the environment and a name below it."""
+    """Return the reads of an expression: pairs of a root of the environment and a name below it.
+
+    Empty for a constant, and for an expression that is not compiled.
+    """
     if not isinstance(value, Expression) or not isinstance(value.evaluate, Compiled):
         return frozenset()
     return frozenset(reads_of(value.evaluate.code))
@@ -72,7 +75,10 @@ def kind_of(name: str) -> str:
 
 
 def abandoned_kind(attempt: Attempt) -> str:
-    """Return the class of an abandoned attempt: its operation; `ANY_ORPHAN` if it blocks all others."""
+    """Return the class of an abandoned attempt: `~` and its operation.
+
+    It is `ANY_ABANDONED` for one of a plugin before whose end no other operation may begin.
+    """
     any_one = EVERYTHING in attempt.uses and not is_builtin(attempt.operation)
     return ANY_ABANDONED if any_one else f"~{attempt.operation}"
 
@@ -125,7 +131,7 @@ class Relevance:
 
     @property
     def irrelevant(self) -> list[str]:
-        """The variables and inputs outside the cone, by their authors' names."""
+        """The variables and inputs outside the cone, by their authors' names; no inputs with levels."""
         variables = [name for name in self.chart.context if name not in self.variables]
         specs = [spec for spec in self.chart.inputs.values() if not spec.levels]
         inputs = [f"input.{spec.name}" for spec in specs if spec.name not in self.inputs]
@@ -234,7 +240,7 @@ _KEYS: Mapping[str, _Key] = {
 
 
 def frozen(value: Any) -> Hashable:
-    """Return plain data as a hashable value."""
+    """Return plain data as a hashable value; TypeError where it holds anything else unhashable."""
     if isinstance(value, Mapping):
         return tuple(sorted((name, frozen(each)) for name, each in value.items()))
     if isinstance(value, (list, tuple)):
@@ -364,7 +370,7 @@ def heard_inputs(chart: Chart) -> set[str]:
 
 
 def invokes(chart: Chart) -> Iterator[tuple[str, Invoke]]:
-    """Yield every invoke of a chart with its state."""
+    """Yield every invoke of a chart, of a `for_each` too, behind the name of its state."""
     for name, state in chart.states.items():
         if state.invoke is not None:
             yield name, state.invoke
