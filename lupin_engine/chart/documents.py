@@ -439,7 +439,7 @@ class CodeNode(Node):
 
 
 class VariableNode(Node):
-    """A context variable: written by `set`, kept in the snapshot."""
+    """A context variable: written by `set`, `add` and `remove`, kept in the snapshot."""
 
     type: Annotated[str, Meaning.TYPE] = Field(description="such as text, count, pose")
     unit: Annotated[str | None, Meaning.UNIT] = Field(
