@@ -74,8 +74,11 @@ def waits_for_ever(index: Index) -> Iterator[Diagnostic]:
 
 def _why_no_end(index: Index, state: State) -> str:
     """Return why a mission itself may never leave a state whose operation does not end; '' where it does."""
-    around = (index.chart.states[name] for name in index.lineage[state.name])
-    every = (t for one in around if one.mission for t in one.transitions)
+    around = [index.chart.states[name] for name in index.lineage[state.name]]
+    inner = [one for one in around if one.mission]
+    if any(map(_ends_in_time, inner)):
+        return ""
+    every = (t for one in inner for t in one.transitions)
     ways = [t for t in every if t.target is not None and t.event not in ("done", "error")]
     raised = _raised(index)
     if not ways:
@@ -132,7 +135,7 @@ def _ends_in_time(state: State) -> bool:
 def _comes_from_the_world(event: str, raised: set[str]) -> bool:
     """Say whether an event comes neither from the chart nor from an operator."""
     first = event.partition(".")[0]
-    return event not in raised and first not in ("", "*", "operator", "mission")
+    return event not in raised and first not in ("", "*", "budget", "operator", "mission")
 
 
 def _has_way_out(index: Index, state: State, without: Iterable[str] = ()) -> bool:

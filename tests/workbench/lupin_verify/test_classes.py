@@ -37,7 +37,7 @@ states:
       timeout: {after: 10 s, code: late}
       classes: RESULTS
     on_done:
-      - {target: LATE, guard: abs(round(event.reading.stamp)) > '1 s'}
+      - {target: LATE, guard: abs(round(event.reading.stamp)) == '31 s'}
       - {target: JUST_SO, guard: input.charge * input.charge > 0.096 and input.charge * input.charge < 0.097}
       - target: done
     on_error: done
@@ -46,7 +46,7 @@ states:
   done: {type: final}
 """
 #: The whole of a reading.
-READING = "{tag_id: '1', stamp: 2 s, sim_time_of_day_seconds: 80001 s, readings: []}"
+READING = "{tag_id: '1', stamp: 31 s, sim_time_of_day_seconds: 80001 s, readings: []}"
 
 
 def asked(verb: str, folder: Path, charges: str, results: str) -> int:

@@ -134,6 +134,7 @@ def test_what_nothing_concerns_is_a_warning(capsys: pytest.CaptureFixture[str]) 
     assert main(["check", "unused.yaml", "--prove", "60 s", "--json"]) == 0
     found = [one for one in json.loads(capsys.readouterr().out) if one["rule"].startswith("never-")]
     assert [(one["line"], one["severity"], one["rule"], one["path"]) for one in found] == [
+        (6, "warning", "never-set", "context.twice"),
         (3, "warning", "never-applies", "properties.reads_once"),
         (11, "warning", "never-reached", "MISSION.Unused.READING"),
         (10, "warning", "never-reached", "MISSION.Unused.A.after.0"),
