@@ -72,7 +72,8 @@ PATTERNS = (
     Pattern(
         "Between",
         "After each moment at which `after` holds, up to the next at which `until` does, a condition must not"
-        " hold (`never`), or must (`always`).",
+        " hold (`never`), or must (`always`). An aborted mission may never come to `until`: if the part ends"
+        " with the mission, write `or not in_state('MISSION')` behind it.",
         "after: in_state('DOOR'), never: in_state('HALL'), until: in_state('WINDOW')",
         "absence and universality after Q until R",
         (("HALL", 2), ("DOOR", 3), ("ROOF", 2), ("WINDOW", 3)),

@@ -93,7 +93,7 @@ def _has_result(passage: Passage, index: int) -> bool:
 _found.append(
     Property(
         "good_at_its_target",
-        "Where a mission drives to its targets, a target gets a good result only where the robot is at it.",
+        "Where a mission drives to its targets, a target gets a good result only after its drive succeeded.",
         _at_its_target,
         of_values=False,
         about=lambda passage: _is_drive_or_good(passage),

@@ -27,12 +27,12 @@ FIELD_KINDS = (TRANSITIONS, OUTCOMES, HOLDS)
 class FieldEvidence:
     """The contents of journals: missions, how often each item was reached, breaches and smallest margins.
 
-    `watched` are the properties of all these missions. `left_out` are the files and missions that were not
-    used, and why.
+    `watched` are the properties that were watched, each with the number of missions in which it was.
+    `left_out` are the files and missions that were not used, and why.
     """
 
     missions: int = 0
-    watched: set[str] = field(default_factory=set)
+    watched: Counter[str] = field(default_factory=Counter)
     counts: Counts = field(default_factory=Counter)
     breaches: Counter[str] = field(default_factory=Counter)
     margins: dict[str, Margin] = field(default_factory=dict)
@@ -40,10 +40,14 @@ class FieldEvidence:
 
     def shown(self, name: str) -> str:
         """Return what robots have shown of a property."""
+        near = f"; nearest: {self.margins[name]}" if name in self.margins else ""
+        return f"{self.counted(name)}{near}"
+
+    def counted(self, name: str) -> str:
+        """Return how often robots have broken a property, and in how many missions it was watched."""
         if name not in self.watched:
             return "not watched on robots"
-        near = f"; nearest: {self.margins[name]}" if name in self.margins else ""
-        return f"on robots: broken {self.breaches[name]} times, missions: {self.missions}{near}"
+        return f"on robots: broken {self.breaches[name]} times, missions: {self.watched[name]}"
 
     def record(self) -> dict[str, Any]:
         """Return the properties' part as JSON data."""
@@ -90,7 +94,7 @@ def _add(found: FieldEvidence, run: JournaledRun, chart: Chart) -> None:
         return
     found.missions += bool(run.mission_id)
     found.counts += reached(as_run(chart, lived, machine))
-    found.watched.update(monitor.names)
+    found.watched.update(dict.fromkeys(monitor.names, int(bool(run.mission_id))))
     found.breaches.update(monitor.breaches)
     for name, margin in monitor.margins.items():
         if name not in found.margins or margin.left < found.margins[name].left:

@@ -7,7 +7,9 @@ from .counterexamples import Counterexamples as Counterexamples
 from .dealing import Dealer as Dealer
 from .dealing import WorkerProcesses as WorkerProcesses
 from .dealing import make_task as make_task
+from .drift import NEEDED as NEEDED
 from .drift import Drift as Drift
+from .drift import compared as compared
 from .drift import drifts as drifts
 from .expecting import Expected as Expected
 from .expecting import expect as expect

@@ -8,7 +8,7 @@ attempts are enough. An outlier counts as `MOST_DEVIATIONS`, and the medians mus
 from __future__ import annotations
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -21,6 +21,8 @@ from lupin_verify.learning import ObservedAttempt, fail_more, failed_of
 Logarithms = NDArray[np.float64]
 #: So many of the newest attempts at a target are compared with at least and at most so many before.
 NEWEST, BEFORE, MOST_BEFORE = (5, 10), 20, 100
+#: With fewer attempts an operation at a target is not compared.
+NEEDED = NEWEST[0] + BEFORE
 #: Chance alone may report one of so many comparisons: once in some 200 missions to 16 targets.
 RARE = 15_000.0
 #: The smallest slow-down (of the medians), deviation, and number of deviations of an outlier.
@@ -49,6 +51,15 @@ def drifts(seen: Sequence[ObservedAttempt]) -> list[Drift]:
     for one in sorted(seen, key=lambda one: one.wall):
         by_operation[one.operation].append(one)
     return [found for _, row in sorted(by_operation.items()) for found in _drifts(row)]
+
+
+def compared(seen: Sequence[ObservedAttempt]) -> tuple[int, int]:
+    """Return at how many places `drifts` has enough attempts to compare, and at how many there are any.
+
+    A place is an operation at a target.
+    """
+    counts = Counter((one.operation, one.target) for one in seen)
+    return sum(count >= NEEDED for count in counts.values()), len(counts)
 
 
 def _drifts(row: Sequence[ObservedAttempt]) -> Iterator[Drift]:

@@ -72,7 +72,10 @@ def expect(
         for (operation, target, _, rule), count in simulation.answered.items():
             answers[operation, target, rule] += count
         report(found.runs)
-    found.remarks = list(_remarks(rates, answers, loaded.chart.profile.terminal.target))
+    found.remarks = [
+        *_remarks(rates, answers, loaded.chart.profile.terminal.target),
+        *_constant(found, rates),
+    ]
     return found
 
 
@@ -103,6 +106,14 @@ def _add(found: Expected, run: Run) -> None:
 
 
 # -- what the runs were drawn from ---------------------------------------------------------------------------
+
+
+def _constant(found: Expected, rates: Rates) -> Iterator[str]:
+    """Yield a remark for each live value of which no loss was learned."""
+    losing = {one.value for one in rates.own.measured.drains if one.per_metre or one.per_minute}
+    yield from (
+        f"{name}: no loss was seen; it stays as it begins" for name in found.left if name not in losing
+    )
 
 
 def _remarks(rates: Rates, answers: Mapping[Answer, int], word: str) -> Iterator[str]:

@@ -49,6 +49,7 @@ class ProofVerdict(enum.Enum):
     NOT_RELEVANT = "not relevant"  #: no explored step concerns it
     NOT_PROVEN = "not proven"  #: no breach was found, but not everything was explored
     NOT_SHOWN = "not shown"  #: moves that break it were found, but no times at which they can happen
+    NOT_MEANT = "not meant"  #: the missions of the chart are exempt from it, for a reason
 
 
 @dataclass(frozen=True)
@@ -256,6 +257,8 @@ class _Judge:
         if name in explored.breaches:
             nearest = self._ways.first(explored.breaches[name])[:_TRIED]
             return self._first(self._way_of(one, says) for one in nearest)
+        if reason := _exempt(self._explorer.chart, name):
+            return Proven(name, says, ProofVerdict.NOT_MEANT, reason)
         if not explored.complete:
             return Proven(name, says, ProofVerdict.NOT_PROVEN)
         return Proven(
@@ -285,9 +288,14 @@ class _Judge:
 
     def of_graph(self) -> list[Proven]:
         """Judge the liveness properties, of the graph as a whole."""
+        chart = self._explorer.chart
+        named = [one.named(chart.profile.stages) for one in NAMED_OF_THE_GRAPH]
+        reasons = [(one, _exempt(chart, one.name)) for one in named]
+        exempt = [Proven(one.name, one.says, ProofVerdict.NOT_MEANT, why) for one, why in reasons if why]
         if not self._explored.complete:
-            return [Proven(one.name, one.says, ProofVerdict.NOT_PROVEN) for one in self._of_graph]
-        found = []
+            open = [Proven(one.name, one.says, ProofVerdict.NOT_PROVEN) for one in self._of_graph]
+            return [*open, *exempt]
+        found = exempt
         for one in self._of_graph:
             situations = self.broken.get(one.name)
             if situations is None:
@@ -340,6 +348,14 @@ def _is_meant(chart: Chart, name: str) -> bool:
     """Return whether a file names a built-in property, and one of the missions means it."""
     rule = chart.properties.get(name)
     return rule is not None and rule.built_in and any(map(rule.is_meant, chart.missions))
+
+
+def _exempt(chart: Chart, name: str) -> str:
+    """Return why a property is meant of none of the chart's missions; '' where it is meant of one."""
+    rule = chart.properties.get(name)
+    if rule is None or not chart.missions or not chart.missions.keys() <= rule.not_meant.keys():
+        return ""
+    return "; ".join(dict.fromkeys(rule.not_meant[mission] for mission in chart.missions))
 
 
 def _elements(most: int) -> str:

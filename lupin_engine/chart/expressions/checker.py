@@ -437,6 +437,10 @@ class _Checker(ExpressionReader):
         self, operator: ast.cmpop, left: ast.expr, right: ast.expr, first: Type, second: Type
     ) -> None:
         """Report a comparison of a text whose possible values are known with one that it can never be."""
+        listed = second.item.values if second.item is not None and _root(right) == "this_step" else ()
+        if listed and isinstance(left, ast.Constant) and left.value not in listed:
+            problem = f"{self.text_of(right)} never has {left.value!r}"
+            self.wrong(left, "undeclared-code", problem, nearest(str(left.value), listed))
         if not (first.values or second.values):
             return
         if isinstance(operator, (ast.In, ast.NotIn)):

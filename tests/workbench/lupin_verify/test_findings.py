@@ -205,3 +205,28 @@ def test_the_bounds_are_told_in_words(capsys: pytest.CaptureFixture[str]) -> Non
     assert (
         f"    The process may end at any time; a new one continues from the journal.\n    {again}\n" in told
     )
+
+
+def test_what_is_not_meant_is_not_claimed(capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither in the list of verdicts nor in the safety case."""
+    lifecycle = Path("lifecycle.yaml").read_text(encoding="utf-8")
+    rests = "properties:\n  rests: {never: in_state('MISSION')}\n  success_ends: {built_in: true}\n"
+    Path("lifecycle.yaml").write_text(lifecycle + rests, encoding="utf-8")
+    Path("works.yaml").write_text(
+        "mission: Works\nnot_meant: {rests: it works, success_ends: it waits}\n"
+        "states: {A: {after: {1 s: done}}, done: {type: final}}\n",
+        encoding="utf-8",
+    )
+    asked = ["prove", "works.yaml", "--no-restarts", "--no-scenarios"]
+    assert main([*asked, "--report", "case.md"]) == 0
+    told = capsys.readouterr().out
+    assert "  - rests: never in_state('MISSION') (not meant of this mission)\n" in told
+    assert "  not meant of Works: rests, because it works\n" in told
+    assert "✓ rests" not in told
+    assert "✓ success_ends" not in told
+    case = Path("case.md").read_text(encoding="utf-8")
+    claimed = [
+        line.split(" | ") for line in case.splitlines() if line.startswith(("| rests", "| success_ends"))
+    ]
+    assert [cells[3] for cells in claimed] == ["not meant", "not meant"]
+    assert "- rests is not meant of Works, because it works.\n" in case

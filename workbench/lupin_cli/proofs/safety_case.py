@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lupin_cli.proofs.evidence import ASSUMPTIONS, NOT_SHOWN, Origin, catalogs_hash
 from lupin_cli.proofs.proof_words import last_line, name_of
+from lupin_cli.terminal.findings import counted
 from lupin_engine.errors import UsageError
 from lupin_engine.properties import LiveMonitor
 from lupin_verify import is_own
@@ -77,7 +78,8 @@ def safety_case(loaded: LoadedMissions, proof: Proof, by: Origin, seen: CaseEvid
         CaseSection(SOURCES, [("Source", "Result"), *_sources(proof, seen)]),
         CaseSection("Assumptions", texts=ASSUMPTIONS),
         CaseSection(
-            "What was cut, and what is not shown", texts=[*map(_cut, proof.cut), *proof.bounds, *NOT_SHOWN]
+            "What was cut, and what is not shown",
+            texts=[*_exempt(proof), *map(_cut, proof.cut), *proof.bounds, *NOT_SHOWN],
         ),
         CaseSection("Versions", [("What", "Value"), *_versions(loaded, by)]),
         CaseSection(
@@ -85,6 +87,13 @@ def safety_case(loaded: LoadedMissions, proof: Proof, by: Origin, seen: CaseEvid
             [("Role", "Name", "Date", "Signature"), *((who, "", "", "") for who in _SIGNERS)],
         ),
     ]
+
+
+def _exempt(proof: Proof) -> Iterator[str]:
+    """Yield a sentence for each property that a mission is exempt from."""
+    for rule in proof.chart.properties.values():
+        for mission, why in rule.not_meant.items():
+            yield f"{rule.name} is not meant of {mission}, because {why}."
 
 
 def _cut(what: str) -> str:
@@ -104,7 +113,7 @@ def _claims(proof: Proof, seen: CaseEvidence) -> Iterator[tuple[str, ...]]:
             origin,
             one.verdict.value,
             _violated(campaign.get(one.name)),
-            _on_robots(one.name, seen.field) if one.name in watched else "not watched",
+            _on_robots(one.name, seen.field) if one.name in watched else "not watched on robots",
             str(seen.field.margins[one.name]) if seen.field and one.name in seen.field.margins else "",
         )
 
@@ -114,7 +123,7 @@ def _violated(found: Mapping[str, Any] | None) -> str:
 
 
 def _on_robots(name: str, field: FieldEvidence | None) -> str:
-    return _NOT_GIVEN if field is None else f"broken {field.breaches[name]} times"
+    return _NOT_GIVEN if field is None else field.counted(name)
 
 
 def _sources(proof: Proof, seen: CaseEvidence) -> Iterator[tuple[str, str]]:
@@ -132,7 +141,7 @@ def _sources(proof: Proof, seen: CaseEvidence) -> Iterator[tuple[str, str]]:
     from lupin_engine.replay import field_lines
 
     left_out = f"; {len(seen.field.left_out)} not used" if seen.field.left_out else ""
-    yield "Robots", f"{seen.field.missions} missions{left_out}"
+    yield "Robots", f"{counted(seen.field.missions, 'mission')}, simulated robots included{left_out}"
     for line in field_lines(proof.chart, seen.field, {}):
         if not line:
             return

@@ -60,7 +60,8 @@ def learn(
     Exit code: 0 learned, or with --drift nothing has changed; 1 --drift has found something; 2 there is no
     journal, or no mission in it could be used.
     """
-    from lupin_verify import drifts, table
+    from lupin_cli.terminal.findings import counted
+    from lupin_verify import NEEDED, compared, drifts, table
 
     if not drift_only:
         _check_output(output)
@@ -85,7 +86,9 @@ def learn(
     if not drift_only:
         click.echo(f"wrote {output}: {learned['campaign']}")
     elif not changed:
-        click.echo(f"nothing has become slower in {found.missions} missions")
+        enough, places = compared(found.seen)
+        few = f"{places - enough} of {places} operations at a target have fewer than {NEEDED} attempts"
+        click.echo(f"nothing has become slower in {counted(found.missions, 'mission')}; not compared: {few}")
     return int(drift_only and bool(changed))
 
 

@@ -408,6 +408,7 @@ _MARKS = {
     "not relevant": ("-", " (never applied: no explored step concerns it)"),
     "not proven": ("?", " (not proven)"),
     "not shown": ("?", " (not shown)"),
+    "not meant": ("-", " (not meant of this mission)"),
 }
 
 
