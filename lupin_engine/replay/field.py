@@ -41,13 +41,13 @@ class FieldEvidence:
     def shown(self, name: str) -> str:
         """Return what robots have shown of a property."""
         near = f"; nearest: {self.margins[name]}" if name in self.margins else ""
-        return f"{self.counted(name)}{near}"
+        return f"{'on robots: ' if name in self.watched else ''}{self.counted(name)}{near}"
 
     def counted(self, name: str) -> str:
         """Return how often robots have broken a property, and in how many missions it was watched."""
         if name not in self.watched:
             return "not watched on robots"
-        return f"on robots: broken {self.breaches[name]} times, missions: {self.watched[name]}"
+        return f"broken {self.breaches[name]} times, missions: {self.watched[name]}"
 
     def record(self) -> dict[str, Any]:
         """Return the properties' part as JSON data."""

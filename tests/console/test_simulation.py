@@ -70,6 +70,7 @@ def test_it_says_what_it_is_and_where(served: ServedPages) -> None:
     assert (status["mode"], status["title"]) == ("simulation", "InspectionMission")
 
 
+@pytest.mark.slow
 def test_its_steps_are_those_of_the_simulation_at_the_terminal(page: SimulationPage) -> None:
     """The same mission, request and seed: what is told to pages is what `lupin simulate --json` prints."""
     arguments = ["simulate", "inspection", "--tags", "1,5", "--json"]
@@ -217,6 +218,7 @@ def test_while_it_stands_nothing_is_told(page: SimulationPage) -> None:
     assert len(page.frames) == before + 3  # the answers to what was asked
 
 
+@pytest.mark.slow
 def test_a_page_draws_and_explains_the_chart_that_is_simulated(page: SimulationPage) -> None:
     draw, explain = "/mission_orchestrator/draw", "/mission_orchestrator/explain"
     drawn = page.call(draw, folded=["MISSION"])["values"]

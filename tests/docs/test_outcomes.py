@@ -115,6 +115,7 @@ def test_every_event_state_and_hold_is_asked_for(asked: Cells, tool: ModuleType)
     assert missing == []
 
 
+@pytest.mark.slow
 def test_what_the_tool_writes_is_read_as_what_it_means(generated: Cells, tool: ModuleType) -> None:
     """Rows that are joined, names that are shortened and repeated cells say the same as all cells alone."""
     written = read("\n".join(tool.tables(generated)), tool)

@@ -65,6 +65,7 @@ def check(name: str, kind: str) -> None:
     assert not missing, "\n".join(missing)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [STATES, TRANSITIONS])
 @pytest.mark.parametrize("name", [*MISSIONS, "lifecycle"])
 def test_every_state_and_transition_is_reached(name: str, kind: str) -> None:

@@ -48,6 +48,7 @@ def test_the_files_have_no_finding(site: Path) -> None:
     assert lupin(site, "check", "missions") == "1 mission, no errors, no warnings\n"
 
 
+@pytest.mark.slow
 def test_an_order_is_simulated(site: Path) -> None:
     """A line for each state, a row for each shelf, and one sentence."""
     story, table = lupin(site, "simulate", "fetch", "--shelves", "A1,B2").split("\n\n", 1)

@@ -251,6 +251,7 @@ def test_a_file_broken_by_hand_is_answered(
     told_well(folder.check(name, text.encode("utf-8", "surrogatepass"), catalog))
 
 
+@pytest.mark.slow
 @FUZZED
 @given(
     which=st.integers(0, 1000),
@@ -306,6 +307,7 @@ def flow(value: Any) -> str:
     return {None: "", True: "true", False: "false"}.get(value, repr(value))
 
 
+@pytest.mark.slow
 @FUZZED
 @given(
     states=st.dictionaries(KEYS, NODES, max_size=4),

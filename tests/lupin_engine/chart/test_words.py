@@ -124,6 +124,7 @@ def test_the_shipped_exploration_is_a_good_chart() -> None:
     assert chart.plugins == ("arm", "bridge", "nav", "perception")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(30))
 def test_no_damage_to_a_word_becomes_a_traceback(seed: int, tmp_path: Path, wide: Catalog) -> None:
     """Whatever is in the files: a chart, or findings that say where."""

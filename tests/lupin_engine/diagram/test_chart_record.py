@@ -26,6 +26,7 @@ def loaded(request: pytest.FixtureRequest) -> LoadedMissions:
     return load_files(lifecycle_in(files[0].parent), files, shipped.catalog())
 
 
+@pytest.mark.slow
 def test_the_ids_of_the_picture_are_those_that_are_told(loaded: LoadedMissions) -> None:
     """Every state is drawn; every transition is, but for refusals and those of the root."""
     told, picture = chart_record(loaded), chart_picture(loaded)

@@ -63,6 +63,7 @@ def damaged(text: str, chance: random.Random) -> str:
     return "\n".join(lines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(40))
 def test_no_damage_to_a_file_becomes_a_traceback(seed: int, tmp_path: Path, catalog: Catalog) -> None:
     """Whatever is in the files: a chart, or findings that say where."""
@@ -567,6 +568,7 @@ def test_the_same_files_have_the_same_hash_wherever_they_stand(folder: Path, tmp
     assert hash_in(Path(os.path.relpath(folder))) == hash_in(other)
 
 
+@pytest.mark.slow
 def test_whatever_file_changes_the_hash_does(folder: Path) -> None:
     """Missions, parts, bindings that are used, and which missions there are."""
     loaded = load_files(folder / LIFECYCLE, mission_files(folder), load_catalog())

@@ -78,7 +78,7 @@ def test_step_belongs_to_properties(tmp_path: Path) -> None:
 
 
 def test_all_are_listed_and_watched() -> None:
-    """Each with its sentence; the page of proofs has all that are inherited."""
+    """Each with its sentence and place; the page of proofs says how many the shipped lifecycle brings."""
     chart = shipped.mission("inspection")
     names = {name: place for name, says, place in listed(chart) if says}
     assert names.keys() >= chart.properties.keys()
@@ -86,7 +86,7 @@ def test_all_are_listed_and_watched() -> None:
     steps = {one.name for one in properties_of(chart)}
     assert chart.properties.keys() - steps == {one.name for one in NAMED_OF_THE_GRAPH}
     page = (ROOT / "docs" / "proof.md").read_text(encoding="utf-8")
-    assert [name for name in chart.properties if f"| `{name}` |" not in page] == []
+    assert f"The greenhouse's lifecycle brings {len(chart.properties)}, such as" in page
 
 
 #: Goes round twice; leaves the localization out where that is asked for.

@@ -289,6 +289,7 @@ def each_part(chart: Chart) -> dict[str, TemporalProperty]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mission", ["inspection", "exploration"])
 def test_it_sees_what_the_monitors_of_simulations_see(mission: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """After every step of every scenario: what it does not ask cannot have another answer than before."""

@@ -222,6 +222,7 @@ def test_what_is_told_of_answers_comes_true() -> None:
     assert idle["answer.as_it_is"] == "the answer 'as_it_is' is refused: nothing is asked"
 
 
+@pytest.mark.slow
 def test_what_was_told_holds_until_something_else_is() -> None:
     """After every step of every war story: no change is overlooked."""
     missions = Missions(shipped.catalog())

@@ -134,6 +134,7 @@ def test_a_divert_returns_into_the_mission_that_is_used(load: Load, at: float) -
         assert (run.view.lifecycle, run.view.counts["OK"]) == ("DONE", 5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", MOMENTS)
 def test_a_restart_goes_on_where_it_was(load: Load, at: float) -> None:
     """Also while it waits at the dock: what the mission was given is in the journal."""

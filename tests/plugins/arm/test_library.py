@@ -215,6 +215,7 @@ def test_a_library_is_full_some_day(path: Path) -> None:
     library.save_pose("p7", HERE, overwrite=True)
 
 
+@pytest.mark.slow
 def test_waypoints_are_counted_over_all_sequences(path: Path) -> None:
     """The whole file is written with every change, by the process that must hear the emergency stop."""
     half = [Waypoint(t=0.0, arm=[0.0] * 4)] * (MAX_WAYPOINTS // 2)

@@ -143,6 +143,7 @@ def test_a_half_open_connection(
         silent.close()
 
 
+@pytest.mark.slow
 def test_sockets_on_which_nothing_comes(gateway: ServedGateway) -> None:
     """Connected and silent, or in the middle of a request: nobody else waits for them."""
     silent = []

@@ -226,6 +226,7 @@ def test_the_orientation_is_a_rotation_of_z_to_the_heading_and_never_looks_unpop
     assert (goal.x, goal.y) == pytest.approx((0.5 * math.cos(yaw), 0.5 * math.sin(yaw)), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_every_tag_of_the_greenhouse_can_be_seen_and_stood_before() -> None:
     layout = load_layout()
     floor, eye = Floor(layout.tables), Camera(layout, 1.0, 1.05)

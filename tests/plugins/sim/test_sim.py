@@ -106,6 +106,7 @@ ANYWHERE = np.random.default_rng(7).uniform((0.0, 0.0), (WIDTH, LENGTH), (1000, 
 PLACES = st.sampled_from([(x, y) for x, y in ANYWHERE if FLOOR.is_free(x, y)])
 
 
+@pytest.mark.slow
 @given(start=PLACES, goal=PLACES)
 def test_a_path_ends_where_it_should_and_the_robot_fits_all_along(start: Point, goal: Point) -> None:
     path = FLOOR.path(start, goal)

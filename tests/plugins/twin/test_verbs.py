@@ -329,6 +329,7 @@ def test_a_folder_gets_a_picture_of_each_sensor(run: Run, tmp_path: Path) -> Non
     assert (tmp_path / "pictures" / "temperature.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("drawing")
 def test_the_same_record_makes_the_same_picture(run: Run, tmp_path: Path) -> None:
     for name in ("a.svg", "b.svg"):
@@ -392,6 +393,7 @@ def test_ids_that_would_hide_the_field_are_left_out() -> None:
     assert set(labels(30**2)) == {None}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("drawing")
 def test_a_picture_of_many_tags_shows_the_field() -> None:
     """Each tag by itself took half a minute for 2,000, and ids beside all of them hid the field."""
@@ -408,6 +410,7 @@ def test_a_picture_of_many_tags_shows_the_field() -> None:
     assert abs(lines - few_lines) < 10  # the ticks of the axes
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("drawing")
 def test_a_picture_is_of_the_mission_and_distance_that_were_asked_for(run: Run, tmp_path: Path) -> None:
     found = set()
@@ -475,6 +478,7 @@ def test_a_single_row_of_tags_is_not_a_line() -> None:
     assert grid.min_y + grid.height * grid.resolution / 2.0 == pytest.approx(1.0, abs=grid.resolution)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("far", [0.0, 1.5, 40.0])
 def test_nothing_is_cut_off_at_the_edge_of_a_picture(drawing: None, far: float) -> None:
     from matplotlib.image import imread

@@ -335,6 +335,7 @@ def test_sarif_is_what_the_schema_asks_for(folder: Path, is_sarif: Callable[[Any
     }
 
 
+@pytest.mark.slow
 def test_every_broken_mission_can_be_told_as_sarif(is_sarif: Callable[[Any], None]) -> None:
     """Whatever the findings and the letters are; and the files have addresses that work anywhere."""
     charts, catalog = ROOT / "tests" / "charts", load_catalog()

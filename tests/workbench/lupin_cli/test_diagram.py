@@ -178,6 +178,7 @@ def test_a_large_chart_is_drawn_to_a_readable_depth(
 # -- what is refused --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "answer"),
     [

@@ -27,6 +27,7 @@ def written(folder: Path, name: str, content: object) -> str:
     return str(folder / name)
 
 
+@pytest.mark.slow
 def test_what_never_happened_on_a_robot_is_listed_beside_what_others_saw(
     journal: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -46,6 +47,7 @@ def test_what_never_happened_on_a_robot_is_listed_beside_what_others_saw(
     assert int(hold.split()[0]) > 0
 
 
+@pytest.mark.slow
 def test_the_same_as_json(journal: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Every item with its counts, and the properties with their breaches and margins."""
     assert main(["test", str(SCENARIOS), "--field", str(journal), "--json"]) == 0
@@ -77,6 +79,7 @@ states:
 """
 
 
+@pytest.mark.slow
 def test_a_report_fills_a_safety_case(journal: Path, tmp_path: Path) -> None:
     """Claims with their evidence, assumptions, cuts, versions, and room to sign; also in the page."""
     mission = tmp_path / "stand.yaml"
@@ -100,10 +103,10 @@ def test_a_report_fills_a_safety_case(journal: Path, tmp_path: Path) -> None:
         "## Signatures",
     ]
     (home,) = [line for line in text.splitlines() if line.startswith("| ends_at_home |")]
-    assert "| lifecycle | holds | 0 violations, looked at 12 times | broken 0 times |" in home
+    assert "| lifecycle | holds | 0 violations, looked at 12 times | broken 0 times, missions: 8 |" in home
     assert "| Tests | 2 scenarios, 0 failed |" in text
     assert "| Campaign | 12 missions of 10 seeds |" in text
-    assert "| Robots | 8 missions |" in text
+    assert "| Robots | 8 missions, simulated robots included |" in text
     assert "| Operator of the robot |  |  |  |" in text
     assert main([*asked, "--report", str(tmp_path / "case.html")]) == 0
     page = (tmp_path / "case.html").read_text(encoding="utf-8")
@@ -111,6 +114,7 @@ def test_a_report_fills_a_safety_case(journal: Path, tmp_path: Path) -> None:
     assert "<td>Operator of the robot</td>" in page
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("verb", "others"), [("test", "prove"), ("prove", "test")])
 def test_a_file_of_other_results_is_refused(
     verb: str, others: str, journal: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

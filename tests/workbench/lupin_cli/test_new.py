@@ -40,6 +40,7 @@ def test_it_begins_a_mission_in_an_empty_folder(folder: Path, capsys: pytest.Cap
     )
 
 
+@pytest.mark.slow
 def test_its_properties_are_proven(capsys: pytest.CaptureFixture[str]) -> None:
     """Both apply, and nothing is broken; a mission that leaves its work out breaks them."""
     assert main(["new", "round_trip"]) == 0

@@ -104,6 +104,7 @@ def test_typescript_word_by_word() -> None:
     }
 
 
+@pytest.mark.slow
 def test_every_interface_of_the_page_is_in_use() -> None:
     """What the nodes declare is found in the sources, and all that our own packages have."""
     root = Path(__file__).parents[3]

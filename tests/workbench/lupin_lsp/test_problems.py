@@ -51,6 +51,7 @@ def test_marks_what_it_speaks_of(case: str, folder: Folder) -> None:
         assert folder.text(path)[first.start : first.end] == marked
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", sorted((CHARTS / "broken").glob("*.yaml")), ids=lambda file: file.stem)
 def test_marks_something_in_every_broken_chart(file: Path, catalog: Catalog) -> None:
     """A piece of one line, which begins where the checker says."""

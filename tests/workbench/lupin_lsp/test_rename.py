@@ -37,6 +37,7 @@ def differences(before: str, after: str) -> list[str]:
     return [new.strip() for old, new in pairs if old != new]
 
 
+@pytest.mark.slow
 def test_in_expressions_and_targets(folder: Folder) -> None:
     """in_state, targets, the state itself."""
     assert ask(folder, "lifecycle.yaml", "target: |RETURNING", "HOMING") == {

@@ -122,6 +122,7 @@ def test_a_text_block_has_no_keys() -> None:
     assert [token.text for token in found.tokens] == ["a", "f", "g"]
 
 
+@pytest.mark.slow
 def test_nothing_that_can_be_typed_stops_it() -> None:
     """Every beginning of a mission, and a cursor everywhere in it."""
     text = (ROOT / "missions" / "parts" / "visit_targets.yaml").read_text(encoding="utf-8")

@@ -47,6 +47,7 @@ def edited(client: Client, path: Path, old: str, new: str) -> tuple[str, list[di
     return text, client.diagnostics(path, client.change(path, text))
 
 
+@pytest.mark.slow
 def test_offers_what_it_can() -> None:
     """What an editor reads to know which menus to show."""
     client = Client([sys.executable, "-m", "lupin_cli.main", "lsp"], Path.cwd())
@@ -267,6 +268,7 @@ def test_a_file_that_is_closed_is_as_it_was_saved(server: Client, missions: Path
     assert server.last_diagnostics(path) == []
 
 
+@pytest.mark.slow
 def test_without_pygls_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is an extra; the rest of the command line works without."""
     monkeypatch.delitem(sys.modules, "lupin_lsp.server", raising=False)

@@ -195,6 +195,7 @@ CHARTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHARTS)
 def test_a_chart_of_others_does_what_it_says(name: str, tmp_path: Path) -> None:
     """Nothing of it is left out, the checker has nothing against it, and it comes to `pass`."""
@@ -213,6 +214,7 @@ def test_a_chart_that_fails_is_told(tmp_path: Path) -> None:
     assert conformance.outcome(document).kind == conformance.OTHERWISE
 
 
+@pytest.mark.slow
 def test_no_document_is_too_strange() -> None:
     """Whatever stands wherever, there is a mission or a sentence."""
     chance = random.Random(1)

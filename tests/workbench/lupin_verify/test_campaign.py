@@ -84,6 +84,7 @@ mocks:
 """
 
 
+@pytest.mark.slow
 def test_what_a_step_cannot_break_is_not_asked(tmp_path: Path) -> None:
     """Runs are judged the same as if every property was asked after each step."""
     folder = shutil.copytree(default_missions_folder(), tmp_path / "missions")
@@ -270,6 +271,7 @@ def test_seeds_that_end_every_worker_are_told(tmp_path: Path) -> None:
         dealer.run()
 
 
+@pytest.mark.slow
 def test_what_is_violated_becomes_a_small_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Which fails by the same property, and holds without the defect; what never happened is not in it."""
     more = "defaults: false\nwhen:\n  - {on: DONE, nth: 50, request: operator.pause}\n"
@@ -563,6 +565,7 @@ def test_events_of_plugins_come_without_a_file(tmp_path: Path) -> None:
     assert not any("leak" in rule for rule in run_seeds(campaign, range(5)).transitions)
 
 
+@pytest.mark.slow
 def test_a_violation_of_a_mission_with_a_binding_becomes_a_scenario(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

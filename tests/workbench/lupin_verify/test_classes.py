@@ -329,6 +329,7 @@ def test_what_is_not_understood_is_told(
     assert re.search(r": proven for (.*, )?the values that were tried; ", printed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "condition",
     [

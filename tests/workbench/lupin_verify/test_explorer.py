@@ -59,6 +59,7 @@ NO_CLOCK: dict[str, Any] = {
 }
 
 
+@pytest.mark.slow
 def test_wheels_are_counted() -> None:
     """Regions that know nothing of each other: the product of their sizes, and three moves from each."""
     found = explored(wheels(3, 6), restarts=False)
@@ -172,6 +173,7 @@ def test_claims_follow_from_attempts(of: Chart) -> None:
     assert len(seen) > 3
 
 
+@pytest.mark.slow
 def test_a_restart_after_a_lost_order_is_looked_at_with_late_answers() -> None:
     """The order is cancelled once more, and everything waits for that; otherwise it is forgotten."""
 

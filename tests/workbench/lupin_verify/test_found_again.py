@@ -77,12 +77,14 @@ def test_monitoring_without_a_way_to_any_target(tmp_path: Path) -> None:
     assert broken(old) == ["silence_is_told"]
 
 
+@pytest.mark.slow
 def test_targets_of_a_mission_that_fails(tmp_path: Path) -> None:
     """Nothing is told of them in FAULT: `test_prove.py` proves the mission as it is."""
     old = as_before("inspection", "lifecycle.yaml", UNTOLD, tmp_path)
     assert broken(old, 300) == ["all_closed"]
 
 
+@pytest.mark.slow
 def test_targets_of_a_mission_that_ends_before_it_walks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Aborted while localizing, the engine knew nothing of them."""
     monkeypatch.setattr(MissionStart, "_register_targets", lambda *_: None)

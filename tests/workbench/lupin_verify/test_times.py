@@ -94,6 +94,7 @@ def test_moves_without_times_are_not_shown(tmp_path: Path, capsys: pytest.Captur
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("outer", "more", "verdict", "code"),
     [
@@ -149,6 +150,7 @@ CUT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CUT)
 def test_what_is_cut_stands_in_the_last_line(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -182,6 +184,7 @@ states:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("guard", "broken"),
     [
