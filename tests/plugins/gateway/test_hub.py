@@ -166,7 +166,6 @@ async def test_a_slow_client_is_told_how_many_events_it_lost() -> None:
     assert [frame["msg"]["data"] for frame in rest] == [8, 9]
 
 
-@pytest.mark.slow
 @run
 async def test_a_client_that_never_reads_is_bounded() -> None:
     """States go before events; replies are never dropped, so too many of them end the client."""
