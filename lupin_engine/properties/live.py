@@ -197,7 +197,7 @@ class LiveMonitor:
         if state != before:
             self._remember(name, state)
         if not verdict.breach:
-            if name not in self._waits:  # what is only due once more does not hold again
+            if name not in self._waits:  # a deadline that starts anew does not restore the property
                 self._broken.discard(name)
             return every if state == before else _ANYTHING
         if name not in self._broken:

@@ -225,7 +225,7 @@ def _modulo(left: ast.expr, right: ast.expr, are_numbers: bool) -> Operand:
 
 
 def _logical(left: ast.expr, is_and: bool, right: ast.expr) -> Operand:
-    """Return the conjunction of two conditions, or their disjunction, without what is known of it."""
+    """Return the conjunction or disjunction of two conditions; a side with a known truth is left out."""
     for side, other in ((left, right), (right, left)):
         if (known := _known(side)) is not None:
             return Operand(other if known is is_and else side, "bool")

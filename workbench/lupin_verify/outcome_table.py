@@ -60,7 +60,7 @@ class OutcomeTable:
 
     @property
     def watched(self) -> Property:
-        """The property of every step that tells of its outcome; one that a page does not have breaks it."""
+        """The property that records the outcome of each step; an outcome that the page lacks breaks it."""
         return Property(OUTCOMES, _SAYS, self._watch, remembers=False)
 
     def in_words(self, met: Iterable[str]) -> list[str]:
@@ -81,7 +81,9 @@ class OutcomeTable:
         text = "; ".join(self._parts(row, passage, was)) or "nothing"
         found = [CauseOutcome(cause, row, column, text) for cause in causes]
         new = [one for one in found if not self.is_new and one not in self.expected]
-        return state, Verdict(True, _told(new[0], _LACKING) if new else "", tuple(map("\t".join, found)))
+        return state, Verdict(
+            True, _difference(new[0], _LACKING) if new else "", tuple(map("\t".join, found))
+        )
 
     def _parts(self, row: str, passage: Passage, was: EvaluationScope) -> Iterator[str]:
         """Yield the parts of a cell."""
@@ -121,9 +123,9 @@ class OutcomeTable:
         for one in known - self.expected.keys():
             keys = (one[:2], one[:1], ())
             lines += [(next(near[key] for key in keys if key in near), one, _LACKING)]
-        told = [f"{place.shown}: {_told(one, what)}" for place, one, what in sorted(lines)]
-        more = f"and {len(told) - _LISTED} more; --outcomes new writes the page anew"
-        return told if len(told) <= _LISTED else [*told[:_LISTED], more]
+        texts = [f"{place.shown}: {_difference(one, what)}" for place, one, what in sorted(lines)]
+        more = f"and {len(texts) - _LISTED} more; --outcomes new writes the page anew"
+        return texts if len(texts) <= _LISTED else [*texts[:_LISTED], more]
 
 
 def read_outcomes(file: Path, chart: Chart) -> OutcomeTable | OutcomePage:
@@ -161,7 +163,7 @@ def collected(met: Iterable[str]) -> list[CauseOutcome]:
     return sorted(CauseOutcome(*name.split("\t")) for name in met if "\t" in name)
 
 
-def _told(one: CauseOutcome, what: str) -> str:
+def _difference(one: CauseOutcome, what: str) -> str:
     return f"{one.cause}, {one.row}, {one.column}: {one.text!r} {what}"
 
 
@@ -196,7 +198,7 @@ def _causes(passage: Passage, was: EvaluationScope) -> Iterator[str]:
 
 
 def _flags(chart: Chart, value: str) -> Iterator[str]:
-    """Yield the names of what is true or false of a live value: that it is true, and its levels."""
+    """Yield the conditions on a live value: the input itself if it is a truth value, else its levels."""
     for spec in chart.inputs.values():
         if spec.value == value and spec.type.kind == "bool":
             yield f"input.{spec.name}"

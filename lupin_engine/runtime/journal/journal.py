@@ -257,7 +257,7 @@ class Journal:
         self._put(encoded(END, about), urgent=True)
 
     def compact(self, machine: Machine, watched: Callable[[], Mapping[str, Any]] = dict) -> bool:
-        """Write a snapshot with what is `watched` where one is due; say whether another file is due."""
+        """Write a snapshot, with the state of the watch, if one is due; return whether a new file is due."""
         limit = PART_BYTES if self.head is not None and self.head.mission_id else IDLE_BYTES
         if self._bytes > max(limit, SNAPSHOT_TIMES * self._shot):
             return True

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from lupin_engine.chart import Chart
 from lupin_engine.errors import Place
 from lupin_engine.missions import LoadedMissions
 from lupin_verify import Proof, Unreached
+
+
+def exemptions(chart: Chart) -> Iterator[tuple[str, str, str]]:
+    """Yield each property that is not meant of a mission, with the mission and the reason."""
+    for rule in chart.properties.values():
+        yield from ((rule.name, mission, why) for mission, why in rule.not_meant.items())
 
 
 def name_of(loaded: LoadedMissions, varied: str) -> str:

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lupin_cli.proofs.evidence import ASSUMPTIONS, NOT_SHOWN, Origin, catalogs_hash
-from lupin_cli.proofs.proof_words import last_line, name_of
-from lupin_cli.terminal.findings import counted
+from lupin_cli.proofs.proof_words import counted, exemptions, last_line, name_of
 from lupin_engine.errors import UsageError
 from lupin_engine.properties import LiveMonitor
 from lupin_verify import is_own
@@ -91,9 +90,8 @@ def safety_case(loaded: LoadedMissions, proof: Proof, by: Origin, seen: CaseEvid
 
 def _exempt(proof: Proof) -> Iterator[str]:
     """Yield a sentence for each property that a mission is exempt from."""
-    for rule in proof.chart.properties.values():
-        for mission, why in rule.not_meant.items():
-            yield f"{rule.name} is not meant of {mission}, because {why}."
+    for name, mission, why in exemptions(proof.chart):
+        yield f"{name} is not meant of {mission}, because {why}."
 
 
 def _cut(what: str) -> str:

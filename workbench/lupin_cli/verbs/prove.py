@@ -226,13 +226,14 @@ def _show_list(loaded: LoadedMissions, field: FieldEvidence | None) -> None:
         click.echo(f"  {name}: {says} ({'built in' if place is None else shown_place(loaded, place)})")
         if field is not None and name in loaded.chart.properties:
             click.echo(f"    {field.shown(name)}")
-    _show_not_meant(loaded, "  ")
+    _show_not_meant(loaded)
 
 
-def _show_not_meant(loaded: LoadedMissions, indent: str) -> None:
-    for rule in loaded.chart.properties.values():
-        for mission, why in rule.not_meant.items():
-            click.echo(f"{indent}not meant of {mission}: {rule.name}, because {why}")
+def _show_not_meant(loaded: LoadedMissions) -> None:
+    from lupin_cli.proofs.proof_words import exemptions
+
+    for name, mission, why in exemptions(loaded.chart):
+        click.echo(f"  not meant of {mission}: {name}, because {why}")
 
 
 def _exit_code(proofs: Sequence[Proof], whole: bool) -> int:
@@ -392,7 +393,7 @@ def _show(
         if found:
             _show_breach(one, written.get(one.name), console, wanted)
     if not quiet:
-        _show_not_meant(loaded, "  ")
+        _show_not_meant(loaded)
         for part in proof.dead:
             click.echo(f"  warning: {part.sentence(shown_place(loaded, part.place))}")
         click.echo("  What was explored, and its bounds:")

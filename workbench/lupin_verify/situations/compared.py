@@ -214,7 +214,7 @@ class Compared:
     def _constants(self, node: ast.expr, tree: _Tree, within: bool) -> list[Any] | None:
         """Return the constants of one side of a comparison; none if it reads a value, None if not known.
 
-        Of one text these are its parts if the condition asks what is `within` it.
+        Of a text these are its substrings if the condition looks for one `within` it.
         """
         if self._is_count(node, tree):
             return list(range(self._targets + 1))
