@@ -129,6 +129,9 @@ class TransitionNode(Node):
         None,
         description="code that answers a request which is not allowed here; has no target and no actions",
     )
+    value: Annotated[Written, Meaning.VALUE] = Field(
+        None, description="of a refusal: the value that it is about, which the answer names"
+    )
     during: Annotated[Names, Meaning.HOLD] = _many(
         "holds during which this is taken all the same; they stay engaged"
     )
@@ -510,6 +513,27 @@ class HoldNode(Node):
     summary: str = Field("", description="one sentence for people")
 
 
+class RefusalNode(Node):
+    """A value of a request's field with which nothing starts, and the reason."""
+
+    SHAPE = "{guard: CONDITION, code: CODE}"
+    LINE = "refuse: {guard: CONDITION, code: CODE}"
+
+    guard: Annotated[Condition, Meaning.CONDITION] = Field(
+        description="the request is refused when it is true; it reads all fields of the request"
+    )
+    code: Annotated[str, Meaning.CODE] = Field(description="code that answers the request")
+    value: Annotated[Written, Meaning.VALUE] = Field(
+        None, description="value that it is about, which the answer names; without it that of the field"
+    )
+
+
+Refusals = Annotated[
+    list[RefusalNode],
+    BeforeValidator(_to_list, json_schema_input_type=RefusalNode | list[RefusalNode]),
+]
+
+
 class RequestFieldNode(Node):
     """A field of the request that starts a mission."""
 
@@ -523,6 +547,7 @@ class RequestFieldNode(Node):
     not_empty: Annotated[str | None, Meaning.CODE] = Field(
         None, description="code that refuses an empty list"
     )
+    refuse: Refusals = _many("values that are refused; the first that holds answers")
     distinct: bool = Field(
         False, description="of a list: what is named twice counts once, which makes it a set"
     )
@@ -755,6 +780,7 @@ __all__ = [
     "PartNode",
     "PropertyNode",
     "RaiseNode",
+    "RefusalNode",
     "RequestFieldNode",
     "RetryNode",
     "StateNode",

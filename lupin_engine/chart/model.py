@@ -64,7 +64,8 @@ class Transition:
     `error` (the end of the state's invocation, or for `done` of the state), `after.N`, `every.N`, `at.N` (the
     N-th of the state's timers of that word, from 0), `budget` (its time is used up). Event names starting
     `input.` stand for a level: the transition is taken whenever that live value is true. No target and no
-    refusal: actions only. A `refuse` transition answers a request with that code and changes nothing.
+    refusal: actions only. A `refuse` transition answers a request with that code, and the `value` that it is
+    about, and changes nothing.
     """
 
     KEY: ClassVar[str] = "id"
@@ -82,6 +83,7 @@ class Transition:
     code: str | None = field(default=None, metadata=said(Role.CODE, "code"))
     internal: bool = field(default=False, metadata=said(Role.PLAIN, "internal"))
     detail: Value | None = field(default=None, metadata=said(Role.CARRIED, "detail"))
+    value: Value | None = field(default=None, metadata=said(Role.CARRIED, "value"))
 
 
 @record(frozen=True)
@@ -197,12 +199,27 @@ class Prompt:
 
 
 @record(frozen=True)
+class FieldRefusal:
+    """A reason to refuse a request: `guard` is true of its fields.
+
+    The answer names the `code` and the `value`, without one that of the field.
+    """
+
+    KEY: ClassVar[str] = "code"
+
+    guard: Condition = field(metadata=said(Role.CONDITION, "guard"))
+    code: str = field(metadata=said(Role.CODE, "code"))
+    place: Place
+    value: Value | None = field(default=None, metadata=said(Role.CARRIED, "value"))
+
+
+@record(frozen=True)
 class Field:
     """A field of a mission's request.
 
     One without a `default` must be given. `not_empty` is the code that refuses an empty value; None allows
-    it. A number below `minimum` is refused. In an embedded mission the default is the argument of its use, if
-    there is one.
+    it. A number below `minimum` is refused; `refusals` are about all fields, read after the last of them. In
+    an embedded mission the default is the argument of its use, if there is one.
     """
 
     name: str
@@ -212,6 +229,7 @@ class Field:
     not_empty: str | None = field(default=None, metadata=said(Role.CODE, "not_empty"))
     minimum: float | None = field(default=None, metadata=said(Role.PLAIN, "min"))
     summary: str = field(default="", metadata=said(Role.PLAIN, "summary"))
+    refusals: tuple[FieldRefusal, ...] = field(default=(), metadata=said(Role.INSIDE, "refuse"))
 
 
 @record(frozen=True)

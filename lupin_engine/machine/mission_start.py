@@ -61,7 +61,9 @@ class MissionStart:
         scope, memory = self._scope, self._scope.memory
         memory.given[state.name] = {}
         try:
-            memory.given[state.name] = read_given(scope.world, use, scope.see(state.name, step, trigger))
+            memory.given[state.name] = read_given(
+                scope.world, state.name, use, scope.see(state.name, step, trigger)
+            )
         except ValueError as problem:
             step.fail(state.name, str(problem))
             step.failed_use = state.name
@@ -81,7 +83,7 @@ class MissionStart:
             use = scope.chart.states[name].use
             if use is not None and name not in given:
                 try:
-                    given[name] = read_given(scope.world, use, scope.see(name, step))
+                    given[name] = read_given(scope.world, name, use, scope.see(name, step))
                 except ValueError:
                     return  # entering the state tells
         self._content.itineraries.register(state)

@@ -13,12 +13,14 @@ A refused request changes nothing, not even a hold.
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any
 
-from lupin_engine.chart.expressions.evaluation import Environment, UnknownValue
+from lupin_engine.chart.expressions.evaluation import Constant, Environment, UnknownValue
+from lupin_engine.chart.expressions.evaluation import Value as Written
 from lupin_engine.chart.expressions.names import names_read
 from lupin_engine.chart.model import Field, Invariant, Mission, Prompt, Transition, UsedMission
 from lupin_engine.chart.semantics import ENGINE_EVENTS
@@ -32,8 +34,9 @@ from lupin_engine.machine.structure import Configuration, Structure
 from lupin_engine.machine.timers import seconds
 from lupin_engine.plugin.builtin import DEFAULT_MAX_TARGETS, MAX_TARGETS
 from lupin_engine.plugin.contract import INVARIANT_CODE, REFUSED_CODE, OnHold, classify
+from lupin_engine.plugin.describe import number_text, value_text
 from lupin_engine.plugin.profile import ANSWER
-from lupin_engine.plugin.types import Type, convert, fitted
+from lupin_engine.plugin.types import ANY, Type, convert, fitted
 
 #: The code of a request that nothing answers here.
 NOT_POSSIBLE = "not_possible"
@@ -76,15 +79,13 @@ class Requests:
         self._resume = f"operator.{scope.chart.profile.resume}"
         self.questions = Questions(scope)
 
-    def _refused(self, event: Event, code: str, resumes: bool, starts: bool) -> Refusal | None:
+    def _refused(self, event: Event, resumes: bool, starts: bool) -> Refusal | None:
         """Return why a request with effects is refused, None where it is not.
 
-        The reasons, in order: the code; a motion that refuses to end, if the request `resumes`; a broken
-        invariant, if it `starts` a mission.
+        The reasons, in order: a motion that refuses to end, if the request `resumes`; a broken invariant, if
+        it `starts` a mission.
         """
         broken = self._broken() if starts else None
-        if code:
-            return self._refusal(event, code)
         going = self._goes_on() if resumes else None
         if going is not None:
             return Refusal(REFUSED_CODE, f"{_verb(event)} refused: {going.detail}")
@@ -103,15 +104,17 @@ class Requests:
         if found.refusal is not None:
             return found
         holds = self._holds.asked(event, step)
-        found.rules, code = self._transitions(event.name, found.trigger, active, holds.releases, step)
-        code = code or holds.refused
+        found.rules, refusing = self._transitions(event.name, found.trigger, active, holds.releases, step)
         released = [hold for rule in found.rules for hold in released_by(rule)]
         found.engages = tuple(holds.engages)
         found.releases = (*holds.releases, *released)
         targets = (self._scope.chart.states[rule.target] for rule in found.rules if rule.target is not None)
         found.starts = any(target.slot for target in targets)
         resumes = event.name == self._resume or self._scope.memory.is_any_engaged(holds.releases)
-        found.refusal = self._refused(event, code, resumes, found.starts)
+        if refusing is not None or holds.refused:
+            found.refusal = self._refusal(event, refusing or holds.refused, found.trigger, step)
+            return found
+        found.refusal = self._refused(event, resumes, found.starts)
         if found.refusal is None and found.starts and not skip_fields:
             env = self._scope.see("", step, found.trigger)
             found.values, found.refusal = read_request(self._scope.world, event.data, env)
@@ -140,20 +143,26 @@ class Requests:
 
     def _transitions(
         self, name: str, trigger: Trigger, active: Configuration, released: Sequence[str], step: Macrostep
-    ) -> tuple[tuple[Transition, ...], str]:
-        """Return the transitions that answer a request, or none and the code of the first refusal."""
+    ) -> tuple[tuple[Transition, ...], Transition | str | None]:
+        """Return the transitions that answer a request; or none, and what refuses: the first, or a code."""
         chosen = []
         for offered in active.candidates(name):
             for rule in self._scope.enabled((offered,), step, trigger):
                 hold = blocking_hold(rule, self._scope.memory, released)
-                if rule.refuse is not None or hold is not None:
-                    return (), rule.refuse or all_holds(self._scope.chart)[hold or ""].code
+                if rule.refuse is not None:
+                    return (), rule
+                if hold is not None:
+                    return (), all_holds(self._scope.chart)[hold].code
                 chosen.append(rule)
-        return self._structure.without_conflicts(active.states, chosen), ""
+        return self._structure.without_conflicts(active.states, chosen), None
 
-    def _refusal(self, event: Event, code: str) -> Refusal:
+    def _refusal(self, event: Event, by: Transition | str, trigger: Trigger, step: Macrostep) -> Refusal:
+        """Return the refusal by a transition, or with the code of a hold."""
+        value, code = (None, by) if isinstance(by, str) else (by.value, by.refuse or "")
+        state = "" if isinstance(by, str) else by.source
         label = classify(code, self._scope.chart.codes).label
-        return Refusal(code, f"{_verb(event)} refused: {label}")
+        named = "" if value is None else _named(value, self._scope.see(state, step, trigger))
+        return Refusal(code, f"{_verb(event)} refused: {label}{named}")
 
     def _impossible(self, event: Event) -> Refusal:
         """Say where a request would be possible, from the chart."""
@@ -272,7 +281,50 @@ def read_request(
         if refusal is not None:
             return {}, refusal
         values[asked.name] = value
-    return values, None
+    refusal = _refused_by(mission.request, values, world, ChainMap({"request": values}, env))
+    return ({}, refusal) if refusal else (values, None)
+
+
+def _refused_by(
+    fields: Mapping[str, Field], values: Mapping[str, Any], world: World, env: Environment
+) -> Refusal | None:
+    """Return the first refusal of the values of a request that `env` has; None where they are accepted.
+
+    A condition that reads an unknown value is false, as everywhere.
+    """
+    for asked, one in [(each, one) for each in fields.values() for one in each.refusals]:
+        try:
+            if not one.guard.evaluate(env):
+                continue
+        except UnknownValue:
+            continue
+        except Exception as problem:
+            return Refusal(BAD_REQUEST, f"{one.place}: {asked.name}: {reason(problem)}")
+        about = Constant(values[asked.name], one.place, asked.type) if one.value is None else one.value
+        return Refusal(one.code, world.chart.codes[one.code].label + _named(about, env))
+    return None
+
+
+def _named(value: Written, env: Environment) -> str:
+    """Return the value of a refusal as the end of its sentence; '' where it cannot be evaluated."""
+    try:
+        found = value.evaluate(env)
+    except Exception:  # it is not known, as in a dry run without the event's fields
+        return ""
+    several, kind = (found, value.type.item) if isinstance(found, list) else ([found], value.type)
+    texts = [_shown(one, kind or ANY) for one in several[:MAX_PROBLEMS]]
+    more = f" and {len(several) - MAX_PROBLEMS} more" if len(several) > MAX_PROBLEMS else ""
+    return f": {', '.join(texts)}{more}" if texts else ""
+
+
+def _shown(value: Any, kind: Type) -> str:
+    """Return a value as a sentence names it: a text in quotes, a target by its name, a number in its unit."""
+    if isinstance(value, Mapping) and "id" in value:
+        value = value["id"]
+    if isinstance(value, str):
+        return repr(shortened(value))
+    is_number = kind.kind == "number" and isinstance(value, (int, float))
+    return " ".join(filter(None, number_text(value, kind.unit))) if is_number else value_text(value, kind)
 
 
 def lacking(mission: Mission, given: Mapping[str, Any]) -> list[Field]:
@@ -295,8 +347,8 @@ def _unknown_mission(world: World, name: str) -> Refusal:
     return Refusal(UNKNOWN_MISSION, f"unknown mission {name!r}; {hint}")
 
 
-def read_given(world: World, use: UsedMission, env: Environment) -> dict[str, Any]:
-    """Return the request of a mission that is used as a part.
+def read_given(world: World, state: str, use: UsedMission, env: Environment) -> dict[str, Any]:
+    """Return the request of a mission that `state` uses as a part.
 
     Raises:
         ValueError: a value is none that the mission would accept; the text has its place.
@@ -308,6 +360,10 @@ def read_given(world: World, use: UsedMission, env: Environment) -> dict[str, An
             text = refusal.text.removeprefix(f"{asked.place}: ")
             raise ValueError(f"{asked.place}: use {use.mission}: {text}")
         values[asked.name] = value
+    env = ChainMap({"given": {**env["given"], state: values}}, env)
+    refusal = _refused_by(use.request, values, world, env)
+    if refusal is not None:
+        raise ValueError(f"{use.place}: use {use.mission}: {refusal.text}")
     return values
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from lupin_engine.chart.compose.actions import ActionReader, raised_events
 from lupin_engine.chart.compose.carried import Carried, carries_something, end_of
-from lupin_engine.chart.compose.declare import Declared, Declarer, check_code, level_events
+from lupin_engine.chart.compose.declare import Declared, Declarer, check_code, level_events, read_refusals
 from lupin_engine.chart.compose.invoke import InvokeReader
 from lupin_engine.chart.compose.timeless import WATCHED_ALWAYS, read_property, timeless
 from lupin_engine.chart.compose.transitions import CompositionContext, TransitionReader, any_event, path_of
@@ -324,6 +324,11 @@ class _Composer:
                 self._findings.add(mission.at("mission"), "conflicting-definition", "mission", problem)
                 continue
             self._requests[mission.name] = fields
+            scope = self._scope_of(mission, mission.name)
+            for name, field in fields.items():
+                node, path = mission.request[name], f"request.{name}"
+                found = read_refusals(node, scope, self._codes, self._findings, path)
+                fields[name] = replace(field, refusals=found)
 
     def _mission_records(self) -> dict[str, Mission]:
         found = {}

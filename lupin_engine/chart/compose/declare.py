@@ -32,7 +32,7 @@ from lupin_engine.chart.expressions.values import (
     read_value,
 )
 from lupin_engine.chart.findings import Findings
-from lupin_engine.chart.model import Field, Hold, Input, Level, Variable
+from lupin_engine.chart.model import Field, FieldRefusal, Hold, Input, Level, Variable
 from lupin_engine.chart.nodes import Node
 from lupin_engine.chart.records import same_meaning
 from lupin_engine.errors import Place, Severity, declared_as, meant, nearest, or_else
@@ -40,6 +40,7 @@ from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.parameters import POSSIBLE_TYPES, RESERVED, carried_as
 from lupin_engine.plugin.registry import Catalog
 from lupin_engine.plugin.types import (
+    ANY,
     BOOL,
     COUNT,
     DATE,
@@ -496,6 +497,19 @@ class Declarer:
             self._findings.add(node.at("type"), "wrong-type", path, problem, "choose another name")
 
 
+def read_refusals(
+    node: RequestFieldNode, scope: Scope, codes: Iterable[str], findings: Findings, path: str
+) -> tuple[FieldRefusal, ...]:
+    """Read what a field of a request refuses; `scope` has all fields of the request."""
+    path, found = f"{path}.refuse", []
+    for each in node.refuse:
+        check_code(each.code, each.at("code"), f"{path}.code", codes, findings)
+        guard = read_condition(each, "guard", scope, findings, path)
+        value = read_key(each, "value", ANY, scope, findings, path)
+        found.append(FieldRefusal(guard, each.code, each.place, value))
+    return tuple(found)
+
+
 def check_code(code: str, place: Place, path: str, declared: Iterable[str], findings: Findings) -> None:
     """Report a code that is not declared, so that it has no label."""
     if code not in declared:
@@ -517,4 +531,13 @@ def level_events(inputs: Mapping[str, Input]) -> list[str]:
     return plain + [f"input.{name}.{level.name}" for name, found in inputs.items() for level in found.levels]
 
 
-__all__ = ["NAME", "SEVERITIES", "Declared", "Declarer", "check_code", "input_type", "level_events"]
+__all__ = [
+    "NAME",
+    "SEVERITIES",
+    "Declared",
+    "Declarer",
+    "check_code",
+    "input_type",
+    "level_events",
+    "read_refusals",
+]

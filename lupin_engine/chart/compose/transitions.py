@@ -270,7 +270,7 @@ class TransitionReader:
             resolved = self._forest.resolve(target, site.owner, node, "target", path, site.inside)
         if refuse is not None or code is not None:
             self._check_codes(node, path)
-        if refuse is not None or target is None or node.detail is not None:
+        if refuse is not None or target is None or node.detail is not None or node.value is not None:
             self._check_sense(node, event, path)
         return Transition(
             id,
@@ -286,6 +286,7 @@ class TransitionReader:
             code,
             node.internal,
             None if node.detail is None else read_key(node, "detail", TEXT, scope, self._findings, path),
+            None if node.value is None else read_key(node, "value", ANY, scope, self._findings, path),
         )
 
     def _check_codes(self, node: TransitionNode, path: str) -> None:
@@ -303,6 +304,9 @@ class TransitionReader:
         elif node.refuse is not None and (node.target is not None or node.do):
             problem = "a refusal changes nothing, so it has no target and no actions"
             self._findings.add(node.key_at("refuse"), "wrong-shape", path, problem, "write two transitions")
+        elif node.value is not None and node.refuse is None:
+            problem, hint = "'value' stands beside a refusal", "leave it out, or add 'refuse: CODE'"
+            self._findings.add(node.key_at("value"), "wrong-shape", path, problem, hint)
         elif node.detail is not None and node.code is None:
             problem = "'detail' stands beside a code"
             hint = "leave it out" if node.refuse is not None else "add 'code: CODE'"

@@ -6,11 +6,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from lupin_engine.chart.compose.actions import ActionReader
+from lupin_engine.chart.compose.declare import read_refusals
 from lupin_engine.chart.compose.transitions import CompositionContext, any_event, path_of
 from lupin_engine.chart.compose.tree import Draft, each_once
 from lupin_engine.chart.documents import MissionNode, StateNode
 from lupin_engine.chart.expressions.evaluation import Constant
 from lupin_engine.chart.expressions.values import read_value
+from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Field, Kind, UsedMission
 from lupin_engine.plugin.types import ANY
 
@@ -26,6 +28,7 @@ class UsedMissionReader:
     ) -> None:
         self._forest = context.forest
         self._variables = context.declared.context
+        self._codes = context.codes
         self._findings = context.findings
         self._actions = actions
         self._requests = requests
@@ -58,7 +61,16 @@ class UsedMissionReader:
                 hint = f"add 'with: {{{name}: ...}}'"
                 problem = f"the mission {mission.name!r} needs the field {name!r} of its request"
                 self._findings.add(node.at("use"), "missing-argument", f"{draft.name}.with", problem, hint)
-        return {n: self._given(draft, node, f) if n in node.with_ else f for n, f in known.items()}
+        fields = {n: self._given(draft, node, f) if n in node.with_ else f for n, f in known.items()}
+        return {name: self._refusing(draft, mission, field) for name, field in fields.items()}
+
+    def _refusing(self, draft: Draft, mission: MissionNode, field: Field) -> Field:
+        """Return a field whose refusals read what this use gives; their mistakes were reported before."""
+        if not field.refusals:
+            return field
+        assert draft.inner is not None
+        node, discarded = mission.request[field.name], Findings()
+        return replace(field, refusals=read_refusals(node, draft.inner, self._codes, discarded, ""))
 
     def _given(self, draft: Draft, node: StateNode, field: Field) -> Field:
         """Return a field of a request with the value that a use gives it."""

@@ -13,7 +13,7 @@ from lupin_lsp.folder import Folder
 Typed = Callable[[str, str, str], tuple[Path, int]]
 
 INSPECTION, LIFECYCLE, PART = "inspection.yaml", "lifecycle.yaml", "parts/visit_targets.yaml"
-TRANSITION = ["target", "guard", "do", "refuse", "during", "releases", "code", "detail"]
+TRANSITION = ["target", "guard", "do", "refuse", "value", "during", "releases", "code", "detail"]
 TRANSITION += ["internal", "use"]
 ROOT_STATES = ["BOOT", "READY", "MISSION", "RETURNING", "DONE", "FAULT"]
 MISSION_STATES = ["PREPARE", "INSPECTING", "done"]
@@ -51,10 +51,10 @@ CASES = {
         ["NAVIGATING", "SCANNING", "PUBLISHING", "visited"], 4,
     ),
     "whose answers": (LIFECYCLE, "{use: READY}", "{use: |}", ROOT_STATES, 6),
-    "keys of a transition": (INSPECTION, "on_error: FAULT", "on_error: {|}", TRANSITION, 10),
-    "further keys": (LIFECYCLE, "{refuse: not_ready}", "{refuse: not_ready, |}", TRANSITION[:3], 9),
+    "keys of a transition": (INSPECTION, "on_error: FAULT", "on_error: {|}", TRANSITION, 11),
+    "further keys": (LIFECYCLE, "{refuse: not_ready}", "{refuse: not_ready, |}", TRANSITION[:3], 10),
     "keys or a target": (
-        INSPECTION, "on_error: FAULT", "on_error:\n          - |", [*TRANSITION, "LOCALIZING"], 21,
+        INSPECTION, "on_error: FAULT", "on_error:\n          - |", [*TRANSITION, "LOCALIZING"], 22,
     ),
     "keys of a state": (
         INSPECTION, "        on_error: FAULT", "        |",
@@ -140,6 +140,13 @@ CASES = {
     "fields of the request": (
         INSPECTION, "${ request.tag_sequence }", "${ request.| }", ["request.tag_sequence"], 1,
     ),
+    "what a field refuses": (
+        INSPECTION, "not_empty: no_tags", "refuse: {|}", ["guard", "code", "value"], 3,
+    ),
+    "fields that a refusal reads": (
+        INSPECTION, "not_empty: no_tags", "refuse: {guard: len(request.|)}", ["request.tag_sequence"], 1,
+    ),
+    "codes of a refusal": (INSPECTION, "not_empty: no_tags", "refuse: {code: |}", CODES, 0),
     "fields of what is found": (
         PART, "guard: itinerary.open              #",
         "guard: find(request.tag_sequence, t.|) #", ["t.id", "t.x", "t.y"], 3,

@@ -145,12 +145,14 @@ class Classes:
     def _field(self, field: Field) -> list[Any]:
         read, usual = ("request", field.name), self._default(field)
         if field.type.item is not None:
-            lists = self._lists(field.type.item, usual)
-            most, longest = min(self.targets, field.type.maximum or self.targets), len(lists) - 1
+            lists = self._lists(field.type.item, usual, self.compared.elements(read, field.type.item))
+            most, longest = min(self.targets, field.type.maximum or self.targets), max(map(len, lists))
             if longest < most and self.compared.decides(read):
                 self._note_reduced(f"request.{field.name}: only lists of 0 to {longest} elements were tried")
             for one in lists:
                 self._record(read, one)
+                for element in one if self.compared.elements(read, field.type.item) else ():
+                    self._tried.setdefault((*read, ANY), {})[repr(element)] = element
             return lists
         kind = within(field.type, field.minimum, None)
         if usual is not None and kind.name in self.world.readers:
@@ -162,19 +164,27 @@ class Classes:
             return self._distinguished(read, [*counts, *usual, *self._numbers([read], kind)])
         return self._variants(read, kind, self._sample(kind, 1) if usual is None else usual)
 
-    def _lists(self, kind: Type, usual: Any) -> list[Any]:
-        """Return lists of every length from 0 on: an empty one may have to be refused."""
+    def _lists(self, kind: Type, usual: Any, named: Sequence[Any]) -> list[Any]:
+        """Return lists of every length from 0 on: an empty one may have to be refused.
+
+        `named` are the values that conditions compare elements with: a value of each class of those is tried
+        alone, too, and behind the first element.
+        """
         items = list(usual)[: self.targets] if isinstance(usual, list) else []
+        samples = [self._sample(kind, n) for n in range(1, self.targets + 1)]
+        apart = _apart(named, kind)
         if not items:
-            items = [self._sample(kind, n) for n in range(1, self.targets + 1)]
+            items = apart or samples
         elif kind.name in self.world.readers:
             items = [identity_of(item) for item in items]
         else:
-            items += [self._sample(kind, n) for n in range(1, self.targets + 1)]
-            items = [one for at, one in enumerate(items) if one not in items[:at]][: self.targets]
+            items += [*apart, *samples]
+        items = [one for at, one in enumerate(items) if one not in items[:at]][: self.targets]
         self.names += [str(item) for item in items if isinstance(item, str)]
         # Targets are interchangeable: the first ones stand for all.
-        return [items[:count] for count in range(len(items) + 1)]
+        lists = [items[:count] for count in range(len(items) + 1)]
+        more = [[*items[:before], one] for one in apart for before in range(min(2, self.targets))]
+        return [*lists, *(one for one in more if one not in lists and one[1:] != one[:1])]
 
     def _default(self, field: Field) -> Any:
         try:
@@ -463,6 +473,13 @@ def _text(value: Any, kind: Type) -> str:
     if kind.kind == "number" and isinstance(value, float):
         return " ".join(filter(None, number_text(value, kind.unit)))
     return shortened(value_text(value, kind), MOST_LETTERS)
+
+
+def _apart(named: Sequence[Any], kind: Type) -> list[Any]:
+    """Return a value of each class of elements that conditions compare with the `named` ones."""
+    if not named:
+        return []
+    return _texts_around(named, kind) if kind.kind == "text" else _around(named, kind)
 
 
 def _texts_around(compared: Iterable[str], kind: Type) -> list[str]:

@@ -64,6 +64,8 @@ class Compared:
         self.bounds: dict[Read, set[Any]] = {}
         #: The reads that decide; None: not known, as some expression is not compiled.
         self.read: set[Read] | None = set()
+        #: The numbers and texts that elements of a request's list are compared with.
+        self.of_elements: dict[Read, set[Any]] = {}
         #: The reads that are not understood, each with its condition.
         self.unclear: dict[Read, str] = {}
         self._targets = targets
@@ -126,6 +128,11 @@ class Compared:
     def edges(self, read: Read) -> list[float]:
         """Return the numbers that a read is compared with."""
         return sorted(bound for bound in self.bounds.get(read, ()) if not isinstance(bound, str))
+
+    def elements(self, read: Read, kind: Type) -> list[Any]:
+        """Return the numbers or texts of a type that the elements of a request's list are compared with."""
+        is_of_type = str if kind.kind == "text" else (int, float)
+        return sorted(one for one in self.of_elements.get(read, ()) if isinstance(one, is_of_type))
 
     def texts(self, read: Read) -> list[str]:
         """Return the texts that a read is compared with."""
@@ -309,6 +316,8 @@ class Compared:
             return
         is_whole = any(kind.kind not in ("number", "integer", "text", "bool") for kind in self.kinds(read))
         is_whole = is_whole or (read[0] == "request" and len(read) > 2 and self._is_target(read[:2]))
+        if read[0] == "request" and read[2:] == (ANY,):
+            self.of_elements.setdefault(read[:2], set()).add(bound)
         if ANY in read or is_whole or read[0] in ("item", "target") or len(found) >= _MOST_BOUNDS:
             self._note(read, source, lambda _: True, unknown_too=True)
             return
