@@ -402,6 +402,9 @@ class StateNode(Node):
     with_: dict[str, Written] = _by_name(
         "by parameter of the part, or by field of the mission's request: its value for this use", alias="with"
     )
+    out: Annotated[dict[str, Annotated[str, Meaning.VARIABLE]], Keyed(Meaning.BINDING)] = _by_name(
+        "by variable that the part reports: the variable here that it is"
+    )
     resume_at: Transitions = _many(
         "child to go on with when history (its own, or one around it) brings this back; the first that holds"
     )
@@ -454,6 +457,18 @@ class VariableNode(Node):
     max: Bound = Field(
         None,
         description="most elements of a list or set, needed where actions `add`; largest value of a number",
+    )
+    summary: str = Field("", description="one sentence for people")
+
+
+class OutNode(Node):
+    """A variable of whoever uses the part: the part reads and writes it by this name."""
+
+    SHAPE = "{type: TYPE}"
+
+    type: Annotated[str, Meaning.TYPE] = Field(description="such as bool, text, pose: that of the variable")
+    unit: Annotated[str | None, Meaning.UNIT] = Field(
+        None, description="unit of a number; a number in s is a duration"
     )
     summary: str = Field("", description="one sentence for people")
 
@@ -713,6 +728,9 @@ class PartNode(FileNode):
 
     part: Annotated[str, Meaning.PART] = Field(description="name of the part, also that of its file")
     needs: Literal["itinerary"] | None = Field(None, description="what the state that uses this must have")
+    out: Annotated[dict[str, OutNode], Named(Meaning.VARIABLE)] = _by_name(
+        "what it reports: variables that each use of it names, by the name that they have here"
+    )
     resume_at: Transitions = _many("child to go on with when history brings it back; the first that holds")
 
     @property
@@ -776,6 +794,7 @@ __all__ = [
     "LifecycleNode",
     "LimitNode",
     "MissionNode",
+    "OutNode",
     "ParameterNode",
     "PartNode",
     "PropertyNode",

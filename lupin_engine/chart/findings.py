@@ -94,6 +94,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         },
         "Parallel states": {
             "shared-resource": "operations that are active together do not wait for each other unnoticed",
+            "shared-variable": "parts that are active together report into variables of their own",
             "region-leak": "a region of a parallel state is left together with the whole state, on purpose",
         },
         _PROVEN: {

@@ -17,7 +17,7 @@ from collections import ChainMap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
-from typing import Any
+from typing import Any, cast
 
 from lupin_engine.chart.expressions.evaluation import Constant, Environment, UnknownValue
 from lupin_engine.chart.expressions.evaluation import Value as Written
@@ -281,7 +281,9 @@ def read_request(
         if refusal is not None:
             return {}, refusal
         values[asked.name] = value
-    refusal = _refused_by(mission.request, values, world, ChainMap({"request": values}, env))
+    refusal = _refused_by(
+        mission.request, values, world, ChainMap({"request": values}, cast("dict[str, Any]", env))
+    )
     return ({}, refusal) if refusal else (values, None)
 
 
@@ -360,8 +362,8 @@ def read_given(world: World, state: str, use: UsedMission, env: Environment) -> 
             text = refusal.text.removeprefix(f"{asked.place}: ")
             raise ValueError(f"{asked.place}: use {use.mission}: {text}")
         values[asked.name] = value
-    env = ChainMap({"given": {**env["given"], state: values}}, env)
-    refusal = _refused_by(use.request, values, world, env)
+    given = ChainMap({"given": {**env["given"], state: values}}, cast("dict[str, Any]", env))
+    refusal = _refused_by(use.request, values, world, given)
     if refusal is not None:
         raise ValueError(f"{use.place}: use {use.mission}: {refusal.text}")
     return values

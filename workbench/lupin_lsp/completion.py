@@ -154,7 +154,9 @@ class _Completion:
 
     def _arguments(self, spot: Spot) -> Iterator[Offer]:
         owner = owner_of(self._scan, spot)
-        if spot.holder is StateNode:
+        if spot.holder is StateNode and spot.key == "out":
+            yield from self._reported(owner)
+        elif spot.holder is StateNode:
             yield from self._bindings(owner)
         elif spot.holder is ActionNode and owner in WRITING:
             yield from self._variables(owner)
@@ -163,6 +165,11 @@ class _Completion:
                 can_miss = argument.optional or argument.default is not None
                 detail = f"{argument.type}{' (optional)' if can_miss else ''}"
                 yield Offer(name, ItemKind.Property, detail, docs.argument_line(name, argument))
+
+    def _reported(self, part: str) -> Iterator[Offer]:
+        found = self._model.part(part) if self._model else None
+        for name, node in found.out.items() if isinstance(found, PartNode) else ():
+            yield Offer(name, ItemKind.Property, node.type, node.summary)
 
     def _bindings(self, part: str) -> Iterator[Offer]:
         found = self._model.part(part) if self._model else None
@@ -195,6 +202,7 @@ class _Completion:
             Meaning.TYPE: self._types,
             Meaning.UNIT: lambda: (Offer(name, ItemKind.Unit, docs.unit(name)) for name in UNITS),
             Meaning.LIVE_VALUE: self._live_values,
+            Meaning.VARIABLE: partial(self._variables, "set"),
         }
         yield from offers.get(meaning, partial(self._plain, spot))()
         yield from (Offer(word, ItemKind.Keyword) for word in _shape(spot).words)

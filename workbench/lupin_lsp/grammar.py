@@ -75,6 +75,8 @@ class Spot:
             model = self.shape.model or (self.shape.item or Shape()).model
             assert model is not None
             return Meaning.CHILD if self._is_child(short) else meaning_of(model, short) or Meaning.TEXT
+        if self.name and self.holder is StateNode and self.key == "out":
+            return Meaning.VARIABLE
         if self.name:
             return Meaning.VALUE  # an argument, or a value for a part's parameter
         if self._is_child(self.key):

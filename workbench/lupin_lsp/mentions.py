@@ -161,7 +161,7 @@ def owner_of(scan: Scan, spot: Spot) -> str:
     """Return the operation, action or part whose arguments are at a spot."""
     if spot.key == "levels":
         return str(spot.mapping[-1])
-    if spot.key not in ("with", "arguments"):
+    if spot.key not in ("with", "out", "arguments"):
         return ""
     if spot.holder is ActionNode:
         return str(spot.mapping[-1])

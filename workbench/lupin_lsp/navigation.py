@@ -10,7 +10,7 @@ from lupin_engine.chart import Meaning, MissionNode
 from lupin_lsp.folder import Folder
 from lupin_lsp.mentions import STATES, Mention, mention_at, mentions_in
 from lupin_lsp.model import states_of
-from lupin_lsp.places import Spanned, meant, place_of
+from lupin_lsp.places import Spanned, is_reported, meant, place_of
 from lupin_lsp.scan import Scan, Steps, Token
 
 #: Mentions of these say nothing about any one thing.
@@ -58,8 +58,12 @@ def identity(folder: Folder, path: Path, mention: Mention) -> frozenset[Hashable
         return frozenset(place for draft in drafts if (place := place_of(folder, draft)) is not None)
     if meaning in _NAMELESS:
         return frozenset()
+    if meaning is Meaning.VARIABLE and is_reported(folder, path, mention.name):
+        return frozenset()  # each use has a variable of its own
     if meaning is Meaning.BINDING:
         used = folder.used(mention.of)
+        if is_reported(folder, used, mention.name):
+            return frozenset()
         if folder.kind(used) is MissionNode:
             return frozenset([(Meaning.FIELD, used, mention.name)])
         meaning = Meaning.PARAMETER

@@ -61,12 +61,22 @@ def definition(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
         return _declared(folder, path, ("inputs", mention.of, "levels", mention.name))
     if meaning is Meaning.BINDING:
         file = folder.used(mention.of)
-        return _key(folder, file, ("params" if file.parent.name == PARTS else "request", mention.name))
+        section = "params" if file.parent.name == PARTS else "request"
+        return _key(
+            folder, file, ("out" if is_reported(folder, file, mention.name) else section, mention.name)
+        )
+    if meaning is Meaning.VARIABLE and is_reported(folder, path, mention.name):
+        return _key(folder, path, ("out", mention.name))
     if meaning in _SECTIONS:
         found = _declared(folder, path, (_SECTIONS[meaning], mention.name))
         if found or meaning not in (Meaning.PARAMETER, Meaning.CODE):
             return found
     return _in_plugin(folder, meaning, mention)
+
+
+def is_reported(folder: Folder, file: Path, name: str) -> bool:
+    """Return whether a file is a part that reports a variable by a name."""
+    return folder.scan(file).key_token(("out", name)) is not None
 
 
 def meant(mention: Mention) -> Meaning:

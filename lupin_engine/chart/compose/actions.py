@@ -133,24 +133,28 @@ class ActionReader:
             return None
         found: dict[str, Value] = {}
         for name in given:
-            if name not in self._variables:
-                hint = nearest(name, self._variables) if self._variables else ""
+            variable = scope.out.get(name, str(name))
+            if not variable:
+                continue  # the use of the part has a finding about it
+            if variable not in self._variables:
+                known = {**scope.out, **self._variables}
+                hint = nearest(name, known) if known else ""
                 hint, problem = or_else(hint, declared_as("context", name)), f"unknown variable {str(name)!r}"
                 self._findings.add(given.key_place(name), "unknown-argument", path, problem, hint)
                 continue
-            kind = self._variables[name].type
-            wanted = kind if node.name == "set" else self._element(node, given.key_place(name), name, path)
+            kind = self._variables[variable].type
+            at = given.key_place(name)
+            wanted = kind if node.name == "set" else self._element(node, at, name, kind, path)
             if wanted is None:
                 continue
             value = read_under(given, name, wanted, scope, self._findings, f"{path}.{name}")
             if value is not None:
                 check_bound(value, wanted, str(name), self._findings, f"{path}.{name}")
-                found[str(name)] = value
+                found[variable] = value
         return ActionCall(node.name, found, node.place)
 
-    def _element(self, node: ActionNode, place: Place, name: str, path: str) -> Type | None:
+    def _element(self, node: ActionNode, place: Place, name: str, kind: Type, path: str) -> Type | None:
         """Return the element type of a list that actions change; None after findings."""
-        kind = self._variables[name].type
         if kind.item is None:
             problem, hint = f"{name!r} is {with_article(kind)}", f"{node.name} needs a list or a set"
             self._findings.add(place, "wrong-type", path, problem, hint)

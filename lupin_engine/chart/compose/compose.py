@@ -20,6 +20,7 @@ from lupin_engine.chart.compose.actions import ActionReader, raised_events
 from lupin_engine.chart.compose.carried import Carried, carries_something, end_of
 from lupin_engine.chart.compose.declare import Declared, Declarer, check_code, level_events, read_refusals
 from lupin_engine.chart.compose.invoke import InvokeReader
+from lupin_engine.chart.compose.outs import Outs
 from lupin_engine.chart.compose.timeless import WATCHED_ALWAYS, read_property, timeless
 from lupin_engine.chart.compose.transitions import CompositionContext, TransitionReader, any_event, path_of
 from lupin_engine.chart.compose.tree import Draft, Forest, UsedNode, each_once, texts_of
@@ -149,6 +150,7 @@ class _Composer:
         self._findings = findings
         self._usage = Usage()
         self._declarer = Declarer(catalog, findings, self._usage)
+        self._outs = Outs(self._declarer, findings)
         self._forest = Forest(parts, findings)
         self._requests: dict[str, dict[str, Field]] = {}
         self._bases: dict[tuple[str, str, str], Scope] = {}
@@ -327,8 +329,8 @@ class _Composer:
             scope = self._scope_of(mission, mission.name)
             for name, field in fields.items():
                 node, path = mission.request[name], f"request.{name}"
-                found = read_refusals(node, scope, self._codes, self._findings, path)
-                fields[name] = replace(field, refusals=found)
+                refusals = read_refusals(node, scope, self._codes, self._findings, path)
+                fields[name] = replace(field, refusals=refusals)
 
     def _mission_records(self) -> dict[str, Mission]:
         found = {}
@@ -631,7 +633,10 @@ class _Composer:
         base = self._base(part, draft.mission, draft.within)
         handed = {name: scope.names[name] for name in ("target", "itinerary") if name in scope.names}
         bound = self._bind(draft, node, part, scope)
-        return replace(base.with_names(handed), bound=bound)
+        draft.out = self._outs.bind(draft, node, part, scope)
+        known = self._declared.context
+        types = {name: known[taken].type if taken else ANY for name, taken in draft.out.items()}
+        return replace(base.with_names({**handed, **types}), bound=bound, out=draft.out)
 
     def _bind(self, draft: Draft, node: StateNode, part: PartNode, scope: Scope) -> dict[str, Typed]:
         """Read the values that a use gives to parameters of its part."""

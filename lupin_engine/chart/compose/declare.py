@@ -18,6 +18,7 @@ from lupin_engine.chart.documents import (
     LevelNode,
     LifecycleNode,
     ParameterNode,
+    PartNode,
     RequestFieldNode,
     VariableNode,
 )
@@ -172,6 +173,9 @@ class Declarer:
             "itinerary": ("missing-itinerary", "no state around this one has an itinerary"),
             "this_step": ("unknown-name", "only a property is about steps"),
         }
+        if isinstance(file, PartNode):
+            reason = "each use of the part names a variable of its own for it"
+            absent |= {name: ("unknown-name", reason) for name in file.out if name not in names}
         known_functions = self._catalog.functions if functions else {}
         return Scope(names, known_functions, (), tuple(self.declared.holds), absent, {}, self._usage)
 

@@ -45,7 +45,8 @@ class Draft:
 
     `node` is its text (None for the root, a mission's wrapper and an implied history state); `file` is the
     file of that text, `part` its part or mission; `within` is the innermost state around that uses a mission.
-    `scope` is that of its own expressions, `inner` that of its children's; both are filled from the top down.
+    `scope` is that of its own expressions, `inner` that of its children's; both are filled from the top down,
+    as is `out`: the variables that the used part writes, by its own names.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Draft:
     children: dict[str, Draft] = field(default_factory=dict)
     scope: Scope | None = None
     inner: Scope | None = None
+    out: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def local(self) -> str:
@@ -289,6 +291,10 @@ class Forest:
         if node.with_ and node.use is None:
             problem, hint = "'with' gives a part its parameters, but no part is used", "add 'use: PART'"
             self._findings.add(node.key_at("with"), "wrong-shape", draft.name, problem, hint)
+        if node.out and not isinstance(self._parts.get(node.use or ""), PartNode):
+            problem = "'out' takes what a part reports, but no part is used"
+            hint = "add 'use: PART'" if node.use is None else "of a mission, 'on_done' reads the 'result'"
+            self._findings.add(node.key_at("out"), "wrong-shape", draft.name, problem, hint)
         if node.slot and (node.states or node.use or node.initial):
             problem = "the missions stand in a slot, it has no states of its own"
             self._findings.add(node.key_at("slot"), "wrong-shape", draft.name, problem)

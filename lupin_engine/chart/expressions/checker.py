@@ -29,6 +29,7 @@ from lupin_engine.chart.expressions import units as q
 from lupin_engine.chart.expressions.builtins import BUILTINS
 from lupin_engine.chart.expressions.evaluation import Compiled, Expression, to_function
 from lupin_engine.chart.expressions.loops import by_name, called, comprehension, holding
+from lupin_engine.chart.expressions.names import renamed
 from lupin_engine.chart.expressions.reader import (
     MAX_STEPS,
     UNTYPED,
@@ -118,12 +119,12 @@ def compile_expression(
         typed = checker.check(wanted)
         if typed is None:
             return None
-        parts = tuple([(text, Compiled(part.code)) for text, part in checker.parts])
+        parts = tuple([(renamed(text, scope.out), Compiled(part.code)) for text, part in checker.parts])
         checked = CheckedExpression(wanted, typed.type, Compiled(typed.code), parts)
         if not checker.warned:
             scope.compiled[key] = checked
     place = fragment.text.at(fragment.offset + indent_of(fragment.source))
-    return Expression(source, place, checked.type, checked.evaluate, checked.parts)
+    return Expression(renamed(source, scope.out), place, checked.type, checked.evaluate, checked.parts)
 
 
 def check_expression(
@@ -216,9 +217,8 @@ class _Checker(ExpressionReader):
                 return Typed(scope.names[name], f"{environment_code('given')}[{scope.within!r}]")
             if name in ROOTS:
                 return Typed(scope.names[name], environment_code(name))
-            code = (
-                environment_code("item") if name == scope.item else f"{environment_code('context')}[{name!r}]"
-            )
+            variable = f"{environment_code('context')}[{scope.out.get(name, name)!r}]"
+            code = environment_code("item") if name == scope.item else variable
             return _in_its_unit(scope.names[name], code)
         if name in scope.absent:
             rule, reason = scope.absent[name]

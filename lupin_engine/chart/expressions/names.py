@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 
 from lupin_engine.chart.expressions.reader import MAX_NODES
@@ -37,6 +37,31 @@ def names_read(source: str) -> frozenset[str]:
     return (
         frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name)) if tree else frozenset()
     )
+
+
+def renamed(source: str, names: Mapping[str, str]) -> str:
+    """Return an expression, or a text with expressions in it, that reads variables by other names."""
+    if not names or names.keys().isdisjoint(names_read(source)):
+        return source
+    spans = [(one.begin + 2, one.colon if one.colon >= 0 else one.end - 1) for one in insets(source)]
+    found, at = "", 0
+    for begin, end in spans or [(0, len(source))]:
+        found, at = found + source[at:begin] + _renamed(source[begin:end], names), end
+    return found + source[at:]
+
+
+def _renamed(source: str, names: Mapping[str, str]) -> str:
+    tree, plain = tree_of(source), re.sub(r"\s", " ", source)
+    if tree is None:
+        return source
+    read = [node for node in ast.walk(tree) if isinstance(node, ast.Name) and names.get(node.id)]
+    elements = {node.id for node in read if isinstance(node.ctx, ast.Store)}
+    text, indent = plain.encode(), len(plain) - len(plain.lstrip())
+    for node in sorted(read, key=lambda node: -node.col_offset):
+        if node.id not in elements:
+            begin, end = indent + node.col_offset, indent + (node.end_col_offset or 0)
+            text = text[:begin] + names[node.id].encode() + text[end:]
+    return text.decode()
 
 
 @lru_cache(_CACHED)

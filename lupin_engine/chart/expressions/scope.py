@@ -50,7 +50,8 @@ class Scope:
     missing, the rule and the reason. `bound` are parameters of a part with an argument. `states` are full
     names, for in_state; `holds` are names, for held. With `open_states` more states may exist than are
     loaded: the lifecycle also names those of missions in other files. `item` is the name of the element of a
-    `for_each`. `within` is the state that uses a mission whose file the expression stands in.
+    `for_each`. `within` is the state that uses a mission whose file the expression stands in. `out` has the
+    variables of a part's use, by the names that the part has for them.
     """
 
     names: Mapping[str, Type]
@@ -63,6 +64,7 @@ class Scope:
     open_states: bool = False
     item: str = ""
     within: str = ""
+    out: Mapping[str, str] = field(default_factory=dict)
 
     # The states of one family have one scope and say the same in it again and again. So it remembers what
     # was derived from it, and the names and expressions that were read in it.

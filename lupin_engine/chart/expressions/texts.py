@@ -12,6 +12,7 @@ import re
 from lupin_engine.chart.expressions import units as q
 from lupin_engine.chart.expressions.checker import check_expression
 from lupin_engine.chart.expressions.evaluation import Compiled, Expression
+from lupin_engine.chart.expressions.names import renamed
 from lupin_engine.chart.expressions.scope import Fragment, Inset, Scope, Typed, insets
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.source import Text
@@ -26,7 +27,11 @@ _EXAMPLE = "write digits, a unit or both, such as ':.1f', ':min' or ':.1f cm'"
 def read_text(raw: Text, scope: Scope, findings: Findings, path: str) -> Expression | None:
     """Read a text with expressions in it; None after findings."""
     typed = check_text(raw, scope, findings, path)
-    return None if typed is None else Expression(str(raw), raw.place, TEXT, Compiled(typed.code))
+    return (
+        None
+        if typed is None
+        else Expression(renamed(str(raw), scope.out), raw.place, TEXT, Compiled(typed.code))
+    )
 
 
 def check_text(raw: Text, scope: Scope, findings: Findings, path: str) -> Typed | None:

@@ -16,7 +16,7 @@ from lupin_engine.chart.rules.events import event_field
 from lupin_engine.chart.rules.index import Index, Rule
 from lupin_engine.chart.rules.inputs import unknown_input_read
 from lupin_engine.chart.rules.loops import always_loop, no_time
-from lupin_engine.chart.rules.regions import region_leak, shared_resource
+from lupin_engine.chart.rules.regions import region_leak, shared_resource, shared_variable
 from lupin_engine.chart.rules.unused import (
     never_set,
     one_way_switch,
@@ -72,7 +72,14 @@ _BROKEN_USES = (
 )
 
 #: Rules that look at what stands side by side.
-LOCAL: tuple[Rule, ...] = (never_wins, both_can_win, unhandled_outcome, unknown_input_read, shared_resource)
+LOCAL: tuple[Rule, ...] = (
+    never_wins,
+    both_can_win,
+    unhandled_outcome,
+    unknown_input_read,
+    shared_resource,
+    shared_variable,
+)
 #: Rules that follow transitions through the chart, or ask what a state contains.
 GLOBAL: tuple[Rule, ...] = (
     never_happens,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lupin_engine.chart.compose.tree import Draft
 from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import Kind, State
 from lupin_engine.chart.rules.index import Index, Work, local
-from lupin_engine.errors import Diagnostic
+from lupin_engine.errors import Diagnostic, Place
 
 
 def shared_resource(index: Index) -> Iterator[Diagnostic]:
@@ -60,6 +61,28 @@ def _final_region(parallel: State, region: State) -> Diagnostic:
     )
     hint = "remove it, or let it be a state with a final one inside: then the others are waited for"
     return warning(region.place, "region-leak", region.name, problem, hint)
+
+
+def shared_variable(index: Index) -> Iterator[Diagnostic]:
+    """Find a variable that two parts report which can be active at the same time."""
+    first: dict[tuple[str, str], dict[str, Draft]] = {}
+    for draft in index.composed.drafts.values() if index.parallel else ():
+        for name, variable in draft.out.items():
+            for parallel, region in index.region_of.get(draft.name, ()) if variable else ():
+                known = first.setdefault((parallel, variable), {})
+                other = next((found for there, found in known.items() if there != region), None)
+                known.setdefault(region, draft)
+                if other is not None and draft.node is not None:
+                    place = draft.node.value_at("out", name)
+                    yield _both_write(f"{draft.name}.out.{name}", variable, other, place)
+
+
+def _both_write(path: str, variable: str, other: Draft, place: Place) -> Diagnostic:
+    there = f"the part that {other.local!r} uses"
+    problem = (
+        f"{there} reports into {variable!r} as well, and both can be active: what is written last counts"
+    )
+    return warning(place, "shared-variable", path, problem, "give each a variable of its own")
 
 
 def region_leak(index: Index) -> Iterator[Diagnostic]:

@@ -68,6 +68,7 @@ ELSEWHERE = {
     (d.StateNode, "states"): "children",
     (d.StateNode, "use"): "the part's states",
     (d.StateNode, "with"): "is built into the part's expressions",
+    (d.StateNode, "out"): "the part's expressions and actions have the variable",
     (d.StateNode, "history"): "a child",
     (d.InvariantNode, "that"): "the record has one expression",
     **{(node, "summary"): "for the editor" for node in BECOMES if node not in TOLD},

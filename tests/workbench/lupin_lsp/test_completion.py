@@ -58,7 +58,7 @@ CASES = {
     ),
     "keys of a state": (
         INSPECTION, "        on_error: FAULT", "        |",
-        ["summary", "type", "depth", "initial", "states", "entry", "exit", "on_error", "on"], 24,
+        ["summary", "type", "depth", "initial", "states", "entry", "exit", "on_error", "on"], 25,
     ),
     "keys of a file": (INSPECTION, "initial: PREPARE", "|", ["inputs", "context", "invariants"], 0),
     "operations": (INSPECTION, "do: nav.localize", "do: na|", OPERATIONS, 7),
@@ -112,6 +112,9 @@ CASES = {
     "parameters of a part": (
         INSPECTION, "use: visit_targets", "use: visit_targets\n    with: {|}",
         ["nav_timeout_s", "nav_max_attempts"], 9,
+    ),
+    "variables that take what a part reports": (
+        INSPECTION, "use: visit_targets", "use: visit_targets\n    out: {locked: |}", ["reason", "home"], 2,
     ),
     "types": (LIFECYCLE, "type: duration, default: 60 s", "type: |, default: 60 s", ["bool", "text"], 0),
     "types of elements": (INSPECTION, "type: list of tag", "type: list of |", ["bool", "text"], 0),
