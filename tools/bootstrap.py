@@ -19,7 +19,7 @@ import tempfile
 import time
 from concurrent import futures
 from pathlib import Path
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, List, Optional, Sequence
 
 ROOT = Path(__file__).resolve().parent.parent
 VENV, VENV_LOG = ROOT / ".venv", Path(tempfile.gettempdir(), "lupin-venv.log")
@@ -29,6 +29,7 @@ LOG, INTERFACES_LOG = VENV / "bootstrap.log", VENV / "bootstrap-interfaces.log"
 VERSIONS = ((3, 12), (3, 13), (3, 11), (3, 10))
 SUBSETS = ("nav2", "tf2", "control", "mirte")
 FOLDERS = ["lupin_msgs", *map("interfaces/{}_msgs".format, ("lupin_engine", *SUBSETS))]
+SOURCES = ("lupin_msgs", "interfaces")
 INTERFACE_FILES = (".msg", ".srv", ".action", ".xml", ".txt", ".toml", ".cmake")
 #: What the verbs of the README need; the extra `ros` has the same and ROS 2.
 RUN_EXTRAS = {"wheels": "ros", "apt": "diagram,editor,hmi,record,sim"}
@@ -191,7 +192,8 @@ def requested_mode() -> str:
 def interface_files(root: Path) -> List[Path]:
     """All files that decide what the interface packages become, in a fixed order."""
     found = [*(root / "lupin_msgs").rglob("*"), *(root / "interfaces").rglob("*")]
-    return sorted(path for path in found if path.suffix in INTERFACE_FILES and path.is_file())
+    built = [path for path in found if root / "interfaces" / "complete" not in path.parents]
+    return sorted(path for path in built if path.suffix in INTERFACE_FILES and path.is_file())
 
 
 def digest(root: Path, files: List[Path], *more: str) -> str:
@@ -265,13 +267,18 @@ def build_requirements(pyproject: Path) -> List[str]:
     return list(ast.literal_eval(text.partition("\nrequires = ")[2].partition("\n]")[0] + "]"))
 
 
-def build_wheels(executable: str, mode: str, folders: List[str], target: Path) -> None:
-    """Compile interface packages in a temporary copy, with tools that do not stay in `.venv`."""
+def build_wheels(
+    executable: str, mode: str, folders: List[str], target: Path, sources: Sequence[str] = SOURCES
+) -> None:
+    """Compile interface packages in a temporary copy, with tools that do not stay in `.venv`.
+
+    `folders` lie below the folders `sources`. `lupin interfaces add` uses this, too.
+    """
     if target.is_dir() or not folders:
         return
     with tempfile.TemporaryDirectory(prefix="lupin-build-", dir=plain_temporary_folder()) as name:
-        for folder in ("lupin_msgs", "interfaces"):
-            shutil.copytree(str(ROOT / folder), os.path.join(name, folder))
+        for folder in sources:
+            shutil.copytree(str(ROOT / folder), os.path.join(name, os.path.basename(folder)))
         # pip's own isolation would hide a sourced ROS 2.
         make_venv(executable, mode, Path(name, "tools"))
         pip = [name + "/tools/bin/python", "-m", "pip"]

@@ -1,3 +1,4 @@
+from .added import add_interfaces as add_interfaces
 from .definitions import installed_types as installed_types
 from .definitions import knows_interfaces as knows_interfaces
 from .files import names_in as names_in

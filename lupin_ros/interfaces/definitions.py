@@ -29,6 +29,7 @@ from lupin_engine.plugin import (
     seconds_of,
     time_fields,
 )
+from lupin_ros.interfaces.added import cut_down
 from lupin_ros.interfaces.type_hashes import installed, local_fields, local_source
 
 #: What an interface without any field has in its place.
@@ -79,10 +80,12 @@ def interface_types(name: str) -> Mapping[str, Type]:
     packages = _packages(kind)
     one, many = _CALLED[kind]
     if package not in packages:
-        hint = meant(package, packages) or "install it, or source the workspace that has it"
+        hint = meant(package, packages) or cut_down(package)
+        hint = hint or "add it by 'lupin interfaces add FOLDER', or source the workspace that has it"
         raise LookupError(f"no package {package!r} with {many} is installed here; {hint}")
     if local not in packages[package]:
-        raise LookupError(f"{package} has no {one} {local!r}; {nearest(local, packages[package])}")
+        hint = cut_down(package) or nearest(local, packages[package])
+        raise LookupError(f"{package} has no {one} {local!r}; {hint}")
     parts = {part: _record(f"{name}{suffix}") for part, suffix in _PARTS[kind].items()}
     return {**parts, "constant": _type_of_constants(interface_constants(name))}
 
@@ -137,9 +140,12 @@ def _type_of_constants(constants: Mapping[str, Any]) -> Type:
 
 
 def installed_types(name: str) -> Mapping[str, Type] | None:
-    """Return `interface_types`; None if the package is not installed; LookupError if it has no such name."""
+    """Return `interface_types`; None if the package is not installed; LookupError if it has no such name.
+
+    One that is cut down counts as installed: what is missing there is certainly missing.
+    """
     package, kind, _ = name.split("/")
-    return interface_types(name) if package in _packages(kind) else None
+    return interface_types(name) if package in _packages(kind) or cut_down(package) else None
 
 
 def knows_interfaces() -> bool:

@@ -176,17 +176,22 @@ def _read(name: str) -> Iterator[WrittenMessage]:
 
 
 def _parsed(kind: str, *what: str) -> Sequence[Any]:
-    parser = _parser()
+    reads = parser()
     if kind == "msg":
-        return (parser.parse_message_string(*what),)
+        return (reads.parse_message_string(*what),)
     if kind == "srv":
-        service = parser.parse_service_string(*what)
+        service = reads.parse_service_string(*what)
         return service.request, service.response
-    action = parser.parse_action_string(*what)
+    action = reads.parse_action_string(*what)
     return action.goal, action.result, action.feedback
 
 
-def _parser() -> Any:
+def parser() -> Any:
+    """Return rosidl's parser of interface files.
+
+    Raises:
+        UsageError: it is not installed.
+    """
     try:
         return importlib.import_module("rosidl_adapter.parser")
     except ImportError:

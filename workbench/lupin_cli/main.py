@@ -50,6 +50,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "bundle": "Put a mission with all its files into one, signed.",
         "security": "Write permissions of the nodes, for SROS2.",
         "types": "Write all messages and services as TypeScript or JSON Schema.",
+        "interfaces": "Add packages of messages, services and actions to this environment.",
         "plugin": "List, show and check plugins, and begin new ones.",
         "node": "Run one node, with ROS arguments; without a name, list the nodes.",
         "schema": "Print the JSON Schema of the files, for editors.",
