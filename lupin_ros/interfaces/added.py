@@ -154,7 +154,8 @@ def _write(package: InterfacePackage, sources: Path) -> None:
     model, target = _CHECKOUT / "interfaces" / "nav2_msgs", sources / package.name
     for file in package.files:
         (target / file).parent.mkdir(parents=True, exist_ok=True)
-        (target / file).write_bytes((package.folder / file).read_bytes())
+        text = (package.folder / file).read_text(encoding="utf-8", errors="replace")
+        (target / file).write_text(told_apart(text), encoding="utf-8")
     (target / "package.xml").write_text(_manifest(package), encoding="utf-8")
     (sources / "pip_wheels.cmake").write_bytes((model.parent / "pip_wheels.cmake").read_bytes())
     text = (model / "pyproject.toml").read_text(encoding="utf-8")
@@ -165,6 +166,20 @@ def _write(package: InterfacePackage, sources: Path) -> None:
     tools = "[tool.scikit-build]" + rest.partition("[tool.scikit-build]")[2]
     (target / "pyproject.toml").write_text(head + project + tools, encoding="utf-8")
     (target / "CMakeLists.txt").write_text(_cmake(package), encoding="utf-8")
+
+
+def told_apart(text: str) -> str:
+    """Return a definition in which a constant that an earlier part has as well has a comment.
+
+    rosidl's parser (4.6.6) takes two lines that are equal for one, and gives both to the first part.
+    """
+    seen, part, lines = dict[str, int](), 0, []
+    for line in text.splitlines():
+        part += line.strip() == "---"
+        if "=" in line and seen.setdefault(line.strip(), part) != part:
+            line += f"  # of part {part + 1}"
+        lines.append(line)
+    return "\n".join(lines) + "\n"
 
 
 def _manifest(package: InterfacePackage) -> str:

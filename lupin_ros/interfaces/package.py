@@ -40,7 +40,7 @@ class InterfacePackage:
 _SEPARATED = {"msg": "a message has none", "srv": "a service has one", "action": "an action has two"}
 
 
-class _Reader:
+class _PackageReader:
     """Reads one package; `known` has the messages of other packages, by package."""
 
     def __init__(self, folder: Path, name: str, known: Mapping[str, Collection[str]]) -> None:
@@ -112,7 +112,7 @@ def read_package(folder: Path, known: Mapping[str, Collection[str]]) -> Interfac
     files = [file for kind in PARTS for file in sorted(folder.glob(f"{kind}/*.{kind}"))]
     if not files:
         raise UsageError(f"{folder}: no msg/*.msg, srv/*.srv or action/*.action is there")
-    reader = _Reader(folder, name, known)
+    reader = _PackageReader(folder, name, known)
     for file in files:
         reader.read(file)
     problems: Problems = Problems(UsageError)

@@ -83,5 +83,5 @@ def test_a_binding_is_checked_against_it(tmp_path: Path) -> None:
     (tmp_path / "bindings" / "lift.yaml").write_text(BINDING, encoding="utf-8")
     checked = lupin("-m", "lupin_cli.main", "check", str(tmp_path / "bindings" / "lift.yaml"))
     assert checked.returncode == 1
-    problem = f"'message' has no 'door_stat'; did you mean 'door_state'? [unknown-name]"
+    problem = "'message' has no 'door_stat'; did you mean 'door_state'? [unknown-name]"
     assert f"lift.yaml:7:25: error: values.door.from: {problem}" in checked.stdout

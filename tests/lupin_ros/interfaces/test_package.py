@@ -148,6 +148,14 @@ def test_what_is_cut_down_says_how_to_add_the_whole(monkeypatch: pytest.MonkeyPa
     assert added.cut_down("nav2_msgs") == f"{hint} nav2_msgs"
 
 
+def test_equal_constants_of_two_parts_are_told_apart() -> None:
+    """Only those; a comment changes no hash."""
+    text = "uint8 A=0\nuint8 B=1\n---\nuint8 A=0\nuint8 b\n---\n uint8 B=1\nuint8 C=1\n"
+    apart = text.replace("---\nuint8 A=0", "---\nuint8 A=0  # of part 2")
+    apart = apart.replace(" uint8 B=1", " uint8 B=1  # of part 3")
+    assert added.told_apart(text) == apart
+
+
 def test_the_shipped_definitions_have_no_mistake() -> None:
     """Whole Nav2, and what it needs; what it says of its dependencies is true."""
     assert shipped_names() == ["geographic_msgs", "nav2_msgs"]

@@ -255,7 +255,7 @@ def test_types_of_a_service_are_read_without_importing_it() -> None:
         (
             "qwxz/srv/Lamp",
             "no package 'qwxz' with services is installed here; "
-            "install it, or source the workspace that has it",
+            "add it by 'lupin interfaces add FOLDER', or source the workspace that has it",
         ),
     ],
 )

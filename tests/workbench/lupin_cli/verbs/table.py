@@ -75,7 +75,7 @@ CALLS: Mapping[str, Sequence[Call]] = {
     "up": [Call(["up", MISSION], broken=2, ros=True)],
     "security": [Call(["security", "policy", MISSION], ros=True)],
     "types": [Call(["types", "ts"], (0, 2))],  # 2: without ROS
-    "interfaces": [Call(["interfaces", "add", MISSION], (2,), broken=2)],  # which is no folder of a package
+    "interfaces": [Call(["interfaces", "add", "--help"])],
     "plugin": [Call(["plugin", "list"])],
     "twin": [Call(["twin", "missions"], (1,))],
     "schema": [Call(["schema"])],
