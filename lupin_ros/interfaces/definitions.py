@@ -80,7 +80,7 @@ def interface_types(name: str) -> Mapping[str, Type]:
     packages = _packages(kind)
     one, many = _CALLED[kind]
     if package not in packages:
-        hint = meant(package, packages) or cut_down(package)
+        hint = cut_down(package) or meant(package, packages)
         hint = hint or "add it by 'lupin interfaces add FOLDER', or source the workspace that has it"
         raise LookupError(f"no package {package!r} with {many} is installed here; {hint}")
     if local not in packages[package]:

@@ -80,8 +80,12 @@ def test_a_node_publishes_and_hears_it(added: list[str]) -> None:
 def test_a_binding_is_checked_against_it(tmp_path: Path) -> None:
     """A field that it has not is an error with the nearest name."""
     (tmp_path / "bindings").mkdir()
+    (tmp_path / "lupin.yaml").write_text("allow: {subscribe: [/lift]}\n", encoding="utf-8")
     (tmp_path / "bindings" / "lift.yaml").write_text(BINDING, encoding="utf-8")
     checked = lupin("-m", "lupin_cli.main", "check", str(tmp_path / "bindings" / "lift.yaml"))
     assert checked.returncode == 1
     problem = "'message' has no 'door_stat'; did you mean 'door_state'? [unknown-name]"
-    assert f"lift.yaml:7:25: error: values.door.from: {problem}" in checked.stdout
+    assert f"lift.yaml:8:22: error: values.door.from: {problem}" in checked.stdout
+    (tmp_path / "bindings" / "lift.yaml").write_text(BINDING.replace("stat }", "state }"), encoding="utf-8")
+    mended = lupin("-m", "lupin_cli.main", "check", str(tmp_path / "bindings" / "lift.yaml"))
+    assert (mended.returncode, mended.stdout) == (0, "no missions, no errors, no warnings\n")
