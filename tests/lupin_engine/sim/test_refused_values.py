@@ -18,7 +18,7 @@ from lupin_verify.situations.explorer import Bounds
 from tests import shipped
 
 COOKBOOK = Path(__file__).parents[3] / "docs" / "cookbook"
-WARDS = (COOKBOOK / "wards.yaml").read_text(encoding="utf-8")
+WARDS = (COOKBOOK / "meals.yaml").read_text(encoding="utf-8")
 SERVED_UNKNOWN = """\
 properties:
   only_known: {never: in_state('SERVING') and any(w not in param.wards for w in request.tag_sequence)}
@@ -44,7 +44,7 @@ REFUSED = [
 @pytest.mark.parametrize(("wards", "sentence"), REFUSED)
 def test_the_value_is_named_and_nothing_begins(tmp_path: Path, wards: list[str], sentence: str) -> None:
     """The label of the code, the value, and the state as it was."""
-    run = simulate(chart(tmp_path, WARDS), Script("Wards", {"tag_sequence": wards}))
+    run = simulate(chart(tmp_path, WARDS), Script("Meals", {"tag_sequence": wards}))
     (step,) = run.history.refused
     assert step.refusal is not None
     assert (step.refusal.text, step.changed, run.view.lifecycle) == (sentence, False, "READY")
@@ -64,7 +64,7 @@ def test_a_value_of_any_type_is_named(tmp_path: Path, value: str, sentence: str)
     """A number in its unit, a truth value, and without a value that of the field."""
     said = 'value: "${ [w for w in request.tag_sequence if w not in param.wards] }"'
     assert WARDS.count(said) == 1
-    given = Script("Wards", {"tag_sequence": ["W1", "W9"]})
+    given = Script("Meals", {"tag_sequence": ["W1", "W9"]})
     (step,) = simulate(chart(tmp_path, WARDS.replace(said, value)), given).history.refused
     assert step.refusal is not None
     assert step.refusal.text == sentence
@@ -87,7 +87,7 @@ def test_a_mission_that_is_used_refuses_what_it_is_given(tmp_path: Path) -> None
     (tmp_path / "wards.yaml").write_text(WARDS, encoding="utf-8")
     evening = "mission: Evening\nstates:\n  A: {use: wards, with: {tag_sequence: [W4]}, on_done: done}\n"
     run = simulate(chart(tmp_path, f"{evening}  done: {{type: final}}\n", "evening"), Script("Evening", {}))
-    problem = f"{tmp_path}/evening.yaml:3:12: use Wards: unknown ward: 'W4'"
+    problem = f"{tmp_path}/evening.yaml:3:12: use Meals: unknown ward: 'W4'"
     assert (run.view.lifecycle, run.history.errors) == ("FAULT", [problem])
 
 

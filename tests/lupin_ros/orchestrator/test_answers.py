@@ -99,19 +99,19 @@ def test_a_question_that_nobody_answers(world: World, operator: Operator, tmp_pa
 def test_a_refusal_names_the_value(world: World, operator: Operator, tmp_path: Path) -> None:
     """Of a start over the service and from a terminal, and of an answer; nothing has changed."""
     missions = folder(tmp_path)
-    cookbook = Path(__file__).parents[3] / "docs" / "cookbook" / "wards.yaml"
-    Path(missions, "wards.yaml").write_bytes(cookbook.read_bytes())
+    cookbook = Path(__file__).parents[3] / "docs" / "cookbook" / "meals.yaml"
+    Path(missions, "meals.yaml").write_bytes(cookbook.read_bytes())
     world.start("mission_orchestrator", missions_path=missions)
     operator.in_state("READY")
-    refused = operator.start("W1", "W9", mission="Wards")
+    refused = operator.start("W1", "W9", mission="Meals")
     assert (refused.accepted, refused.error_message) == (False, "unknown ward: 'W9'")
-    command = [str(Path(sys.executable).with_name("lupin")), "start", "Wards", "--request"]
+    command = [str(Path(sys.executable).with_name("lupin")), "start", "Meals", "--request"]
     begun = subprocess.run(
         [*command, "tag_sequence=W9,W1"], capture_output=True, text=True, timeout=60.0, check=False
     )
     assert (begun.returncode, begun.stdout) == (1, "unknown ward: 'W9'\n"), begun.stderr
     assert operator.state.lifecycle_state == "READY"
-    assert operator.start("W2", mission="Wards").accepted
+    assert operator.start("W2", mission="Meals").accepted
     operator.in_state("ROUND")
     answer = operator.call(Trigger, "/mission_orchestrator/answer/last", Trigger.Request())
     assert (answer.success, answer.message) == (False, "last refused: this is the last ward: 'W2'")
