@@ -540,7 +540,7 @@ def shape_of(annotation: Any) -> str:
     if isinstance(annotation, type) and issubclass(annotation, Node):
         anchor = "actions" if annotation is ActionNode else _title(annotation).lower().replace(" ", "-")
         return f"[{_title(annotation).lower()}](#{anchor})"
-    return {str: "text", bool: "`true` or `false`"}[annotation]
+    return {str: "text", int: "whole number", bool: "`true` or `false`"}[annotation]
 
 
 def _plural(shape: str) -> str:

@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field
 
 from lupin_engine.chart.documents import Bound, CodeNode, Condition, Names, ParameterNode, Written
-from lupin_engine.chart.nodes import Meaning, Named, Node, show, wrong_shape
+from lupin_engine.chart.nodes import VERSION_HELP, Meaning, Named, Node, Version, show, wrong_shape
 
 
 def _to_list(value: Any) -> Any:
@@ -318,6 +318,7 @@ class BindingNode(Node):
         }
     )
 
+    lupin: Version = Field(None, description=VERSION_HELP)
     binding: Annotated[str, Meaning.FILE] = Field(
         description="name of the plugin that this makes, also that of its file"
     )

@@ -23,7 +23,7 @@ from pydantic import (
     WithJsonSchema,
 )
 
-from lupin_engine.chart.nodes import Keyed, Meaning, Named, Node, show, wrong_shape
+from lupin_engine.chart.nodes import VERSION_HELP, Keyed, Meaning, Named, Node, Version, show, wrong_shape
 from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.chart.source import Map
 
@@ -603,6 +603,7 @@ class PropertyNode(Node):
 class FileNode(Node):
     """The declarations that every kind of file may have."""
 
+    lupin: Version = Field(None, description=VERSION_HELP)
     summary: str = Field("", description="one sentence for people")
     params: Annotated[dict[str, ParameterNode], Named(Meaning.PARAMETER)] = _by_name("settings, by name")
     inputs: Annotated[dict[str, InputNode], Named(Meaning.INPUT)] = _by_name(

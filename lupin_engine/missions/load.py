@@ -26,6 +26,7 @@ from lupin_engine.chart.findings import Findings, answered, collected, warning
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.rules.checks import check_composed
 from lupin_engine.chart.source import head, parse_bytes, read_bytes
+from lupin_engine.chart.stricter import stricter
 from lupin_engine.chart.validation import Way, follows, read_document
 from lupin_engine.errors import MAX_LISTED, ChartError, Diagnostic, Place, Severity, meant
 from lupin_engine.missions.folders import PARTS, is_mission, mission_files
@@ -326,10 +327,11 @@ def _find_used(folder: Path, name: str, place: Place, state: str, findings: Find
         return found[0]
     if found:
         problem = f"{str(name)!r} is both a part and a mission: {part} and {mission}"
-        findings.add(place, "conflicting-definition", state, problem, "rename one of the files")
-    else:
-        problem = f"unknown part or mission {str(name)!r}"
-        findings.add(place, "unknown-part", state, problem, _instead_of(name, folder))
+        both = stricter("part-and-mission", place, state, problem, "the part counts; rename one of the files")
+        findings.extend([both])
+        return part if both.severity is Severity.WARN else None
+    problem = f"unknown part or mission {str(name)!r}"
+    findings.add(place, "unknown-part", state, problem, _instead_of(name, folder))
     return None
 
 

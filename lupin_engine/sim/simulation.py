@@ -22,6 +22,7 @@ from lupin_engine.machine.event import STANDSTILL, Event, Start
 from lupin_engine.machine.machine import Machine
 from lupin_engine.machine.memory import Visit
 from lupin_engine.machine.scope import World
+from lupin_engine.machine.snapshot import restore
 from lupin_engine.machine.step import Step, View
 from lupin_engine.plugin.builtin import TIME_ZONE
 from lupin_engine.plugin.profile import START
@@ -120,10 +121,11 @@ class SetClock:
 class Restart:
     """The orchestrator ends, and `after` seconds later a new process recovers from its journal.
 
-    The world runs on meanwhile: servers end attempts and values change, unnoticed.
+    The world runs on meanwhile: servers end attempts and values change, unnoticed. Without `after` the
+    machine goes on at once from its snapshot, without a hold, as `restart: true` of old scenarios means.
     """
 
-    after: float = 0.0
+    after: float | None = 0.0
 
 
 @dataclass(frozen=True)
@@ -533,6 +535,10 @@ class Simulation:
     def _restart(self, effect: Restart) -> bool:
         if self._is_away or self._journal is None:
             return False
+        if effect.after is None:
+            memory = restore(self._machine.chart, self._machine.snapshot())
+            self._machine = self._engine.machine = Machine(self._world, memory)
+            return True
         self._is_away = True
         self._stage.disconnect()
         self._agenda.note(self._clock.now() + effect.after, self._come_back)

@@ -20,7 +20,7 @@ from lupin_engine.chart.compose.actions import ActionReader, raised_events
 from lupin_engine.chart.compose.carried import Carried, carries_something, end_of
 from lupin_engine.chart.compose.declare import Declared, Declarer, check_code, level_events
 from lupin_engine.chart.compose.invoke import InvokeReader
-from lupin_engine.chart.compose.timeless import WATCHED_ALWAYS, read_property, timeless
+from lupin_engine.chart.compose.timeless import own_name, read_property, timeless
 from lupin_engine.chart.compose.transitions import CompositionContext, TransitionReader, any_event, path_of
 from lupin_engine.chart.compose.tree import Draft, Forest, UsedNode, each_once, texts_of
 from lupin_engine.chart.compose.used import UsedMissionReader
@@ -367,17 +367,15 @@ class _Composer:
         for file in files:
             for name, node in file.properties.items():
                 place, path = file.key_at("properties", name), f"properties.{name}"
-                if name in WATCHED_ALWAYS:
-                    problem = f"there is a property {name!r} already, of every mission"
-                    self._findings.add(place, "conflicting-definition", path, problem, "rename it")
-                elif self._is_new("property", name, place, path, found):
+                own = own_name(name, node, place, self._findings)
+                if own and self._is_new("property", own, place, path, found):
                     about = file.name if isinstance(file, MissionNode) else ""
                     with self._at_all_times(file, "property", node.place, path) as scope:
-                        read = read_property(name, node, place, scope, self._findings, about)
+                        read = read_property(own, node, place, scope, self._findings, about)
                     if node.code is not None:
                         check_code(node.code, node.at("code"), f"{path}.code", self._codes, self._findings)
                     if read is not None:
-                        found[name] = read
+                        found[own] = read
         for mission in self._requested:
             self._not_meant(mission, found)
         return found
