@@ -68,6 +68,20 @@ STRICTER: Mapping[str, StricterRule] = MappingProxyType(
             "an operation in FAULT without `on_error`, whose failure leads nowhere",
             "`on_error: {}`, which says so, or a state that tries again",
         ),
+        "silent-fault": StricterRule(
+            "untold-rest",
+            "2026-11-23",
+            "2027-02-21",
+            "a lifecycle whose FAULT publishes nothing about the targets that are left",
+            "`itinerary.close_rest: {status: SKIPPED, code: mission_failed}` under `entry` of FAULT",
+        ),
+        "early-outcomes": StricterRule(
+            "wrong-type",
+            "2026-11-23",
+            "2027-02-21",
+            "`published` and `visits` of a scenario without targets whose visit had not begun",
+            "these too: every target of an accepted request has an outcome, however early the mission ends",
+        ),
         "part-and-mission": StricterRule(
             "conflicting-definition",
             "2026-11-23",
@@ -138,6 +152,11 @@ STRICTER: Mapping[str, StricterRule] = MappingProxyType(
         ),
     }
 )
+
+
+def is_dated(name: str) -> bool:
+    """Say whether this engine still accepts what the row `name` is about."""
+    return STRICTER[name].refused > RELEASED
 
 
 def stricter(name: str, place: Place, path: str, problem: str, hint: str, released: str = "") -> Diagnostic:

@@ -27,6 +27,9 @@ from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
 from lupin_engine.chart.model import Chart, Kind, State, Transition
+from lupin_engine.chart.rules.walks import closes_in_fault
+from lupin_engine.chart.semantics import FAULT
+from lupin_engine.chart.stricter import is_dated
 from lupin_engine.machine.event import Act, Cancel, Report, Start
 from lupin_engine.machine.itineraries import identity_of
 from lupin_engine.machine.memory import Attempt, Invocation, Memory, Phase
@@ -460,6 +463,8 @@ def _all_closed(passage: Passage) -> str | None:
     ahead = {id(visit) for walk in walks for visit in walk.visits}
     visits += [visit for visit in memory.ahead if id(visit) in ahead]
     still = [visit.target for visit in visits if not visit.closed]
+    if still and FAULT in memory.configuration and not closes_in_fault(passage.chart):
+        still = [] if is_dated("silent-fault") else still
     if still:
         return f"the mission ended without a result for {', '.join(still)}"
     return "" if visits else None

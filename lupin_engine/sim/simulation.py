@@ -203,7 +203,8 @@ class MomentView:
 class Run:
     """The result of a simulation: its history, and its final state.
 
-    `visits` are the visits of all itineraries, `context` the variables at the end. `cut_off`: a limit of time
+    `visits` are the visits of all itineraries, `visits_of_sweep` those of the running sweep of each that has
+    begun, `context` the variables at the end. `cut_off`: a limit of time
     or steps was reached; `stopped`: the state of `stop_at` was entered. `unfired`: happenings that never took
     place; `idle`: those without effect, with the time. `views` are the recorded views, by number.
     `parameters` are the given settings. `unspent` counts the attempts under each rule with unused outcomes,
@@ -224,6 +225,7 @@ class Run:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     unspent: Mapping[int, int] = field(default_factory=dict)
     violated: tuple[tuple[Step | None, str, str], ...] = ()
+    visits_of_sweep: tuple[Visit, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Run to {self.view.lifecycle} in {self.seconds:g} s: {len(self.steps)} steps>"
@@ -619,10 +621,12 @@ class Simulation:
 
     def result(self, cut_off: bool) -> Run:
         """Return the result until now."""
+        walks = self._machine.memory.itineraries.values()
         return Run(
             chart=self._machine.chart,
             history=self.history,
             visits=self._machine.memory.outcomes,
+            visits_of_sweep=tuple(v for walk in walks if walk.begun for v in walk.visits),
             view=self._machine.view,
             seconds=self._clock.now(),
             cut_off=cut_off,
