@@ -76,7 +76,13 @@ from .semantics import FAULT as FAULT
 from .semantics import MIN_PERIOD as MIN_PERIOD
 from .semantics import TIMERS as TIMERS
 from .source import Map as Map
+from .source import Seq as Seq
 from .source import head as head
+from .source import parse_bytes as parse_bytes
 from .source import read as read
 from .source import text_at as text_at
+from .stricter import RELEASED as RELEASED
+from .stricter import STRICTER as STRICTER
+from .stricter import StricterRule as StricterRule
+from .stricter import stricter as stricter
 from .validation import validate as validate

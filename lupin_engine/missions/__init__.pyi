@@ -10,7 +10,9 @@ from .folders import PARTS as PARTS
 from .folders import check_sizes as check_sizes
 from .folders import default_missions_folder as default_missions_folder
 from .folders import find_mission as find_mission
+from .folders import is_missions_folder as is_missions_folder
 from .folders import lifecycle_in as lifecycle_in
+from .folders import lifecycle_of as lifecycle_of
 from .folders import mission_files as mission_files
 from .load import SAVED as SAVED
 from .load import Inspection as Inspection

@@ -160,7 +160,8 @@ class Comparison:
         actual = [_outcome_text(visit, node) for node, visit in pairs if visit is not None]
         if all(_is_met(*pair) for pair in _pairs(expected, once)) and is_dated("early-outcomes"):
             problem = "every target of a request has an outcome now, also before its visit"
-            hint = f"write [{', '.join(rewritten(expected, visits))}]"
+            new = [one for one in rewritten(expected, visits) if isinstance(one, str)]
+            hint = f"not expected: {', '.join(new)}"
             self.dated.append(
                 stricter("early-outcomes", self._expect.at(word), f"expect.{word}", problem, hint)
             )
@@ -338,13 +339,15 @@ def _without_early(run: Run) -> list[Publish]:
     return found
 
 
-def rewritten(expected: Sequence[VisitNode], visits: Sequence[Visit | Publish]) -> list[str]:
-    """Return the outcomes as a scenario would expect them, those that it expects already as they are."""
-    left = list(expected)
-    return [
-        str(left.pop(0)) if left and _is_met(left[0], visit) else _outcome_text(visit, None)
-        for visit in visits
-    ]
+def rewritten(expected: Sequence[VisitNode], visits: Sequence[Visit | Publish]) -> list[int | str]:
+    """Return what a scenario would expect of visits: the number of what it expects already, or a new text."""
+    found: list[int | str] = []
+    kept = 0
+    for visit in visits:
+        stays = kept < len(expected) and _is_met(expected[kept], visit)
+        found.append(kept if stays else _outcome_text(visit, None))
+        kept += stays
+    return found
 
 
 def _is_met(node: VisitNode | None, visit: Visit | Publish | None) -> bool:

@@ -52,6 +52,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "types": "Write all messages and services as TypeScript or JSON Schema.",
         "plugin": "List, show and check plugins, and begin new ones.",
         "node": "Run one node, with ROS arguments; without a name, list the nodes.",
+        "upgrade": "Show what missions, scenarios and bindings would have to change for this engine.",
         "schema": "Print the JSON Schema of the files, for editors.",
         "lsp": "Serve editors: completion, hover, definition, rename, findings as you type.",
         "doctor": "Check this machine, with advice for each problem.",

@@ -1,0 +1,314 @@
+"""What `lupin upgrade` would change in a folder, so that no row of `chart.stricter` warns of its files.
+
+Every edit is tried before it is offered: the missions are checked with it, and the scenarios are run.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lupin_cli.edits import Edit, edited, first_key, is_flow, key_after, list_edits, maps_in
+from lupin_engine.chart import Chart, Findings, Map, parse_bytes
+from lupin_engine.errors import ChartError, Diagnostic, LupinError, Place, Severity, UsageError
+from lupin_engine.missions import inspect_chart, is_missions_folder, lifecycle_in, lifecycle_of, mission_files
+from lupin_engine.plugin import Catalog
+from lupin_engine.sim import SUFFIX, Comparison, Missions, Scenario, load_scenario_text, rewritten
+
+#: The code that a mission is closed with where it fails, and its declaration.
+_FAILED = "mission_failed"
+_DECLARED = f"{_FAILED}: {{label: mission failed, severity: error}}"
+#: The outcome of such a target, in profiles that have it.
+_SKIPPED = "SKIPPED"
+_NUMBER = re.compile(r"[-+.\w]+")
+#: What a scenario's word for an outcome needs quotes for.
+_SPECIAL = re.compile(r"[^\w .-]")
+
+
+@dataclass
+class Upgrade:
+    """The files of a folder: `before` as they are, `after` as they would be, by path.
+
+    `rows` are the rows of `chart.stricter` that a file's changes are about, `left` the findings that a person
+    must mend. `missions` and `scenarios` count the files that were looked at.
+    """
+
+    folder: Path
+    before: dict[Path, bytes] = field(default_factory=dict)
+    after: dict[Path, bytes] = field(default_factory=dict)
+    rows: dict[Path, list[str]] = field(default_factory=dict)
+    left: list[Diagnostic] = field(default_factory=list)
+    missions: int = 0
+    scenarios: int = 0
+
+    @property
+    def changed(self) -> list[Path]:
+        """The files that would change, by name."""
+        return sorted(path for path, raw in self.after.items() if raw != self.before[path])
+
+    def shown(self, path: Path) -> str:
+        """Return a file's name in the folder."""
+        return path.relative_to(self.folder).as_posix()
+
+    def diff(self, path: Path) -> str:
+        """Return a file's change as a unified diff."""
+        old, new = (raw[path].decode().splitlines(keepends=True) for raw in (self.before, self.after))
+        name = self.shown(path)
+        lines = difflib.unified_diff(old, new, f"{name} (now)", f"{name} (upgraded)")
+        return "".join(
+            line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines
+        )
+
+    def now(self, path: Path) -> bytes:
+        """Return a file as it would be now."""
+        if path not in self.before:
+            self.before[path] = path.read_bytes()
+        return self.after.get(path, self.before[path])
+
+    def change(self, path: Path, raw: bytes, rows: list[str]) -> None:
+        """Let a file become `raw`."""
+        self.after[path] = raw
+        self.rows.setdefault(path, []).extend(rows)
+
+
+def upgrade_folder(folder: Path, catalog: Catalog) -> Upgrade:
+    """Find what would change in a folder.
+
+    Raises:
+        UsageError: it is no folder, or has no missions and no scenarios.
+    """
+    if not folder.is_dir():
+        raise UsageError(f"{str(folder)!r} is no folder")
+    found = Upgrade(Path(os.path.abspath(folder)))
+    below = [path for path in sorted(found.folder.rglob("*")) if _is_meant(path.relative_to(found.folder))]
+    folders = [path for path in (found.folder, *below) if path.is_dir() and is_missions_folder(path)]
+    scenarios = [path for path in below if path.name.endswith(SUFFIX) and path.is_file()]
+    if not folders and not scenarios:
+        raise UsageError(f"there are no missions and no scenarios in {str(folder)!r}")
+    for each in folders:
+        _Missions(found, each, catalog).upgrade()
+    for file in scenarios:
+        _Scenario(found, file, catalog).upgrade()
+    found.left = sorted(dict.fromkeys(found.left), key=lambda one: (one.place, one.rule, one.problem))
+    return found
+
+
+def _is_meant(path: Path) -> bool:
+    return not any(part.startswith(".") or part == "node_modules" for part in path.parts)
+
+
+class _Missions:
+    """The missions of a folder, with their lifecycle, parts and bindings."""
+
+    def __init__(self, upgrade: Upgrade, folder: Path, catalog: Catalog) -> None:
+        self._upgrade, self._catalog = upgrade, catalog
+        self._files = mission_files(folder)
+        self._lifecycle = lifecycle_in(folder)
+        upgrade.missions += len(self._files)
+
+    def upgrade(self) -> None:
+        """Mend all that can be mended; what is left then is for a person."""
+        found = self._found({})
+        edits: dict[Path, list[Edit]] = {}
+        rows: dict[Path, list[str]] = {}
+        for one in found:
+            path, mend = Path(one.place.file), _MENDS.get(one.stricter)
+            raw = _parsed(self._upgrade.now(path), path) if mend else None
+            made = mend(raw, one, self._catalog) if mend and raw is not None else []
+            if made:
+                edits.setdefault(path, []).extend(made)
+                rows.setdefault(path, []).append(one.stricter)
+        texts = {path: _with(self._upgrade.now(path), each) for path, each in edits.items()}
+        whole = {path: raw for path, raw in texts.items() if raw is not None}
+        left = self._found(whole)
+        if _errors(left) > _errors(found):
+            whole, left = {}, found
+        for path, raw in whole.items():
+            self._upgrade.change(path, raw, rows[path])
+        self._upgrade.left += [one for one in left if one.stricter or one.severity is Severity.ERROR]
+
+    def _found(self, texts: Mapping[Path, bytes]) -> list[Diagnostic]:
+        """Return the findings in files of the folder, with some of them as `texts` say."""
+        if not self._files and not self._lifecycle.is_relative_to(self._upgrade.folder):
+            return []
+        found = inspect_chart(self._lifecycle, self._files, self._catalog, texts).found
+        return [one for one in found if Path(one.place.file).is_relative_to(self._upgrade.folder)]
+
+
+class _Scenario:
+    """One scenario, and the mission that it is about."""
+
+    def __init__(self, upgrade: Upgrade, file: Path, catalog: Catalog) -> None:
+        self._upgrade, self._file = upgrade, file
+        self._missions = _EditedMissions(catalog, upgrade.after)
+        self._catalog = catalog
+        upgrade.scenarios += 1
+
+    def upgrade(self) -> None:
+        """Mend its words, then the outcomes that it expects."""
+        try:
+            self._words()
+            self._outcomes()
+        except ChartError as problem:
+            self._upgrade.left += [one for one in problem.diagnostics if one.place.file == str(self._file)]
+        except (LupinError, OSError, UnicodeDecodeError) as problem:
+            self._upgrade.left.append(Diagnostic(Place(str(self._file), 1, 1), "no-file", "", str(problem)))
+
+    def _loaded(self, raw: bytes) -> Scenario:
+        return load_scenario_text(raw.decode("utf-8-sig"), self._file, self._missions)
+
+    def _words(self) -> None:
+        raw = self._upgrade.now(self._file)
+        warnings = [one for one in self._loaded(raw).warnings if one.stricter]
+        parsed = _parsed(raw, self._file)
+        edits = []
+        for one in warnings:
+            mend = _MENDS.get(one.stricter)
+            made = mend(parsed, one, self._catalog) if mend and parsed is not None else []
+            edits += made
+            if not made:
+                self._upgrade.left.append(one)
+        changed = _with(raw, edits)
+        if edits and changed is not None:
+            self._loaded(changed)
+            self._upgrade.change(self._file, changed, [one.stricter for one in warnings])
+
+    def _outcomes(self) -> None:
+        """Write the outcomes that there are, where those that are expected were all there was once."""
+        raw = self._upgrade.now(self._file)
+        was = _Compared(load_scenario_text(raw.decode("utf-8-sig"), self._file, Missions(self._catalog)))
+        scenario = self._loaded(raw)
+        compared = _Compared(scenario)
+        if was.fails or not (compared.dated or compared.fails):
+            return
+        parsed, changed = _parsed(raw, self._file), None
+        if parsed is not None and isinstance(parsed.get("expect"), Map):
+            changed = _with(raw, _outcome_edits(parsed["expect"], scenario, compared))
+        if changed is not None:
+            again = _Compared(self._loaded(changed))
+            if not again.fails and not again.dated:
+                self._upgrade.change(self._file, changed, ["early-outcomes"])
+                return
+        self._upgrade.left += compared.dated or was.dated or [self._broken(scenario)]
+
+    def _broken(self, scenario: Scenario) -> Diagnostic:
+        problem = "this expects something else of the upgraded missions than there is"
+        hint = "see what 'lupin test' says after 'lupin upgrade --write'"
+        place = scenario.node.at("expect")
+        return Diagnostic(place, "wrong-type", "expect", problem, hint, Severity.WARN, "early-outcomes")
+
+
+class _Compared:
+    """A scenario's run: whether it fails, and what holds of it only as an older engine meant it."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.run = scenario.run()
+        comparison = Comparison(scenario.node, self.run)
+        self.fails = bool(list(comparison.failures()))
+        self.dated = comparison.dated
+
+
+class _EditedMissions(Missions):
+    """Missions whose files are as an upgrade would leave them."""
+
+    def __init__(self, catalog: Catalog, texts: Mapping[Path, bytes]) -> None:
+        super().__init__(catalog)
+        self._texts = texts
+
+    def chart(self, mission: Path) -> Chart:
+        """Return the chart of a mission file with its lifecycle; ChartError with all that is wrong."""
+        path = Path(os.path.abspath(mission))
+        inspection = inspect_chart(lifecycle_of(path), [path], self.catalog, self._texts, reaching=False)
+        if inspection.chart is None:
+            raise ChartError(one for one in inspection.found if one.severity is Severity.ERROR)
+        return inspection.chart
+
+
+def _outcome_edits(expect: Map, scenario: Scenario, compared: _Compared) -> Iterator[Edit]:
+    published = [publish for _, publish in compared.run.history.published]
+    for word, actual in (("visits", compared.run.visits), ("published", published)):
+        expected = getattr(scenario.node.expect, word)
+        items = rewritten(expected or (), actual)
+        if expected is not None and items != list(range(len(expected))):
+            quoted = [f'"{one}"' if isinstance(one, str) and _SPECIAL.search(one) else one for one in items]
+            yield from list_edits(expect, word, quoted)
+
+
+# -- what mends a row ---------------------------------------------------------------------------------------
+
+
+def _add_unit(raw: Map, found: Diagnostic, _: Catalog) -> list[Edit]:
+    """Write the unit behind a number."""
+    unit = re.match(r"write '\S+ (\S+)'", found.hint)
+    number = _token(raw, found.place)
+    return [_replaced(found.place, number, f"{number} {unit[1]}")] if unit and number else []
+
+
+def _add_on_error(raw: Map, found: Diagnostic, _: Catalog) -> list[Edit]:
+    """Say that nothing follows when an operation in FAULT has failed."""
+    for holder in maps_in(raw):
+        if "invoke" in holder and holder.value_place("invoke") == found.place:
+            return [key_after(holder, "invoke", "on_error: {}")]
+    return []
+
+
+def _close_in_fault(raw: Map, _: Diagnostic, catalog: Catalog) -> list[Edit]:
+    """Close the targets that are left in the entry of FAULT, with a code that is declared."""
+    states = raw.get("states")
+    fault = states.get("FAULT") if isinstance(states, Map) else None
+    if (
+        not isinstance(fault, Map)
+        or not fault
+        or "entry" in fault
+        or _SKIPPED not in catalog.profile.statuses
+    ):
+        return []
+    action = f"itinerary.close_rest: {{status: {_SKIPPED}, code: {_FAILED}}}"
+    edits = [first_key(fault, f"entry: [{action}]" if is_flow(fault) else f"entry:\n  - {action}")]
+    codes = raw.get("codes")
+    if not isinstance(codes, Map) or not codes:
+        return [*edits, first_key(raw, f"codes: {{{_DECLARED}}}")] if codes is None else []
+    if _FAILED not in codes:
+        edits.append(key_after(codes, list(codes)[-1], _DECLARED))
+    return edits
+
+
+def _rename_property(raw: Map, found: Diagnostic, _: Catalog) -> list[Edit]:
+    """Give a property the name that it has already."""
+    name = _token(raw, found.place)
+    return [_replaced(found.place, name, f"my_{name}")] if name else []
+
+
+_MENDS: Mapping[str, Callable[[Map, Diagnostic, Catalog], list[Edit]]] = {
+    "bare-quantity": _add_unit,
+    "wait-in-fault": _add_on_error,
+    "silent-fault": _close_in_fault,
+    "property-name": _rename_property,
+}
+
+
+def _token(raw: Map, place: Place) -> str:
+    found = _NUMBER.match(raw.file.lines[place.line - 1], place.column - 1)
+    return found[0] if found else ""
+
+
+def _replaced(place: Place, old: str, new: str) -> Edit:
+    return Edit(place.line - 1, place.column - 1, old, new)
+
+
+def _parsed(raw: bytes, path: Path) -> Map | None:
+    return parse_bytes(raw, str(path), Findings())
+
+
+def _with(raw: bytes, edits: Any) -> bytes | None:
+    text = edited(raw.decode(), edits)
+    return None if text is None else text.encode()
+
+
+def _errors(found: list[Diagnostic]) -> int:
+    return sum(one.severity is Severity.ERROR for one in found)
