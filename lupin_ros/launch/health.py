@@ -12,6 +12,7 @@ import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import metadata
 from itertools import pairwise, takewhile
@@ -19,8 +20,15 @@ from pathlib import Path
 from typing import Literal
 
 from lupin_engine import __version__
+from lupin_engine.chart import STRICTER
 from lupin_engine.errors import LupinError, Severity, UsageError
-from lupin_engine.missions import check_chart, lifecycle_in, mission_files, mission_folders
+from lupin_engine.missions import (
+    check_chart,
+    default_missions_folder,
+    lifecycle_in,
+    mission_files,
+    mission_folders,
+)
 from lupin_engine.plugin import (
     DOMAIN,
     domain_advice,
@@ -30,6 +38,7 @@ from lupin_engine.plugin import (
     ros_domain,
     verified_plugin,
 )
+from lupin_engine.sim import SUFFIX, Missions, load_scenario
 from lupin_ros.adapter import environment
 from lupin_ros.adapter.dds.profile import CLOSED, RANGE, users_profile
 from lupin_ros.interfaces.type_hashes import local_hash
@@ -311,6 +320,26 @@ def look_at_missions() -> Iterator[Finding]:
             yield Finding(f"mission {file.stem}", f"no errors, in {folder}")
 
 
+def look_at_old_words() -> Iterator[Finding]:
+    """Count what the project here says that a later engine will refuse."""
+    catalog = load_catalog()
+    missions = Missions(catalog)
+    folder = mission_folders()[0]
+    if folder.resolve() == default_missions_folder().resolve():
+        return
+    dated = [one.stricter for one in check_chart(lifecycle_in(folder), mission_files(folder), catalog)[1]]
+    for file in sorted((folder.absolute().parent / "scenarios").rglob(f"*{SUFFIX}")):
+        with suppress(LupinError):
+            dated += [one.stricter for one in load_scenario(file, catalog, missions).warnings]
+    rows = [STRICTER[name] for name in dated if name]
+    if not rows:
+        yield Finding("old words", "none")
+        return
+    first = min(row.refused for row in rows)
+    advice = "`lupin upgrade` shows what to change, and writes it with `--write`"
+    yield Finding("old words", f"{len(rows)}, refused by versions from {first} on", "note", advice)
+
+
 def _version(distribution: str) -> str:
     try:
         return metadata.version(distribution)
@@ -327,4 +356,5 @@ LOOKS: tuple[Callable[[], Iterator[Finding]], ...] = (
     look_at_plugins,
     look_at_extras,
     look_at_missions,
+    look_at_old_words,
 )
