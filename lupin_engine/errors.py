@@ -63,7 +63,7 @@ def near(file: str) -> str:
 class Diagnostic:
     """One finding: its place, the problem, and the allowed values or the remedy.
 
-    `stricter` names the row of `chart.stricter` by which an older engine accepted this, '' for none.
+    `stricter` names the row of `chart.strictness` by which an older engine accepted this, '' for none.
     """
 
     place: Place

@@ -147,7 +147,7 @@ def _block(language: str, text: str) -> Iterator[str]:
 LANGUAGE_HEAD = """\
 # The language of missions
 
-A mission is a statechart in YAML. There are three kinds of file, told apart by their first key: a *lifecycle*
+A mission is a statechart in YAML. There are three kinds of file, told apart by the key that names them: a *lifecycle*
 is what all missions share (starting up, pausing, driving home), a *mission* is what a robot is asked to do
 and stands in the lifecycle's slot, a *part* is a piece that missions use, as they may use another mission.
 `lifecycle.yaml` stands beside the missions, the parts in the folder `parts` there. What a mission can do
@@ -168,7 +168,7 @@ file. The shipped ones in `missions/` are the best introduction; this page is fo
   happens. Only then operations begin. No time passes meanwhile.
 - `event` has the fields of the event that is dealt with. It stays visible in what follows at once without
   an event: in the `entry` and the operation of what is entered, and in an `always` that is taken in the
-  same step. A field that one of the ways to an expression does not bring is an error of the checker; keep
+  same step. A field that one of the ways to an expression does not bring is a finding of the checker; keep
   it in a variable where it is seen.
 - An operation lives as long as its state: leaving the state cancels it. Its end is `on_done` or `on_error`.
   An error that nobody handles, and an expression or action that fails, leads to the lifecycle's FAULT

@@ -81,8 +81,6 @@ from .source import head as head
 from .source import parse_bytes as parse_bytes
 from .source import read as read
 from .source import text_at as text_at
-from .stricter import RELEASED as RELEASED
-from .stricter import STRICTER as STRICTER
-from .stricter import StricterRule as StricterRule
-from .stricter import stricter as stricter
+from .strictness import STRICTER as STRICTER
+from .strictness import as_of as as_of
 from .validation import validate as validate

@@ -26,7 +26,7 @@ from lupin_engine.chart.findings import Findings, answered, collected, warning
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.rules.checks import check_composed
 from lupin_engine.chart.source import head, parse_bytes, read_bytes
-from lupin_engine.chart.stricter import stricter
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.chart.validation import Way, follows, read_document
 from lupin_engine.errors import MAX_LISTED, ChartError, Diagnostic, Place, Severity, meant
 from lupin_engine.missions.folders import PARTS, is_mission, mission_files

@@ -29,7 +29,7 @@ from typing import NamedTuple, TypeVar
 from lupin_engine.chart.model import Chart, Kind, State, Transition
 from lupin_engine.chart.rules.walks import closes_in_fault
 from lupin_engine.chart.semantics import FAULT
-from lupin_engine.chart.stricter import is_dated
+from lupin_engine.chart.strictness import is_dated
 from lupin_engine.machine.event import Act, Cancel, Report, Start
 from lupin_engine.machine.itineraries import identity_of
 from lupin_engine.machine.memory import Attempt, Invocation, Memory, Phase

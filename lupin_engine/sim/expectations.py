@@ -7,7 +7,7 @@ from itertools import zip_longest
 from typing import Any
 
 from lupin_engine.chart.model import Chart
-from lupin_engine.chart.stricter import is_dated, stricter
+from lupin_engine.chart.strictness import is_dated, stricter
 from lupin_engine.errors import Diagnostic
 from lupin_engine.machine.event import Act, Cancel, Command, Start
 from lupin_engine.machine.memory import Visit

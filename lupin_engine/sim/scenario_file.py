@@ -236,7 +236,7 @@ class RestartNode(ShortNode):
 
     @classmethod
     def _long_form(cls, data: Any) -> Any:
-        if not isinstance(data, (str, dict)) and data is not True:  # a row of `chart.stricter`
+        if not isinstance(data, (str, dict)) and data is not True:  # a row of `chart.strictness`
             raise wrong_shape(f"expected a duration such as '5 s', got {show(data)}")
         return data if isinstance(data, dict) else {"after": data}
 

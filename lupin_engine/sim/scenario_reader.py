@@ -14,7 +14,7 @@ from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, TemporalProperty
 from lupin_engine.chart.nodes import Node, show
 from lupin_engine.chart.source import Map, Seq
-from lupin_engine.chart.stricter import stricter
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Place
 from lupin_engine.machine.holds import all_holds
 from lupin_engine.plugin.contract import OPERATION_CODES, Operation
@@ -535,7 +535,7 @@ def _check_marked(
         names.look_up(node, key, value, mark)
     elif isinstance(mark, IsClock):
         names.clock(node.at(key), key, value)
-    elif not (isinstance(node, RestartNode) and value is True):  # a row of `chart.stricter`
+    elif not (isinstance(node, RestartNode) and value is True):  # a row of `chart.strictness`
         names.duration(node.at(key), key, value)
 
 

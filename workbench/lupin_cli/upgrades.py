@@ -1,4 +1,4 @@
-"""What `lupin upgrade` would change in a folder, so that no row of `chart.stricter` warns of its files.
+"""What `lupin upgrade` would change in a folder, so that no row of `chart.strictness` warns of its files.
 
 Every edit is tried before it is offered: the missions are checked with it, and the scenarios are run.
 """
@@ -14,9 +14,16 @@ from pathlib import Path
 from typing import Any
 
 from lupin_cli.edits import Edit, edited, first_key, is_flow, key_after, list_edits, maps_in
-from lupin_engine.chart import Chart, Findings, Map, parse_bytes
+from lupin_engine.chart import Chart, Findings, Map, as_of, parse_bytes
 from lupin_engine.errors import ChartError, Diagnostic, LupinError, Place, Severity, UsageError
-from lupin_engine.missions import inspect_chart, is_missions_folder, lifecycle_in, lifecycle_of, mission_files
+from lupin_engine.missions import (
+    forget,
+    inspect_chart,
+    is_missions_folder,
+    lifecycle_in,
+    lifecycle_of,
+    mission_files,
+)
 from lupin_engine.plugin import Catalog
 from lupin_engine.sim import SUFFIX, Comparison, Missions, Scenario, load_scenario_text, rewritten
 
@@ -34,8 +41,8 @@ _SPECIAL = re.compile(r"[^\w .-]")
 class Upgrade:
     """The files of a folder: `before` as they are, `after` as they would be, by path.
 
-    `rows` are the rows of `chart.stricter` that a file's changes are about, `left` the findings that a person
-    must mend. `missions` and `scenarios` count the files that were looked at.
+    `rows` are the rows of `chart.strictness` that a file's changes are about, `left` the findings that a
+    person must mend. `missions` and `scenarios` count the files that were looked at.
     """
 
     folder: Path
@@ -77,7 +84,7 @@ class Upgrade:
 
 
 def upgrade_folder(folder: Path, catalog: Catalog) -> Upgrade:
-    """Find what would change in a folder.
+    """Find what would change in a folder, also where this engine refuses what is in it by now.
 
     Raises:
         UsageError: it is no folder, or has no missions and no scenarios.
@@ -90,10 +97,13 @@ def upgrade_folder(folder: Path, catalog: Catalog) -> Upgrade:
     scenarios = [path for path in below if path.name.endswith(SUFFIX) and path.is_file()]
     if not folders and not scenarios:
         raise UsageError(f"there are no missions and no scenarios in {str(folder)!r}")
-    for each in folders:
-        _Missions(found, each, catalog).upgrade()
-    for file in scenarios:
-        _Scenario(found, file, catalog).upgrade()
+    forget()
+    with as_of(""):
+        for each in folders:
+            _Missions(found, each, catalog).upgrade()
+        for file in scenarios:
+            _Scenario(found, file, catalog).upgrade()
+    forget()
     found.left = sorted(dict.fromkeys(found.left), key=lambda one: (one.place, one.rule, one.problem))
     return found
 

@@ -14,7 +14,7 @@ from lupin_engine.chart.expressions.units import one
 from lupin_engine.chart.expressions.values import read_guard, read_key
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.model import Chart, TemporalProperty
-from lupin_engine.chart.stricter import stricter
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Place, Severity
 from lupin_engine.plugin.contract import OWN_HOLDS
 from lupin_engine.plugin.registry import Catalog

@@ -21,7 +21,7 @@ from lupin_engine.chart.rules.index import (
     taken_when,
 )
 from lupin_engine.chart.semantics import FAULT, matches
-from lupin_engine.chart.stricter import stricter
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Diagnostic
 from lupin_engine.plugin.profile import ANSWER
 

@@ -19,7 +19,7 @@ from lupin_engine.chart.model import Kind, State, Transition
 from lupin_engine.chart.records import COMPUTED, walk
 from lupin_engine.chart.rules.index import Index, always_taken, event_name, local
 from lupin_engine.chart.semantics import EXECUTION_ERROR
-from lupin_engine.chart.stricter import stricter
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Diagnostic
 from lupin_engine.plugin.profile import ANSWER, START
 

@@ -20,7 +20,7 @@ from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import ActionCall, Kind, State, Transition, every_call
 from lupin_engine.chart.rules.index import OF_ONE_STATE, Index, always_taken, guard_of, local, taken_when
 from lupin_engine.chart.semantics import matches
-from lupin_engine.chart.stricter import stricter
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Diagnostic
 
 #: What a visit may be.

@@ -9,7 +9,7 @@ from lupin_engine.chart.findings import warning
 from lupin_engine.chart.model import Chart, Kind, State, Transition, every_call
 from lupin_engine.chart.rules.index import Index, guard_of, local
 from lupin_engine.chart.semantics import FAULT
-from lupin_engine.chart.stricter import stricter
+from lupin_engine.chart.strictness import stricter
 from lupin_engine.errors import Diagnostic
 
 

@@ -8,7 +8,8 @@ file could move the robot, falsify what is published, or end the orchestrator.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -154,18 +155,29 @@ STRICTER: Mapping[str, StricterRule] = MappingProxyType(
 )
 
 
+@contextmanager
+def as_of(released: str) -> Iterator[None]:
+    """Judge as an engine that was released on another day; charts that are remembered are of the day before.
+
+    `""` is before all days: what `lupin upgrade` mends has to be read, however old it is.
+    """
+    global RELEASED
+    own, RELEASED = RELEASED, released
+    try:
+        yield
+    finally:
+        RELEASED = own
+
+
 def is_dated(name: str) -> bool:
     """Say whether this engine still accepts what the row `name` is about."""
     return STRICTER[name].refused > RELEASED
 
 
-def stricter(name: str, place: Place, path: str, problem: str, hint: str, released: str = "") -> Diagnostic:
-    """Return a finding of the row `name`: a warning that says from when on it is an error, or an error.
-
-    `released` is the day of an engine, by default of this one.
-    """
+def stricter(name: str, place: Place, path: str, problem: str, hint: str) -> Diagnostic:
+    """Return a finding of the row `name`: a warning that says from when on it is an error, or an error."""
     row = STRICTER[name]
-    if (released or RELEASED) >= row.refused:
+    if not is_dated(name):
         return Diagnostic(place, row.rule, path, problem, hint, stricter=name)
     mends = "; 'lupin upgrade' mends it" if row.upgrades else ""
     hint = f"{hint} (an error in versions from {row.refused} on{mends})"
