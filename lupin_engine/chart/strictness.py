@@ -74,7 +74,7 @@ STRICTER: Mapping[str, StricterRule] = MappingProxyType(
             "2026-11-23",
             "2027-02-21",
             "a lifecycle whose FAULT publishes nothing about the targets that are left",
-            "`itinerary.close_rest: {status: SKIPPED, code: mission_failed}` under `entry` of FAULT",
+            "`itinerary.close_rest` under `entry` of FAULT",
         ),
         "early-outcomes": StricterRule(
             "wrong-type",

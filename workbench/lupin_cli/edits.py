@@ -1,4 +1,4 @@
-"""Edits of a YAML file at places, which leave its comments and its layout as they are."""
+"""Edits of a YAML file at places, which leave its comments and line breaks as they are."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lupin_engine.chart import Map, Seq
 
 
 @dataclass(frozen=True, order=True)
-class Edit:
+class PlacedEdit:
     """Replaces `old` by `new`, at a line and column counted from 0; `old` must stand there."""
 
     line: int
@@ -19,7 +19,7 @@ class Edit:
     new: str
 
 
-def edited(text: str, edits: Iterable[Edit]) -> str | None:
+def edited(text: str, edits: Iterable[PlacedEdit]) -> str | None:
     """Return a text with edits, in its own line ends; None where one does not fit."""
     lines = text.splitlines(keepends=True)
     end = "\r\n" if "\r\n" in text else "\n"
@@ -51,26 +51,26 @@ def is_flow(value: Map | Seq) -> bool:
     return value.file.lines[place.line - 1].startswith(("{", "["), place.column - 1)
 
 
-def first_key(holder: Map, text: str) -> Edit:
+def first_key(holder: Map, text: str) -> PlacedEdit:
     """Return the edit that writes a key, or several lines, before the first key of a mapping."""
     place = min(holder.key_place(key) for key in holder)
     indent = " " * (place.column - 1)
     new = f"{text}, " if is_flow(holder) else text.replace("\n", f"\n{indent}") + f"\n{indent}"
-    return Edit(place.line - 1, place.column - 1, "", new)
+    return PlacedEdit(place.line - 1, place.column - 1, "", new)
 
 
-def key_after(holder: Map, key: str, text: str) -> Edit:
+def key_after(holder: Map, key: str, text: str) -> PlacedEdit:
     """Return the edit that writes a key behind another one and its value."""
     place = holder.key_place(key)
     if is_flow(holder):
-        return Edit(place.line - 1, place.column - 1, "", f"{text}, ")
+        return PlacedEdit(place.line - 1, place.column - 1, "", f"{text}, ")
     lines, row, indent = holder.file.lines, place.line, place.column - 1
     last = row
     while row < len(lines) and _belongs(lines[row], indent):
         row += 1
         if lines[row - 1].strip() and not lines[row - 1].lstrip().startswith("#"):
             last = row
-    return Edit(last, 0, "", f"{' ' * indent}{text}\n")
+    return PlacedEdit(last, 0, "", f"{' ' * indent}{text}\n")
 
 
 def _belongs(line: str, indent: int) -> bool:
@@ -80,7 +80,7 @@ def _belongs(line: str, indent: int) -> bool:
     return not stripped.strip() or depth > indent or (depth == indent and stripped.startswith("- "))
 
 
-def list_edits(holder: Map, key: str, items: Sequence[int | str]) -> list[Edit]:
+def list_edits(holder: Map, key: str, items: Sequence[int | str]) -> list[PlacedEdit]:
     """Return the edits that make a list one of old items, by number, and new ones.
 
     Empty where that cannot be written: a list in brackets on several lines, or one whose old items do not all
@@ -96,10 +96,10 @@ def list_edits(holder: Map, key: str, items: Sequence[int | str]) -> list[Edit]:
     if old is None or len(old[0]) != len(found):
         return []
     new = ", ".join(old[0][item] if isinstance(item, int) else item for item in items)
-    return [Edit(place.line - 1, start, line[start : old[1]], f"[{new}]")]
+    return [PlacedEdit(place.line - 1, start, line[start : old[1]], f"[{new}]")]
 
 
-def _block_edits(found: Seq, items: Sequence[int | str]) -> list[Edit]:
+def _block_edits(found: Seq, items: Sequence[int | str]) -> list[PlacedEdit]:
     lines, places = found.file.lines, found.places
     if [item for item in items if isinstance(item, int)] != list(range(len(places))) or not places:
         return []
@@ -113,7 +113,7 @@ def _block_edits(found: Seq, items: Sequence[int | str]) -> list[Edit]:
             line = row if behind is None else places[behind].line - 1
             edits.append((line, f"{' ' * dash}- {item}\n"))
     at = dict.fromkeys(line for line, _ in edits)
-    return [Edit(line, 0, "", "".join(text for where, text in edits if where == line)) for line in at]
+    return [PlacedEdit(line, 0, "", "".join(text for where, text in edits if where == line)) for line in at]
 
 
 def _items(line: str, start: int) -> tuple[list[str], int] | None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lupin_cli.edits import Edit, edited, first_key, is_flow, key_after, list_edits, maps_in
+from lupin_cli.edits import PlacedEdit, edited, first_key, is_flow, key_after, list_edits, maps_in
 from lupin_engine.chart import Chart, Findings, Map, as_of, parse_bytes
 from lupin_engine.errors import ChartError, Diagnostic, LupinError, Place, Severity, UsageError
 from lupin_engine.missions import (
@@ -27,18 +27,18 @@ from lupin_engine.missions import (
 from lupin_engine.plugin import Catalog
 from lupin_engine.sim import SUFFIX, Comparison, Missions, Scenario, load_scenario_text, rewritten
 
+#: The action that closes what is left of an itinerary.
+_CLOSE = "itinerary.close_rest"
 #: The code that a mission is closed with where it fails, and its declaration.
 _FAILED = "mission_failed"
 _DECLARED = f"{_FAILED}: {{label: mission failed, severity: error}}"
-#: The outcome of such a target, in profiles that have it.
-_SKIPPED = "SKIPPED"
 _NUMBER = re.compile(r"[-+.\w]+")
 #: What a scenario's word for an outcome needs quotes for.
 _SPECIAL = re.compile(r"[^\w .-]")
 
 
 @dataclass
-class Upgrade:
+class FolderUpgrade:
     """The files of a folder: `before` as they are, `after` as they would be, by path.
 
     `rows` are the rows of `chart.strictness` that a file's changes are about, `left` the findings that a
@@ -83,7 +83,7 @@ class Upgrade:
         self.rows.setdefault(path, []).extend(rows)
 
 
-def upgrade_folder(folder: Path, catalog: Catalog) -> Upgrade:
+def upgrade_folder(folder: Path, catalog: Catalog) -> FolderUpgrade:
     """Find what would change in a folder, also where this engine refuses what is in it by now.
 
     Raises:
@@ -91,7 +91,7 @@ def upgrade_folder(folder: Path, catalog: Catalog) -> Upgrade:
     """
     if not folder.is_dir():
         raise UsageError(f"{str(folder)!r} is no folder")
-    found = Upgrade(Path(os.path.abspath(folder)))
+    found = FolderUpgrade(Path(os.path.abspath(folder)))
     below = [path for path in sorted(found.folder.rglob("*")) if _is_meant(path.relative_to(found.folder))]
     folders = [path for path in (found.folder, *below) if path.is_dir() and is_missions_folder(path)]
     scenarios = [path for path in below if path.name.endswith(SUFFIX) and path.is_file()]
@@ -100,9 +100,9 @@ def upgrade_folder(folder: Path, catalog: Catalog) -> Upgrade:
     forget()
     with as_of(""):
         for each in folders:
-            _Missions(found, each, catalog).upgrade()
+            _MissionsUpgrade(found, each, catalog).upgrade()
         for file in scenarios:
-            _Scenario(found, file, catalog).upgrade()
+            _ScenarioUpgrade(found, file, catalog).upgrade()
     forget()
     found.left = sorted(dict.fromkeys(found.left), key=lambda one: (one.place, one.rule, one.problem))
     return found
@@ -112,10 +112,10 @@ def _is_meant(path: Path) -> bool:
     return not any(part.startswith(".") or part == "node_modules" for part in path.parts)
 
 
-class _Missions:
+class _MissionsUpgrade:
     """The missions of a folder, with their lifecycle, parts and bindings."""
 
-    def __init__(self, upgrade: Upgrade, folder: Path, catalog: Catalog) -> None:
+    def __init__(self, upgrade: FolderUpgrade, folder: Path, catalog: Catalog) -> None:
         self._upgrade, self._catalog = upgrade, catalog
         self._files = mission_files(folder)
         self._lifecycle = lifecycle_in(folder)
@@ -124,7 +124,7 @@ class _Missions:
     def upgrade(self) -> None:
         """Mend all that can be mended; what is left then is for a person."""
         found = self._found({})
-        edits: dict[Path, list[Edit]] = {}
+        edits: dict[Path, list[PlacedEdit]] = {}
         rows: dict[Path, list[str]] = {}
         for one in found:
             path, mend = Path(one.place.file), _MENDS.get(one.stricter)
@@ -138,8 +138,8 @@ class _Missions:
         left = self._found(whole)
         if _errors(left) > _errors(found):
             whole, left = {}, found
-        for path, raw in whole.items():
-            self._upgrade.change(path, raw, rows[path])
+        for path, text in whole.items():
+            self._upgrade.change(path, text, rows[path])
         self._upgrade.left += [one for one in left if one.stricter or one.severity is Severity.ERROR]
 
     def _found(self, texts: Mapping[Path, bytes]) -> list[Diagnostic]:
@@ -150,10 +150,10 @@ class _Missions:
         return [one for one in found if Path(one.place.file).is_relative_to(self._upgrade.folder)]
 
 
-class _Scenario:
+class _ScenarioUpgrade:
     """One scenario, and the mission that it is about."""
 
-    def __init__(self, upgrade: Upgrade, file: Path, catalog: Catalog) -> None:
+    def __init__(self, upgrade: FolderUpgrade, file: Path, catalog: Catalog) -> None:
         self._upgrade, self._file = upgrade, file
         self._missions = _EditedMissions(catalog, upgrade.after)
         self._catalog = catalog
@@ -191,16 +191,16 @@ class _Scenario:
     def _outcomes(self) -> None:
         """Write the outcomes that there are, where those that are expected were all there was once."""
         raw = self._upgrade.now(self._file)
-        was = _Compared(load_scenario_text(raw.decode("utf-8-sig"), self._file, Missions(self._catalog)))
+        was = _ComparedRun(load_scenario_text(raw.decode("utf-8-sig"), self._file, Missions(self._catalog)))
         scenario = self._loaded(raw)
-        compared = _Compared(scenario)
+        compared = _ComparedRun(scenario)
         if was.fails or not (compared.dated or compared.fails):
             return
         parsed, changed = _parsed(raw, self._file), None
         if parsed is not None and isinstance(parsed.get("expect"), Map):
             changed = _with(raw, _outcome_edits(parsed["expect"], scenario, compared))
         if changed is not None:
-            again = _Compared(self._loaded(changed))
+            again = _ComparedRun(self._loaded(changed))
             if not again.fails and not again.dated:
                 self._upgrade.change(self._file, changed, ["early-outcomes"])
                 return
@@ -213,7 +213,7 @@ class _Scenario:
         return Diagnostic(place, "wrong-type", "expect", problem, hint, Severity.WARN, "early-outcomes")
 
 
-class _Compared:
+class _ComparedRun:
     """A scenario's run: whether it fails, and what holds of it only as an older engine meant it."""
 
     def __init__(self, scenario: Scenario) -> None:
@@ -239,7 +239,7 @@ class _EditedMissions(Missions):
         return inspection.chart
 
 
-def _outcome_edits(expect: Map, scenario: Scenario, compared: _Compared) -> Iterator[Edit]:
+def _outcome_edits(expect: Map, scenario: Scenario, compared: _ComparedRun) -> Iterator[PlacedEdit]:
     published = [publish for _, publish in compared.run.history.published]
     for word, actual in (("visits", compared.run.visits), ("published", published)):
         expected = getattr(scenario.node.expect, word)
@@ -252,14 +252,14 @@ def _outcome_edits(expect: Map, scenario: Scenario, compared: _Compared) -> Iter
 # -- what mends a row ---------------------------------------------------------------------------------------
 
 
-def _add_unit(raw: Map, found: Diagnostic, _: Catalog) -> list[Edit]:
+def _add_unit(raw: Map, found: Diagnostic, _: Catalog) -> list[PlacedEdit]:
     """Write the unit behind a number."""
     unit = re.match(r"write '\S+ (\S+)'", found.hint)
     number = _token(raw, found.place)
     return [_replaced(found.place, number, f"{number} {unit[1]}")] if unit and number else []
 
 
-def _add_on_error(raw: Map, found: Diagnostic, _: Catalog) -> list[Edit]:
+def _add_on_error(raw: Map, found: Diagnostic, _: Catalog) -> list[PlacedEdit]:
     """Say that nothing follows when an operation in FAULT has failed."""
     for holder in maps_in(raw):
         if "invoke" in holder and holder.value_place("invoke") == found.place:
@@ -267,18 +267,15 @@ def _add_on_error(raw: Map, found: Diagnostic, _: Catalog) -> list[Edit]:
     return []
 
 
-def _close_in_fault(raw: Map, _: Diagnostic, catalog: Catalog) -> list[Edit]:
-    """Close the targets that are left in the entry of FAULT, with a code that is declared."""
+def _close_in_fault(raw: Map, _: Diagnostic, __: Catalog) -> list[PlacedEdit]:
+    """Close the targets that are left in the entry of FAULT, as the lifecycle does elsewhere."""
     states = raw.get("states")
     fault = states.get("FAULT") if isinstance(states, Map) else None
-    if (
-        not isinstance(fault, Map)
-        or not fault
-        or "entry" in fault
-        or _SKIPPED not in catalog.profile.statuses
-    ):
+    closes = [one[_CLOSE] for one in maps_in(raw) if isinstance(one.get(_CLOSE), Map)]
+    status = next((one["status"] for one in closes if "status" in one), None)
+    if not isinstance(fault, Map) or not fault or "entry" in fault or status is None:
         return []
-    action = f"itinerary.close_rest: {{status: {_SKIPPED}, code: {_FAILED}}}"
+    action = f"{_CLOSE}: {{status: {status}, code: {_FAILED}}}"
     edits = [first_key(fault, f"entry: [{action}]" if is_flow(fault) else f"entry:\n  - {action}")]
     codes = raw.get("codes")
     if not isinstance(codes, Map) or not codes:
@@ -288,13 +285,13 @@ def _close_in_fault(raw: Map, _: Diagnostic, catalog: Catalog) -> list[Edit]:
     return edits
 
 
-def _rename_property(raw: Map, found: Diagnostic, _: Catalog) -> list[Edit]:
+def _rename_property(raw: Map, found: Diagnostic, _: Catalog) -> list[PlacedEdit]:
     """Give a property the name that it has already."""
     name = _token(raw, found.place)
     return [_replaced(found.place, name, f"my_{name}")] if name else []
 
 
-_MENDS: Mapping[str, Callable[[Map, Diagnostic, Catalog], list[Edit]]] = {
+_MENDS: Mapping[str, Callable[[Map, Diagnostic, Catalog], list[PlacedEdit]]] = {
     "bare-quantity": _add_unit,
     "wait-in-fault": _add_on_error,
     "silent-fault": _close_in_fault,
@@ -307,8 +304,8 @@ def _token(raw: Map, place: Place) -> str:
     return found[0] if found else ""
 
 
-def _replaced(place: Place, old: str, new: str) -> Edit:
-    return Edit(place.line - 1, place.column - 1, old, new)
+def _replaced(place: Place, old: str, new: str) -> PlacedEdit:
+    return PlacedEdit(place.line - 1, place.column - 1, old, new)
 
 
 def _parsed(raw: bytes, path: Path) -> Map | None:

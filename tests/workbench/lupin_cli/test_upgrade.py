@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from lupin_cli.edits import Edit, edited
+from lupin_cli.edits import PlacedEdit, edited
 from lupin_cli.main import main
 from lupin_engine.chart import strictness as rows
 from lupin_engine.chart.findings import RULES
@@ -49,8 +49,9 @@ def catalog() -> Catalog:
 @pytest.fixture(params=PROJECTS, ids=lambda path: path.name)
 def project(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Copy an old project, and go there."""
-    copy = tmp_path / request.param.name
-    shutil.copytree(request.param, copy)
+    old: Path = request.param
+    copy = tmp_path / old.name
+    shutil.copytree(old, copy)
     monkeypatch.chdir(copy)
     return copy
 
@@ -350,13 +351,13 @@ def test_the_changes_are_a_record_for_programs(
 @pytest.mark.parametrize(
     ("text", "edit", "expected"),
     [
-        ("a: 1\nb: 2\n", Edit(1, 0, "", "c: 3\n"), "a: 1\nc: 3\nb: 2\n"),
-        ("a: 1\r\nb: 2\r\n", Edit(1, 0, "", "c: 3\n"), "a: 1\r\nc: 3\r\nb: 2\r\n"),
-        ("a: 1", Edit(1, 0, "", "c: 3\n"), "a: 1\nc: 3\n"),
-        ("a: 1\n", Edit(0, 3, "1", "1 m"), "a: 1 m\n"),
-        ("a: 1\n", Edit(0, 3, "2", "1 m"), None),
+        ("a: 1\nb: 2\n", PlacedEdit(1, 0, "", "c: 3\n"), "a: 1\nc: 3\nb: 2\n"),
+        ("a: 1\r\nb: 2\r\n", PlacedEdit(1, 0, "", "c: 3\n"), "a: 1\r\nc: 3\r\nb: 2\r\n"),
+        ("a: 1", PlacedEdit(1, 0, "", "c: 3\n"), "a: 1\nc: 3\n"),
+        ("a: 1\n", PlacedEdit(0, 3, "1", "1 m"), "a: 1 m\n"),
+        ("a: 1\n", PlacedEdit(0, 3, "2", "1 m"), None),
     ],
 )
-def test_an_edit_keeps_what_is_around(text: str, edit: Edit, expected: str | None) -> None:
+def test_an_edit_keeps_what_is_around(text: str, edit: PlacedEdit, expected: str | None) -> None:
     """Line ends are the file's own; what does not stand there is not replaced."""
     assert edited(text, [edit]) == expected

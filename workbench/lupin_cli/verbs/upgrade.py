@@ -16,7 +16,7 @@ from lupin_engine.errors import UsageError
 from lupin_engine.plugin import load_catalog
 
 if TYPE_CHECKING:
-    from lupin_cli.upgrades import Upgrade
+    from lupin_cli.upgrades import FolderUpgrade
 
 
 @click.command()
@@ -27,8 +27,9 @@ def upgrade(folder: Path, write: bool, as_json: bool) -> int:
     """Show what missions, scenarios and bindings would have to change for this engine.
 
     FOLDER is a project, by default the current folder: its folders of missions and its scenarios. What an
-    older engine accepted, and this one warns of, is shown as a diff; --write writes it. Comments and layout
-    stay. Only what is meant the same is written: rights in lupin.yaml are the owner's, and are only listed.
+    older engine accepted, and this one warns of, is shown as a diff; --write writes it. Comments and line
+    breaks stay. Robots do as before, except that a FAULT publishes the targets that are left. Rights in
+    lupin.yaml are the owner's: what asks for them is listed.
 
     Exit code: 0 when nothing is left to be mended by hand, else 1; 2 for wrong usage, or a file that cannot
     be written.
@@ -45,7 +46,7 @@ def upgrade(folder: Path, write: bool, as_json: bool) -> int:
     return 1 if found.left else 0
 
 
-def _write(found: Upgrade) -> None:
+def _write(found: FolderUpgrade) -> None:
     """Write all files; where one is read-only none.
 
     Raises:
@@ -60,7 +61,7 @@ def _write(found: Upgrade) -> None:
         write_text(path, found.after[path].decode())
 
 
-def _print(found: Upgrade, folder: Path, written: bool) -> None:
+def _print(found: FolderUpgrade, folder: Path, written: bool) -> None:
     from lupin_cli.terminal.findings import counted
 
     for path in found.changed:
@@ -78,7 +79,7 @@ def _print(found: Upgrade, folder: Path, written: bool) -> None:
         click.echo(f"nothing to upgrade in {counts}")
 
 
-def _record(found: Upgrade, written: bool) -> dict[str, object]:
+def _record(found: FolderUpgrade, written: bool) -> dict[str, object]:
     changes = [
         {"file": found.shown(path), "rules": sorted(set(found.rows[path])), "diff": found.diff(path)}
         for path in found.changed
