@@ -63,7 +63,7 @@ def silent_fault(index: Index) -> Iterator[Diagnostic]:
     if fault is None or closes_in_fault(index.chart) or all(walk.leaves_open for walk in walks if walk):
         return
     problem = "a mission that fails leaves its targets without an outcome"
-    hint = "add 'entry: [itinerary.close_rest: {status: ..., code: ...}]'"
+    hint = "add 'itinerary.close_rest: {status: ..., code: ...}' to its 'entry'"
     yield stricter("silent-fault", fault.place, FAULT, problem, hint)
 
 
