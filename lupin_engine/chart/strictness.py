@@ -39,6 +39,13 @@ class StricterRule:
 #: By name, in the order in which the rules came.
 STRICTER: Mapping[str, StricterRule] = MappingProxyType(
     {
+        "bare-quantity": StricterRule(
+            "no-unit",
+            "2026-11-21",
+            "2027-02-19",
+            "a number without a unit for a length or an angle in a scenario",
+            "the unit: `2.4 m`, `1.3 rad`",
+        ),
         "restart-true": StricterRule(
             "wrong-shape",
             "2026-11-23",
@@ -46,13 +53,6 @@ STRICTER: Mapping[str, StricterRule] = MappingProxyType(
             "`restart: true` in a scenario: the machine goes on at once, and nothing is held",
             "`restart: 1 s`, and a request `operator.resume` after it: a robot is held after a restart",
             upgrades=False,
-        ),
-        "bare-quantity": StricterRule(
-            "no-unit",
-            "2026-11-23",
-            "2027-02-21",
-            "a number without a unit for a length or an angle in a scenario",
-            "the unit: `2.4 m`, `1.3 rad`",
         ),
         "event-field": StricterRule(
             "unknown-name",
@@ -144,8 +144,8 @@ STRICTER: Mapping[str, StricterRule] = MappingProxyType(
         ),
         "folder-size": StricterRule(
             "too-large",
-            "2026-11-28",
-            "2026-11-28",
+            "2026-11-29",
+            "2026-11-29",
             "a folder of more than 200 missions or 1 MB",
             "several folders",
             upgrades=False,

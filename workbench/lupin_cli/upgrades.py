@@ -5,6 +5,7 @@ Every edit is tried before it is offered: the missions are checked with it, and 
 
 from __future__ import annotations
 
+import codecs
 import difflib
 import os
 import re
@@ -92,9 +93,11 @@ def upgrade_folder(folder: Path, catalog: Catalog) -> FolderUpgrade:
     if not folder.is_dir():
         raise UsageError(f"{str(folder)!r} is no folder")
     found = FolderUpgrade(Path(os.path.abspath(folder)))
-    below = [path for path in sorted(found.folder.rglob("*")) if _is_meant(path.relative_to(found.folder))]
-    folders = [path for path in (found.folder, *below) if path.is_dir() and is_missions_folder(path)]
-    scenarios = [path for path in below if path.name.endswith(SUFFIX) and path.is_file()]
+    below = dict(_walk(found.folder))
+    folders = [path for path in sorted(below) if is_missions_folder(path)]
+    scenarios = sorted(
+        path / name for path, names in below.items() for name in names if name.endswith(SUFFIX)
+    )
     if not folders and not scenarios:
         raise UsageError(f"there are no missions and no scenarios in {str(folder)!r}")
     forget()
@@ -108,8 +111,11 @@ def upgrade_folder(folder: Path, catalog: Catalog) -> FolderUpgrade:
     return found
 
 
-def _is_meant(path: Path) -> bool:
-    return not any(part.startswith(".") or part == "node_modules" for part in path.parts)
+def _walk(folder: Path) -> Iterator[tuple[Path, list[str]]]:
+    """Yield a folder and those in it, each with the names of its files; hidden ones are left out."""
+    for path, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(".") and name != "node_modules"]
+        yield Path(path), names
 
 
 class _MissionsUpgrade:
@@ -166,14 +172,16 @@ class _ScenarioUpgrade:
             self._outcomes()
         except ChartError as problem:
             self._upgrade.left += [one for one in problem.diagnostics if one.place.file == str(self._file)]
-        except (LupinError, OSError, UnicodeDecodeError) as problem:
+        except (LupinError, OSError) as problem:
             self._upgrade.left.append(Diagnostic(Place(str(self._file), 1, 1), "no-file", "", str(problem)))
 
     def _loaded(self, raw: bytes) -> Scenario:
         return load_scenario_text(raw.decode("utf-8-sig"), self._file, self._missions)
 
     def _words(self) -> None:
-        raw = self._upgrade.now(self._file)
+        raw, findings = self._upgrade.now(self._file), Findings()
+        if parse_bytes(raw, str(self._file), findings) is None:
+            raise ChartError(findings.all)
         warnings = [one for one in self._loaded(raw).warnings if one.stricter]
         parsed = _parsed(raw, self._file)
         edits = []
@@ -313,8 +321,9 @@ def _parsed(raw: bytes, path: Path) -> Map | None:
 
 
 def _with(raw: bytes, edits: Any) -> bytes | None:
-    text = edited(raw.decode(), edits)
-    return None if text is None else text.encode()
+    mark = codecs.BOM_UTF8 if raw.startswith(codecs.BOM_UTF8) else b""
+    text = edited(raw.decode("utf-8-sig"), edits)
+    return None if text is None else mark + text.encode()
 
 
 def _errors(found: list[Diagnostic]) -> int:

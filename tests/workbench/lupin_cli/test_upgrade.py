@@ -291,6 +291,38 @@ def test_a_mission_with_errors_is_left_alone(small: Path, capsys: pytest.Capture
     assert (small / files[0]).read_text() == "mission: [\n"
 
 
+def test_a_scenario_that_is_no_text_is_listed(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And one whose mission is not there."""
+    (small / "scenarios" / "m.scenario.yaml").write_bytes(b"scenario: \xff\n")
+    (small / "scenarios" / "n.scenario.yaml").write_text(SCENARIO.replace("mission: m", "mission: nn"))
+    code, text = said(capsys, "upgrade")
+    assert (code, text.splitlines()) == (
+        1,
+        [
+            "scenarios/m.scenario.yaml:1:11: error: this is not UTF-8; save the file as UTF-8 [wrong-yaml]",
+            "scenarios/n.scenario.yaml:1:1: error: no mission 'nn' in missions; allowed: 'M', 'm' [no-file]",
+            "2 findings left, which you must mend",
+        ],
+    )
+
+
+def test_the_doctor_counts_what_is_dated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the first day on which something is refused, and the command."""
+    shutil.copytree(OLD / "2026-11-21_tags", tmp_path / "p")
+    monkeypatch.chdir(tmp_path / "p")
+    said_by = json.loads(said(capsys, "doctor", "--json")[1])["findings"]
+    assert [one for one in said_by if one["topic"] == "old words"] == [
+        {
+            "topic": "old words",
+            "found": "14, refused by versions from 2027-02-19 on",
+            "state": "note",
+            "advice": "`lupin upgrade` shows what to change, and writes it with `--write`",
+        }
+    ]
+
+
 def test_rights_are_listed_and_never_written(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A binding of before rights were asked for is refused at once: they are the owner's to give."""
     bindings = small / "missions" / "bindings"
