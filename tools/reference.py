@@ -147,13 +147,14 @@ def _block(language: str, text: str) -> Iterator[str]:
 LANGUAGE_HEAD = """\
 # The language of missions
 
-A mission is a statechart in YAML. There are three kinds of file, told apart by the key that names them: a *lifecycle*
-is what all missions share (starting up, pausing, driving home), a *mission* is what a robot is asked to do
-and stands in the lifecycle's slot, a *part* is a piece that missions use, as they may use another mission.
-`lifecycle.yaml` stands beside the missions, the parts in the folder `parts` there. What a mission can do
-comes from plugins; a service that no plugin calls is connected by a [binding](#bindings), a fourth kind of
-file. The shipped ones in `missions/` are the best introduction; this page is for looking things up. What
-`lupin check` says about a file is explained in [rules.md](rules.md).
+A mission is a statechart in YAML. There are three kinds of file, told apart by the key that names them: a
+*lifecycle* is what all missions share (starting up, pausing, driving home), a *mission* is what a robot is
+asked to do and stands in the lifecycle's slot, a *part* is a piece that missions use, as they may use
+another mission. `lifecycle.yaml` stands beside the missions, the parts in the folder `parts` there. What a
+mission can do comes from plugins; a service that no plugin calls is connected by a [binding](#bindings), a
+fourth kind of file. The shipped ones in `missions/` are the best introduction; this page is for looking
+things up. What `lupin check` says about a file is explained in [rules.md](rules.md). Each file may say
+`lupin: 1`, the version of the language; [stability](stability.md) says what goes on working, and how long.
 
 ## How a chart runs
 

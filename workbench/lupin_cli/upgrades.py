@@ -16,7 +16,7 @@ from typing import Any
 
 from lupin_cli.edits import PlacedEdit, edited, first_key, is_flow, key_after, list_edits, maps_in
 from lupin_engine.chart import Chart, Findings, Map, as_of, parse_bytes
-from lupin_engine.errors import ChartError, Diagnostic, LupinError, Place, Severity, UsageError
+from lupin_engine.errors import ChartError, Diagnostic, LupinError, Place, Severity, UsageError, near
 from lupin_engine.missions import (
     forget,
     inspect_chart,
@@ -60,8 +60,8 @@ class FolderUpgrade:
         return sorted(path for path, raw in self.after.items() if raw != self.before[path])
 
     def shown(self, path: Path) -> str:
-        """Return a file's name in the folder."""
-        return path.relative_to(self.folder).as_posix()
+        """Return a file's name, relative to the current folder where it lies below it."""
+        return near(str(path))
 
     def diff(self, path: Path) -> str:
         """Return a file's change as a unified diff."""
@@ -98,6 +98,8 @@ def upgrade_folder(folder: Path, catalog: Catalog) -> FolderUpgrade:
     scenarios = sorted(
         path / name for path, names in below.items() for name in names if name.endswith(SUFFIX)
     )
+    if not folders and not scenarios and mission_files(found.folder):
+        folders = [found.folder]  # one of missions, whatever it is called
     if not folders and not scenarios:
         raise UsageError(f"there are no missions and no scenarios in {str(folder)!r}")
     forget()

@@ -67,7 +67,7 @@ def _print(found: FolderUpgrade, folder: Path, written: bool) -> None:
     for path in found.changed:
         click.echo(f"{found.shown(path)}: written" if written else found.diff(path), nl=written)
     for one in found.left:
-        click.echo(str(one).replace(f"{found.folder}/", ""))
+        click.echo(str(one).replace(f"{Path.cwd()}/", ""))
     if found.left:
         click.echo(f"{counted(len(found.left), 'finding')} left, which you must mend")
     if found.changed and not written:
