@@ -12,10 +12,11 @@ from typing import Any
 
 import pytest
 
-from lupin_cli.edits import PlacedEdit, edited
+from lupin_cli.edits import PlacedEdit, edited, first_key, key_after, list_edits
 from lupin_cli.main import main
 from lupin_engine.chart import strictness as rows
-from lupin_engine.chart.findings import RULES
+from lupin_engine.chart.findings import RULES, Findings
+from lupin_engine.chart.source import parse_bytes
 from lupin_engine.chart.strictness import STRICTER
 from lupin_engine.errors import Place, Severity
 from lupin_engine.machine.event import Command
@@ -157,6 +158,17 @@ def test_an_upgraded_project_takes_the_same_steps(
     assert said(capsys, "upgrade", "--write")[0] == 0
     forget()
     assert steps(project, catalog) == before
+
+
+@pytest.mark.slow
+def test_an_old_mission_is_proven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What the checker only warns of breaks no property."""
+    shutil.copytree(OLD / "2026-11-21_tags", tmp_path / "p")
+    monkeypatch.chdir(tmp_path / "p")
+    code, text = said(capsys, "prove", "corners", "--budget", "200 s", "-j", "1")
+    assert (code, "CornersMission: proven;" in text) == (0, True)
 
 
 def test_comments_and_layout_stay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -393,3 +405,44 @@ def test_the_changes_are_a_record_for_programs(
 def test_an_edit_keeps_what_is_around(text: str, edit: PlacedEdit, expected: str | None) -> None:
     """Line ends are the file's own; what does not stand there is not replaced."""
     assert edited(text, [edit]) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("s: {b: 1, c: 2}\n", "s: {a: 0, b: 1, n: 9, c: 2}\n"),
+        ("s:\n  b: 1\n  c: 2\n", "s:\n  a: 0\n  b: 1\n  c: 2\n  n: 9\n"),
+        (
+            "s:\n  # first\n  b: 1\n  c:\n  - 2\n\n# end\n",
+            "s:\n  # first\n  a: 0\n  b: 1\n  c:\n  - 2\n  n: 9\n\n# end\n",
+        ),
+        ("s:\n  b: 1\n  c:\n    d: 2\nt: 3\n", "s:\n  a: 0\n  b: 1\n  c:\n    d: 2\n  n: 9\nt: 3\n"),
+    ],
+)
+def test_keys_are_written_in_the_form_that_is_there(text: str, expected: str) -> None:
+    """In braces and in lines; comments and empty lines stay where they are."""
+    raw = parse_bytes(text.encode(), "f.yaml", Findings())
+    assert raw is not None
+    assert edited(text, [first_key(raw["s"], "a: 0"), key_after(raw["s"], "c", "n: 9")]) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "items", "expected"),
+    [
+        ("l: [a b, {t: 1, u: 2}]  # as is\n", ["new", 0, 1], "l: [new, a b, {t: 1, u: 2}]  # as is\n"),
+        ("l: []\n", ["x", "y"], "l: [x, y]\n"),
+        ("l: ['a, b']\n", ["x"], "l: [x]\n"),
+        (
+            "l:\n  - a\n  - b  # last\nm: 1\n",
+            [0, "x", 1, "y"],
+            "l:\n  - a\n  - x\n  - b  # last\n  - y\nm: 1\n",
+        ),
+        ("l:\n  - a\n", ["x"], "l:\n  - a\n"),
+        ("l: [a,\n  b]\n", [0, 1, "x"], "l: [a,\n  b]\n"),
+    ],
+)
+def test_a_list_keeps_its_items(text: str, items: list[int | str], expected: str) -> None:
+    """What cannot be written in its form is not written at all."""
+    raw = parse_bytes(text.encode(), "f.yaml", Findings())
+    assert raw is not None
+    assert edited(text, list_edits(raw, "l", items)) == expected
