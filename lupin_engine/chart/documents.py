@@ -348,6 +348,10 @@ class ItineraryNode(Node):
     sweeps: Annotated[Written, Meaning.VALUE] = Field(
         None, description="how often the list is walked; 0: until something else ends it"
     )
+    again: Names = Field(
+        [],
+        description="one or more statuses: what ended so is visited once more, after all other targets",
+    )
     on_abort: Literal["skip", "leave_open"] = Field(
         "skip", description="what itinerary.close_rest does to the targets that are still open"
     )
@@ -370,6 +374,11 @@ class StateNode(Node):
         None, description="child that is entered first; needed where several could be"
     )
     states: Annotated[dict[str, StateNode | None], Named(Meaning.STATE)] = _by_name("children, by name")
+    sequence: list[Annotated[dict[str, StateNode | None], Named(Meaning.STATE)]] = _many(
+        "children, one after the other: the end of each leads to the next, that of the last ends this state; "
+        "`on_error` is that of each step that has none"
+    )
+    times: Written = Field(None, description="how often the sequence is walked, 1 or more")
     entry: Actions = _many("actions on entering")
     exit: Actions = _many("actions on leaving")
     invoke: InvokeNode | None = Field(None, description="operation that lives as long as this state")
