@@ -547,11 +547,11 @@ class InvariantNode(Node):
 class PropertyNode(Node):
     """A condition on every possible run, checked by `lupin test`, `prove` and `campaign`; a robot watches it.
 
-    One that reads the `request` of its mission is about the runs of that mission, and so is one that begins
-    with each start of it: places to visit, and `until` without `after`. Missions of one lifecycle, which a
-    robot loads together, have no two properties of one name. `breach` and `code` say what a robot does that
-    breaks it: a breach is a step of its own, right after the one that broke the property, and is reported
-    once until the property holds again.
+    One that reads the `request` of its mission is about the runs of that mission. So is one that begins with
+    each start of it: places to visit, and `until` without `after`. Missions of one lifecycle, which a robot
+    loads together, have no two properties of one name. `breach` and `code` decide what a robot does when it
+    is broken. A breach is a step of its own, right after the one that broke the property. It is reported once
+    until the property holds again.
     """
 
     SHAPE = "a mapping with one of always, never, eventually, visit_all and visit_in_order, or with built_in"
