@@ -345,7 +345,7 @@ CALL_TEXTS: Mapping[str, str] = {
     "len": "`len(list or text)`",
     "min": "`min(list)` or `min(a, b, ...)`",
     "max": "`max(list)` or `max(a, b, ...)`",
-    "sum": "`sum(list of numbers)`: what they come to; of none 0",
+    "sum": "`sum(list of numbers)`: their sum; of none 0",
     "abs": "`abs(number)`",
     "round": "`round(number)`, or `round(number, 2)` for two digits",
     "any": "`any(list of yes or no)`: one of them is true",
@@ -363,13 +363,13 @@ ACTION_TEXTS: Mapping[str, str] = {
     "add": "put something into lists and sets that have a `max`: `add: {NAME: VALUE, ...}`; into one "
     "that is full is an error, a set that has it already stays as it is",
     "remove": "take something out of lists and sets, wherever it stands there: `remove: {NAME: VALUE, ...}`",
-    "raise": "tell the whole chart of an event: see [Raise](#raise)",
+    "raise": "raise an event for the whole chart: see [Raise](#raise)",
     "if": "carry out `then` where the guard is true, else `else`: see [If](#if)",
     "itinerary.advance": "go on to the next target; refused while the visit is open",
     "itinerary.close": "give the visit its outcome, once, and publish it; `detail` goes out as the reason of "
     "what is not OK, and with OK stays in the summary of the run",
     "itinerary.close_rest": "close every visit of this sweep that is still open; a state that a budget or an "
-    "event ends tells nothing of them without it",
+    "event ends publishes no outcomes for them without it",
     "report.clear": "forget the code that was reported last",
     "report.note": "say something in the log and in the story of the run",
     "report.summary": "publish what became of every target",
@@ -426,7 +426,7 @@ EVENTS: tuple[tuple[str, str], ...] = (
         "`input.NAME`, `input.NAME.LEVEL`",
         "a yes or no that is true: taken as long as it is, also on entering",
     ),
-    ("`PLUGIN.EVENT`", "what a plugin tells of, with the fields that it declares"),
+    ("`PLUGIN.EVENT`", "what a plugin reports, with the fields that it declares"),
     ("any other name with dots, such as `door.opened`", "raised by an action of the chart"),
     ("`door.*`", "every event that begins like that"),
     (

@@ -265,16 +265,16 @@ class ForEachNode(Node):
 
     item: str = Field(description="what the element is called in the expressions below")
     in_: Annotated[Written, Meaning.VALUE] = Field(
-        alias="in", description="list of elements, looked at again after every step"
+        alias="in", description="list of elements, evaluated again after every step"
     )
     key: Annotated[Written, Meaning.VALUE] = Field(
-        description="what tells elements apart; each is dealt with once in a mission"
+        description="identifies an element; each key is handled once in a mission"
     )
     limit: Annotated[Written, Meaning.VALUE] = Field(
         None, description="largest number of operations at a time; otherwise all at once"
     )
     when: Annotated[Condition, Meaning.CONDITION] = Field(
-        None, description="condition on the element; looked at until it holds"
+        None, description="condition on the element; evaluated until it is true"
     )
     invoke: InvokeNode = Field(description="operation that is begun for the element")
     on_done: ElementEndNode | None = Field(
@@ -340,7 +340,7 @@ class ItineraryNode(Node):
     SHAPE = "{items: LIST}"
 
     items: Annotated[Written, Meaning.VALUE] = Field(
-        description="list of targets: texts, whole numbers or records with an `id`, which they are told by"
+        description="list of targets: texts, whole numbers or records, identified by their `id`"
     )
     order: Annotated[Written, Meaning.VALUE] = Field(
         None, description="number for each `target`; the smallest is next"
@@ -623,7 +623,7 @@ class FileNode(Node):
         Named(Meaning.INVARIANT),
     ] = _by_name("conditions that hold at every moment; broken, they lead to FAULT, and nothing starts")
     properties: Annotated[dict[str, PropertyNode], Named(Meaning.PROPERTY)] = _by_name(
-        "what is true of every run, by name; looked at before the robot runs, and while it does"
+        "what is true of every run, by name; checked before the robot runs, and watched while it does"
     )
     initial: Annotated[str | None, Meaning.CHILD] = Field(
         None, description="state that is entered first; needed where several could be"
