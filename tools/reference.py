@@ -564,7 +564,8 @@ def shape_of(annotation: Any) -> str:
     if origin is typing.Literal:
         return " or ".join(f"`{word}`" for word in inner)
     if origin is list:
-        return f"one or more {_plural(shape_of(inner[0]))}"
+        each = shape_of(inner[0])
+        return f"list of {each}" if each.startswith("mapping of") else f"one or more {_plural(each)}"
     if origin is dict:
         return f"mapping of {_plural(shape_of(inner[1]).removeprefix('one or more '))}"
     if isinstance(annotation, type) and issubclass(annotation, Node):

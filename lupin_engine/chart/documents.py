@@ -350,7 +350,7 @@ class ItineraryNode(Node):
     )
     again: Names = Field(
         [],
-        description="one or more statuses: what ended so is visited once more, after all other targets",
+        description="statuses: what ended so in the last sweep is visited once more, after the rest",
     )
     on_abort: Literal["skip", "leave_open"] = Field(
         "skip", description="what itinerary.close_rest does to the targets that are still open"

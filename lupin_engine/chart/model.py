@@ -165,7 +165,7 @@ class Itinerary:
 
     `order` is a number for each `target`: the open one with the smallest is next, the first among equals;
     without it the list's order counts. `sweeps` is the number of passes, 0 without end; the list is evaluated
-    again for each. Instead, the targets whose visit ended with a status of `again` have a second sweep. With
+    again for each. After the last, the targets whose visit ended with a status of `again` have one more. With
     `leaves_open`, `itinerary.close_rest` closes none of its visits. `source` is named as the source of its
     observations, '' for the mission's name.
     """

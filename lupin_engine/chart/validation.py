@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 from lupin_engine.chart.documents import KINDS, FileNode
 from lupin_engine.chart.findings import Findings
 from lupin_engine.chart.nodes import Node, keys_of, show
-from lupin_engine.chart.shorthand import write_out
+from lupin_engine.chart.sequences import write_out
 from lupin_engine.chart.source import Map, Seq
 from lupin_engine.errors import Diagnostic, Place, meant
 

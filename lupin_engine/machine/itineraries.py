@@ -139,7 +139,7 @@ class Itineraries:
         """Begin the next sweep: over what failed, or the list evaluated anew, which stays if it is empty."""
         state = self._scope.chart.states[traversal.state]
         assert state.itinerary is not None, f"{traversal.state} walks without an itinerary"
-        failed = traversal.failed
+        failed = traversal.failed if traversal.precedes_failed else []
         self._pass_on(traversal.visits, traversal)
         traversal.sweep += 1
         if failed:
@@ -166,13 +166,13 @@ class Itineraries:
             return []
 
     def _sweeps(self, state: State, rule: Itinerary, trigger: Trigger, step: Macrostep) -> int:
-        if rule.sweeps is None:
-            return 2 if rule.again else 1
+        sweeps = 1
         try:
-            return int(rule.sweeps.evaluate(self._scope.see(state.name, step, trigger)))
+            if rule.sweeps is not None:
+                sweeps = int(rule.sweeps.evaluate(self._scope.see(state.name, step, trigger)))
         except Exception as problem:
             step.fail(state.name, f"{rule.place}: sweeps: {reason(problem)}")
-            return 1
+        return sweeps + 1 if sweeps and rule.again else sweeps
 
     def _choose(self, traversal: Traversal, index: int, step: Macrostep) -> None:
         """Move the target that is next by the itinerary's order to `index`."""

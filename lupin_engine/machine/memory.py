@@ -63,10 +63,10 @@ class Traversal:
     """The iteration over an itinerary: its items, one visit for each, and the current index.
 
     `sweep` counts from 1, `sweeps` is their number (0: no end). `past` counts the visits of earlier sweeps by
-    status, `earlier` is the newest of them for each target. The last sweep is over the targets whose visit
-    ended with a status of `again`, if any. With `leaves_open` open visits stay open at the end. Without
-    `begun` it is registered from the request alone. When its state is entered anew the iteration restarts;
-    `before` counts the targets until then.
+    status, `earlier` is the newest of them for each target. With `again` the last sweep is over the targets
+    whose visit in the one before ended with such a status. With `leaves_open` open visits stay open at the
+    end. Without `begun` it is registered from the request alone. When its state is entered anew the iteration
+    restarts; `before` counts the targets until then.
     """
 
     state: str
@@ -108,7 +108,12 @@ class Traversal:
     @property
     def is_last_sweep(self) -> bool:
         """Whether no other sweep follows, as far as this one has gone."""
-        return 0 < self.sweeps <= self.sweep or bool(self.again and not self.failed)
+        return 0 < self.sweeps <= self.sweep or (self.precedes_failed and not self.failed)
+
+    @property
+    def precedes_failed(self) -> bool:
+        """Whether the next sweep is over what failed in this one."""
+        return bool(self.again) and self.sweep + 1 == self.sweeps
 
     @property
     def remaining(self) -> int:
@@ -116,7 +121,7 @@ class Traversal:
         after = max(0, len(self.items) - self.index - 1)
         if after or self.is_last_sweep:
             return after
-        return len(self.failed if self.again else self.items)
+        return len(self.failed if self.precedes_failed else self.items)
 
     def count(self, status: str) -> int:
         """How many visits were closed with `status`, over all sweeps."""

@@ -610,10 +610,6 @@ class _Composer:
             if status not in allowed:
                 problem, hint = f"unknown status {str(status)!r}", nearest(status, allowed)
                 self._findings.add(node.at("again", index), "wrong-type", f"{path}.again", problem, hint)
-        if node.again and node.sweeps is not None:
-            problem = "an itinerary has 'sweeps' or 'again', not both"
-            hint = "keep 'again' to visit once more what failed, or 'sweeps' to walk the whole list again"
-            self._findings.add(node.key_at("again"), "conflicting-definition", f"{path}.again", problem, hint)
         return tuple(map(str, node.again))
 
     def _check_identity(self, item: Type, place: Place, path: str) -> None:

@@ -229,6 +229,16 @@ def test_nothing_is_visited_again_where_nothing_failed() -> None:
     assert walk(bench, "next") == [""]
 
 
+def test_what_failed_in_the_last_of_several_sweeps_is_visited_again() -> None:
+    """The sweeps before it are over the whole list."""
+    bench = walking(sweeps=2, again=("SCAN_FAILED",))
+    walk(bench, "fail", "next")
+    visit(bench, 2)
+    assert seen(bench) == {"open": True, "remaining": 2, "total": 3, "closed": 0, "sweep": 2}
+    visit(bench, 2)
+    assert walk(bench, "fail", "next", "close", "next") == ["3", "3", "3", ""]
+
+
 def test_an_end_in_the_second_visits_leaves_the_first_results() -> None:
     """Targets that wait for their second visit have a result already; closing the rest gives the newest."""
     bench = walking(again=("SCAN_FAILED",))

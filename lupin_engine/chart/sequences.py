@@ -1,4 +1,4 @@
-"""Replaces the shorthand of a file, `sequence` and `times`, by the ordinary states that it stands for.
+"""Replaces `sequence` and `times` in a file by the ordinary states that they stand for.
 
 The parsed mapping is changed in place before it is validated, and every value keeps its place in the file.
 
@@ -52,11 +52,11 @@ def _write_out_in(holder: Map, file: Map, path: tuple[str, ...], findings: Findi
         if isinstance(state, Map):
             inner = (*path, name)
             if "sequence" in state or "times" in state:
-                _Sequence(state, file, inner, findings).write_out()
+                _SequenceState(state, file, inner, findings).write_out()
             _write_out_in(state, file, inner, findings)
 
 
-class _Sequence:
+class _SequenceState:
     """A state with `sequence` or `times`, which is rewritten."""
 
     def __init__(self, state: Map, file: Map, path: tuple[str, ...], findings: Findings) -> None:
