@@ -65,6 +65,7 @@ class FakeGoal:
     feedback: Callable[[Any], None]
     ended: Callable[[int, Any], None]
     rejected: Callable[[], None]
+    refused: Callable[[], None]
     key: str = ""
     cancels: int = 0
 
@@ -82,8 +83,8 @@ class FakeAction:
     def ready(self) -> bool:
         return self.up
 
-    def send(self, request: Any, **callbacks: Callable[..., None]) -> FakeGoal:
-        self.goals.append(FakeGoal(request, **callbacks))
+    def send(self, request: Any, callbacks: GoalCallbacks, key: str = "") -> FakeGoal:
+        self.goals.append(FakeGoal(request, **vars(callbacks), key=key))
         return self.goals[-1]
 
 
