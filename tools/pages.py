@@ -42,6 +42,7 @@ DOCS = ROOT / "docs"
 BOOKS: Mapping[str, tuple[Path, ...]] = MappingProxyType(
     {
         "ten-minutes": (DOCS / "ten-minutes.md",),
+        "coming-from": (DOCS / "coming-from.md",),
         "guide": (DOCS / "guide" / "index.md", *sorted((DOCS / "guide").glob("[0-9]*.md"))),
         "cookbook": (DOCS / "cookbook.md",),
         "tutorial": (DOCS / "tutorial-new-mission.md",),
