@@ -142,7 +142,7 @@ def look_at_interfaces() -> Iterator[Finding]:
             found = local_hash(name).removeprefix(RIHS)
         except LupinError as problem:
             advice = (
-                "build the interfaces: `make run` does it; or, in a checkout, `pip install ./lupin_msgs "
+                "build the interfaces: `make run` does it; or, in a checkout, `pip install ./*_msgs "
                 "./interfaces/*_msgs`, or `colcon build` with a sourced ROS 2"
             )
             yield Finding(name, str(problem).partition(":")[0], "problem", advice)
