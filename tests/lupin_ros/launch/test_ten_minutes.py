@@ -35,6 +35,7 @@ def run(lupin: Callable[..., Lupin], tmp_path: Path) -> Iterator[Lupin]:
     assert service.wait(30.0) == 0
 
 
+@pytest.mark.core
 def test_three_places_and_one_answer(run: Lupin, lupin: Callable[..., Lupin]) -> None:
     """The robot visits its places, asks, takes the answer, and comes home."""
     run.until_line("Is the tray empty?")

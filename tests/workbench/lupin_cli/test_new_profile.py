@@ -46,6 +46,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_what_it_writes_is_right(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Once the package is installed: no finding, the scenario holds, and every property is proven."""
     assert main(["new", "rounds", "--profile", "courier"]) == 0
