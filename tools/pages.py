@@ -41,6 +41,8 @@ DOCS = ROOT / "docs"
 #: Book -> its pages, in the order in which they are read.
 BOOKS: Mapping[str, tuple[Path, ...]] = MappingProxyType(
     {
+        "ten-minutes": (DOCS / "ten-minutes.md",),
+        "coming-from": (DOCS / "coming-from.md",),
         "guide": (DOCS / "guide" / "index.md", *sorted((DOCS / "guide").glob("[0-9]*.md"))),
         "cookbook": (DOCS / "cookbook.md",),
         "tutorial": (DOCS / "tutorial-new-mission.md",),

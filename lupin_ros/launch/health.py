@@ -141,7 +141,10 @@ def look_at_interfaces() -> Iterator[Finding]:
         try:
             found = local_hash(name).removeprefix(RIHS)
         except LupinError as problem:
-            advice = "build the interfaces: `make run` does it, or `colcon build` with a sourced ROS 2"
+            advice = (
+                "build the interfaces: `make run` does it; or, in a checkout, `pip install ./*_msgs "
+                "./interfaces/*_msgs`, or `colcon build` with a sourced ROS 2"
+            )
             yield Finding(name, str(problem).partition(":")[0], "problem", advice)
             continue
         if found == expected:
