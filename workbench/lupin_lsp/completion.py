@@ -6,6 +6,7 @@ that it replaces, so that a dotted name is one word in every editor.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -36,9 +37,11 @@ from lupin_lsp import docs
 from lupin_lsp.folder import Folder
 from lupin_lsp.grammar import FILES, Shape, Spot, fields_of, shapes_of, spot_at
 from lupin_lsp.mentions import ExpressionPiece, expressions_in, owner_of, pieces, value_meaning
-from lupin_lsp.model import Model, descend, states_of, type_of, with_elements
+from lupin_lsp.model import Model, descend, kind_of, states_of, type_of, with_elements
 from lupin_lsp.scan import Cursor, Scan, Steps, TokenRole
 
+#: An element of a list by its number, perhaps a field of it, before the dot of what is typed.
+_INDEXED = re.compile(r"([A-Za-z_][\w.]*(?:\[\w+\](?:\.[A-Za-z_]\w*)*)+)\.\w*$")
 _OPERATORS = ("and", "or", "not", "in", "if", "else", "for", "true", "false")
 
 
@@ -322,7 +325,8 @@ class _Completion:
                 yield Offer(name, ItemKind.Constant, f"engaged by {hold.engage}", docs.hold(hold))
 
     def _types(self) -> Iterator[Offer]:
-        known = self._catalog.for_missions.known_types
+        records = self._model.composed.declared.records if self._model is not None else {}
+        known = {**self._catalog.for_missions.known_types, **records}
         for name, kind in known.items():
             yield Offer(name, ItemKind.TypeParameter, docs.type_text(kind))
         for gathered in ("list", "set"):
@@ -358,6 +362,10 @@ class _Completion:
             return self._named(call, here.start if here and here.text not in "(" else self._offset)
         if here is not None and here.text[0] in "'\"":
             return self._quoted(here, before)
+        indexed = _INDEXED.search(expression[: self._offset - start])
+        if indexed is not None:
+            begin, end = start + indexed.start(), max(self._offset, here.end if here is not None else 0)
+            return Offers(begin, end, tuple(self._fields(indexed[1])))
         word = here.text[: self._offset - here.start] if here and (here.text[0].isalpha()) else ""
         if not word and self._scan.text[self._offset - 1] == ".":
             word = (before[-2].text if len(before) > 1 else "") + "."
@@ -399,7 +407,7 @@ class _Completion:
     def _fields(self, owner: str) -> Iterator[Offer]:
         """Offer the fields of a record by their whole names: editors disagree about words."""
         scope = self._scope()
-        kind = type_of(scope, owner.split("."))
+        kind = kind_of(scope, owner) if "[" in owner else type_of(scope, owner.split("."))
         fields = dict(kind.fields) if kind else {}
         nearest = self._nearest_parameters() if owner == "param" else []
         for name in sorted(fields, key=lambda name: nearest.index(name) if name in nearest else len(nearest)):
