@@ -332,7 +332,7 @@ class BindingNode(Node):
     summary: str = Field(description="one sentence for people: what is connected")
     types: Annotated[RecordTypes, Named(Meaning.TYPE)] = Field(
         default_factory=dict,
-        description="record types, by name, for it and all missions beside it; it may have nothing else",
+        description="record types, by name, for it, and for the missions and bindings beside it",
     )
     params: Annotated[dict[str, ParameterNode], Named(Meaning.PARAMETER)] = Field(
         default_factory=dict, description="settings that its expressions read as param.NAME, by name"

@@ -515,7 +515,7 @@ RIDE: Definition = {
 def test_a_record_and_the_message_that_it_is_sent_as(catalog: Catalog) -> None:
     """By their fields: a pose in it fills a pose, and what the other has besides is left out."""
     folder = BOUND.parent / "records"
-    binding = load_files(folder / LIFECYCLE, [folder / "rounds.yaml"], catalog).bindings["places"]
+    binding = load_files(folder / LIFECYCLE, [folder / "rounds.yaml"], catalog).bindings["lift"]
     ward = {"id": "lab", "floor": 1, "pose": {"x": 1.0, "y": 2.0, "yaw": 0.0}, "door": 1.2, "beds": []}
     ride = binding.calls["ride"]
     sent = ride.sending.sent({"start": ward, "to": ward, "by": [ward]}, AROUND)

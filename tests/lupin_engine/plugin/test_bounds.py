@@ -23,7 +23,6 @@ from lupin_engine.plugin.types import (
     Type,
     fitted,
     list_of,
-    list_of,
     number_in,
     problems,
 )
