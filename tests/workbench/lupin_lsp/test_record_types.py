@@ -69,6 +69,10 @@ def test_a_type_is_described_by_its_fields(folder: Folder, place: str, told: str
         ("{type: |round, default", ["round", "ward", "bed", "list of round"]),
         ("guard: target.|door", ["target.beds", "target.door", "target.floor", "target.id", "target.pose"]),
         ("not any([bed.|free", ["bed.free", "bed.number"]),
+        ("- {|id: icu", ["id"]),
+        ("pose: {|x: 1 m, y: 2 m, yaw: 90 deg}, door: 120 cm", ["x"]),
+        ("beds: [{|number: 1", ["number"]),
+        ("default: {|name: morning", ["name"]),
     ],
 )
 def test_types_and_fields_are_offered(folder: Folder, place: str, offers: list[str]) -> None:
