@@ -170,8 +170,9 @@ class Declarer:
             problem, hint = f"{one(name)} would hold itself, without end", "hold its id, a text"
             self._findings.add(place, "wrong-type", path, problem, hint)
             return None
+        known = {**self._types, **dict.fromkeys(self._unread, ANY)} if self._unread else self._types
         try:
-            kind = parse_type(text, self._types)
+            kind = parse_type(text, known)
         except ValueError as error:
             problem, _, hint = str(error).partition("; ")
             self._findings.add(place, "unknown-type", path, problem, hint)
