@@ -90,7 +90,7 @@ MAX_FIELDS = 100
 _T = TypeVar("_T")
 
 
-class Typed(Protocol):
+class HasTypes(Protocol):
     """A file that may declare record types."""
 
     types: RecordTypes
@@ -121,7 +121,7 @@ class Declarer:
         self._catalog = catalog
         self._findings = findings
         self._types = dict(catalog.known_types)
-        self._unread: dict[str, Typed] = {}
+        self._unread: dict[str, HasTypes] = {}
         self._open: list[str] = []
         self._usage = usage
         self.declared = Declared()
@@ -182,7 +182,7 @@ class Declarer:
 
     # -- record types --------------------------------------------------------------------------------------
 
-    def read_types(self, files: Iterable[Typed]) -> dict[str, Type]:
+    def read_types(self, files: Iterable[HasTypes]) -> dict[str, Type]:
         """Read the record types of files; they may hold each other, in any order."""
         written = [(file, name) for file in files for name in file.types]
         first = {name: file for file, name in reversed(written)}
@@ -192,7 +192,7 @@ class Declarer:
                 self._record(file, name)
         return self.declared.records
 
-    def _record(self, file: Typed, name: str) -> None:
+    def _record(self, file: HasTypes, name: str) -> None:
         """Read a record type; a field with a mistake is of any type, and all uses are right."""
         place, path = file.key_at("types", name), f"types.{name}"
         self._unread.pop(name, None)
@@ -205,7 +205,7 @@ class Declarer:
         self._put("type", self.declared.records, name, kind, place)
         self._types.setdefault(name, kind if self._is_usable(name, kind, place, path) else ANY)
 
-    def _record_field(self, file: Typed, record: str, name: str) -> Type:
+    def _record_field(self, file: HasTypes, record: str, name: str) -> Type:
         path, node = f"types.{record}.{name}", file.types[record][name]
         self._lower_name("field", name, file.key_at("types", record, name), path, WORDS)
         kind = self._bounded(node, path)
