@@ -313,6 +313,13 @@ TYPES_HEAD = """\
 
 Types of parameters, variables and request fields; any of them may follow `list of` or `set of`. A set holds
 each element once, in the order in which they came. Plugins add their own types.
+
+*Record types* are declared under `types`, each with its [fields](#record-field), which may be records too.
+Those of a mission, a part or the lifecycle are known in the whole chart, those of a [binding](#bindings) in
+the missions beside it and in bindings without types: a file `bindings/places.yaml` with nothing but `types`
+is the place for what all share. A value has every field of its type; in a file each one is checked, with its
+unit and range. Over ROS a parameter that is a list of records, or a record of more than numbers, is a text of
+JSON, as its description says, with numbers in base units or texts such as `"120 cm"`.
 """
 UNITS_HEAD = """\
 A number that has a dimension is written with one of its units, and declared as `type: number` with `unit`.

@@ -13,7 +13,15 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
-from lupin_engine.chart.documents import Bound, CodeNode, Condition, Names, ParameterNode, Written
+from lupin_engine.chart.documents import (
+    Bound,
+    CodeNode,
+    Condition,
+    Names,
+    ParameterNode,
+    RecordTypes,
+    Written,
+)
 from lupin_engine.chart.nodes import Meaning, Named, Node, show, wrong_shape
 
 
@@ -322,6 +330,10 @@ class BindingNode(Node):
         description="name of the plugin that this makes, also that of its file"
     )
     summary: str = Field(description="one sentence for people: what is connected")
+    types: Annotated[RecordTypes, Named(Meaning.TYPE)] = Field(
+        default_factory=dict,
+        description="record types, by name, for it, and for the missions and bindings beside it",
+    )
     params: Annotated[dict[str, ParameterNode], Named(Meaning.PARAMETER)] = Field(
         default_factory=dict, description="settings that its expressions read as param.NAME, by name"
     )

@@ -424,6 +424,36 @@ class StateNode(Node):
     )
 
 
+class RecordFieldNode(Node):
+    """A field of a record type: a type alone, or with its unit and range."""
+
+    SHAPE = "a type, or a mapping with 'type'"
+
+    type: Annotated[str, Meaning.TYPE] = Field(description="such as text, integer, pose, list of text")
+    unit: Annotated[str | None, Meaning.UNIT] = Field(
+        None, description="unit of a number; a number in s is a duration"
+    )
+    min: Bound = Field(None, description="smallest value")
+    max: Bound = Field(None, description="largest value; of a list, the most elements")
+
+    @classmethod
+    def _long_form(cls, data: Any) -> Any:
+        return {"type": data} if isinstance(data, str) else super()._long_form(data)
+
+
+#: Record types by name, each with its fields.
+RecordTypes = dict[
+    str,
+    dict[
+        str,
+        Annotated[
+            RecordFieldNode,
+            BeforeValidator(lambda value: value, json_schema_input_type=str | RecordFieldNode),
+        ],
+    ],
+]
+
+
 class ParameterNode(Node):
     """A setting: becomes a ROS parameter of the same name."""
 
@@ -613,6 +643,9 @@ class FileNode(Node):
     """The declarations that every kind of file may have."""
 
     summary: str = Field("", description="one sentence for people")
+    types: Annotated[RecordTypes, Named(Meaning.TYPE)] = _by_name(
+        "record types, by name: each has fields, by name, with their types"
+    )
     params: Annotated[dict[str, ParameterNode], Named(Meaning.PARAMETER)] = _by_name("settings, by name")
     inputs: Annotated[dict[str, InputNode], Named(Meaning.INPUT)] = _by_name(
         "live values that are read, by the name that expressions use"
@@ -764,6 +797,8 @@ __all__ = [
     "PartNode",
     "PropertyNode",
     "RaiseNode",
+    "RecordFieldNode",
+    "RecordTypes",
     "RequestFieldNode",
     "RetryNode",
     "StateNode",

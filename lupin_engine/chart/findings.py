@@ -39,7 +39,7 @@ SUBJECTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
             "not-allowed": "what a binding talks to is a plugin's, or the robot's lupin.yaml allows it",
         },
         "Types, units and expressions": {
-            "unknown-type": "a type is built in or a plugin's; that of a service is installed",
+            "unknown-type": "a type is declared, built in or a plugin's; that of a service is installed",
             "wrong-type": "a value or operand has the type that is asked for",
             "wrong-unit": "quantities of different dimensions are not mixed",
             "no-unit": "a duration, length or angle says its unit",

@@ -27,7 +27,19 @@ MAX_PRUNINGS = 8
 Way = tuple[str | int, ...]
 #: Keys under which files declare what is named elsewhere.
 _DECLARING = frozenset(
-    {"states", "params", "context", "inputs", "levels", "codes", "holds", "request", "fields", "choices"}
+    {
+        "states",
+        "params",
+        "context",
+        "inputs",
+        "levels",
+        "codes",
+        "holds",
+        "request",
+        "fields",
+        "choices",
+        "types",
+    }
 )
 #: Rules that find something missing in a state, or what is said there of its transitions.
 _OF_A_STATE = frozenset(

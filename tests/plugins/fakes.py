@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lupin_engine.plugin.contract import Plugin
+
+if TYPE_CHECKING:
+    from lupin_ros.adapter.actions import GoalCallbacks
 
 
 def defaults(plugin: Plugin, **changed: Any) -> dict[str, Any]:

@@ -121,6 +121,8 @@ def _of_chart(folder: Folder, model: Model, path: Path, meaning: Meaning, mentio
     match meaning:
         case Meaning.PARAMETER | Meaning.BINDING:
             return _parameter(folder, model, path, mention)
+        case Meaning.TYPE if name in declared.records:
+            return docs.code(f"type {docs.type_text(declared.records[name])}")
         case Meaning.CODE if name in model.composed.chart.codes:
             return docs.reason(model.composed.chart.codes[name])
         case Meaning.EVENT if name in model.composed.chart.answers:

@@ -37,6 +37,7 @@ _SECTIONS: Mapping[Meaning, str] = {
     Meaning.FIELD: "request",
     Meaning.INVARIANT: "invariants",
     Meaning.PROPERTY: "properties",
+    Meaning.TYPE: "types",
 }
 #: The class of such a thing in a plugin's catalog, and its family among the owners of the registry.
 _MADE_BY: Mapping[Meaning, tuple[str, str]] = {
@@ -64,7 +65,7 @@ def definition(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
         return _key(folder, file, ("params" if file.parent.name == PARTS else "request", mention.name))
     if meaning in _SECTIONS:
         found = _declared(folder, path, (_SECTIONS[meaning], mention.name))
-        if found or meaning not in (Meaning.PARAMETER, Meaning.CODE):
+        if found or meaning not in (Meaning.PARAMETER, Meaning.CODE, Meaning.TYPE):
             return found
     return _in_plugin(folder, meaning, mention)
 
@@ -138,6 +139,7 @@ def _in_binding(folder: Folder, meaning: Meaning, mention: Mention) -> list[Span
         Meaning.CODE: (("codes", mention.name),),
         Meaning.LIVE_VALUE: (("values", mention.name),),
         Meaning.PARAMETER: (("params", mention.name),),
+        Meaning.TYPE: (("types", mention.name),),
     }
     files = [f for f in binding_files(folder.path) if meaning in of_any or f.stem == plugin]
     steps = of_it.get(meaning, ()) + of_any.get(meaning, ())

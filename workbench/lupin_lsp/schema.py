@@ -33,6 +33,7 @@ SHORT_FORMS: Mapping[str, Schema] = MappingProxyType(
     {
         "TransitionNode": {"type": "string", "description": "state to go to"},
         "InvariantNode": {"type": ["string", "boolean"], "description": "condition"},
+        "RecordFieldNode": {"type": "string", "description": "type"},
     }
 )
 
@@ -236,7 +237,7 @@ def _add_names(made: Schema, definitions: dict[str, Schema], catalog: Catalog) -
     if "Input" in owners:
         values = {n: docs.live_value(n, value) for n, value in catalog.values.items()}
         owners["Input"]["properties"]["value"].update(_named(values))
-    for name in ("Parameter", "Variable", "RequestField", "Argument", "Result", "BoundValue"):
+    for name in ("RecordField", "Parameter", "Variable", "RequestField", "Argument", "Result", "BoundValue"):
         if name in owners:
             owners[name]["properties"]["type"].update(_types(catalog))
             owners[name]["properties"]["unit"].update(_named({unit: docs.unit(unit) for unit in UNITS}))
@@ -251,8 +252,9 @@ def _types(catalog: Catalog) -> Schema:
     known = catalog.known_types
     shown = {name: docs.type_text(kind) for name, kind in known.items()}
     lists = {f"{gathered} of {name}": "" for gathered in ("list", "set") for name in known}
-    deep = {"type": "string", "pattern": "^(list|set) of (list|set) of "}
-    return {"anyOf": [_named({**shown, **lists}), deep]}
+    # Lists of lists, and record types of the files themselves.
+    others = {"type": "string", "pattern": "^((list|set) of )*[a-z][a-z0-9_]*$"}
+    return {"anyOf": [_named({**shown, **lists}), others]}
 
 
 def _add_operations(invoke: Schema, catalog: Catalog) -> None:
