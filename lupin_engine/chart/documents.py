@@ -25,7 +25,7 @@ from pydantic import (
 
 from lupin_engine.chart.nodes import Keyed, Meaning, Named, Node, show, wrong_shape
 from lupin_engine.chart.semantics import MIN_PERIOD
-from lupin_engine.chart.source import Map
+from lupin_engine.chart.source import Map, Merged
 
 
 def _many(description: str, alias: str | None = None) -> Any:
@@ -643,10 +643,29 @@ class FileNode(Node):
         return f"{type(self).__name__} {self.name}"
 
 
+class OriginNode(Node):
+    """The lifecycle that a copy was made of."""
+
+    SHAPE = "{lifecycle: NAME, version: VERSION, sha256: DIGEST}"
+
+    lifecycle: str = Field(description="name of the shipped lifecycle")
+    version: str = Field(description="version of the engine that shipped it")
+    sha256: str = Field(description="beginning of the digest of its file")
+
+
 class LifecycleNode(FileNode):
     """The lifecycle: the states and declarations that all missions share."""
 
     lifecycle: Annotated[str, Meaning.FILE] = Field(description="name of the lifecycle")
+    extends: str | None = Field(
+        None,
+        description="name of the shipped lifecycle that this one is, but for what stands here: mappings are "
+        "merged key by key; a transition, an action, a list and an expression replace. What the shipped one "
+        "says of holds and of a start stays",
+    )
+    origin: OriginNode | None = Field(
+        None, description="of a copy: what it was made of; `lupin doctor` says when that has changed since"
+    )
     profile: str | None = Field(None, description="kind of robot; without it the one that is installed")
     holds: Annotated[dict[str, HoldNode], Named(Meaning.HOLD)] = _by_name(
         "suspensions of the whole chart, by name"
@@ -659,6 +678,12 @@ class LifecycleNode(FileNode):
     def name(self) -> str:
         """The name that the file gives itself."""
         return self.lifecycle
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The names of the files that it is written in: its own, and the one that it extends."""
+        raw = self._raw
+        return (raw.file.name, raw.base.file.name) if isinstance(raw, Merged) else (raw.file.name,)
 
 
 class MissionNode(FileNode):
@@ -751,6 +776,7 @@ __all__ = [
     "LifecycleNode",
     "LimitNode",
     "MissionNode",
+    "OriginNode",
     "ParameterNode",
     "PartNode",
     "PropertyNode",

@@ -432,6 +432,8 @@ class Chart:
     `plugins` are those that the missions use; `catalog` is the one that it was checked against: all
     declarations of the installed plugins and of the bindings beside the missions.
 
+    `lifecycle_files` are the lifecycle's own file and the one that it extends, which is called `extends`.
+
     Charts are compared by identity, because results are cached by chart.
     """
 
@@ -449,6 +451,8 @@ class Chart:
     plugins: tuple[str, ...] = ()
     summary: str = ""
     catalog: Catalog = field(default_factory=Catalog)
+    lifecycle_files: tuple[str, ...] = ()
+    extends: str = ""
 
     @property
     def profile(self) -> Profile:

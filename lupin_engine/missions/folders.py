@@ -6,6 +6,7 @@ them.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -20,11 +21,16 @@ LIFECYCLE = "lifecycle.yaml"
 MISSIONS = "missions"
 #: The folder of the parts, beside the missions.
 PARTS = "parts"
+#: The folder of a lifecycle that is extended, beside the one that extends it. It counts before the shipped
+#: one: a bundle, a journal and a task of a campaign carry theirs.
+EXTENDED = "extends"
 #: How the name of a bundle ends: a mission with all that it is made of, in one file.
 BUNDLE = ".lupin"
 #: How many missions a folder may have, and how many bytes they and their parts: to understand more takes
 #: many seconds, in which no mission can be started.
 MAX_FILES, MAX_BYTES = 200, 1_000_000
+#: What a lifecycle is called that can stand in a folder.
+_PLAIN = re.compile(r"\w[\w-]*")
 
 
 def mission_files(folder: Path) -> list[Path]:
@@ -92,6 +98,24 @@ def default_missions_folder() -> Path:
         if (folder / LIFECYCLE).is_file():
             return folder
     raise UsageError("this installation ships no missions; name a mission file")
+
+
+def shipped_lifecycles() -> dict[str, Path]:
+    """Return the lifecycles that this installation ships, by their names."""
+    try:
+        files = sorted(default_missions_folder().glob("*.yaml"))
+    except UsageError:
+        return {}
+    found = ((head(file), file) for file in files)
+    return {known[1]: file for known, file in found if known is not None and known[0] == "lifecycle"}
+
+
+def lifecycle_called(name: str, folder: Path) -> Path | None:
+    """Return the lifecycle that one in `folder` extends by its name: carried there, or shipped; else None."""
+    carried = folder / EXTENDED / f"{name}.yaml"
+    if _PLAIN.fullmatch(name) and carried.is_file():
+        return carried
+    return shipped_lifecycles().get(name)
 
 
 def is_shipped(file: Path) -> bool:

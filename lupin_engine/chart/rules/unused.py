@@ -66,8 +66,8 @@ def unused_code(index: Index) -> Iterator[Diagnostic]:
 
 def _own(index: Index, family: str) -> list[tuple[str, Place]]:
     """Return the declarations that must be used in these files; the lifecycle's may be for other missions."""
-    lifecycle = index.chart.files[0]
-    return [(name, place) for name, place in _declared(index, family) if place.file != lifecycle]
+    lifecycle = index.chart.lifecycle_files
+    return [(name, place) for name, place in _declared(index, family) if place.file not in lifecycle]
 
 
 def _codes_used(index: Index) -> set[str]:
@@ -117,14 +117,14 @@ def never_set(index: Index) -> Iterator[Diagnostic]:
 
     One of the lifecycle may be meant for other missions, unless the lifecycle itself reads it.
     """
-    lifecycle = index.chart.files[0]
+    lifecycle = index.chart.lifecycle_files
     written: dict[str, list[Value]] = {}
     for call in index.calls:
         for name, value in call.action.arguments.items() if call.action.name in WRITING else ():
             written.setdefault(name, []).append(value)
     for name, place in _declared(index, "variable"):
         default = index.chart.context[name].default
-        is_read = index.texts.names(name, "" if place.file == lifecycle else None)
+        is_read = index.texts.names(name, "" if place.file in lifecycle else None)
         if is_read and all(_is_same(value, default) for value in written.get(name, ())):
             problem = f"nothing gives the variable {name!r} another value than its default"
             hint = "set it where that changes, or make it a parameter"
