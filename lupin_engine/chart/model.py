@@ -466,6 +466,10 @@ class Chart:
         read = [("value", name) for each in self.profile.projections.values() for name in each.values]
         return tuple(sorted({*self.plugins, *(owners[one] for one in read if one in owners)}))
 
+    def file_of(self, place: Place) -> str:
+        """Return how the file of a place is called in a line: a lifecycle that is extended by its name."""
+        return self.extends if place.file in self.lifecycle_files[1:] else place.file.rpartition("/")[2]
+
     @cached_property
     def answers(self) -> Mapping[str, Code]:
         """The events that answer a question, each with its choice."""

@@ -5,6 +5,7 @@ from .bundle import make_bundle as make_bundle
 from .bundle import read_bundle as read_bundle
 from .bundle import unpack as unpack
 from .folders import BUNDLE as BUNDLE
+from .folders import EXTENDED as EXTENDED
 from .folders import LIFECYCLE as LIFECYCLE
 from .folders import PARTS as PARTS
 from .folders import check_sizes as check_sizes
@@ -12,6 +13,7 @@ from .folders import default_missions_folder as default_missions_folder
 from .folders import find_mission as find_mission
 from .folders import lifecycle_in as lifecycle_in
 from .folders import mission_files as mission_files
+from .folders import shipped_lifecycles as shipped_lifecycles
 from .load import SAVED as SAVED
 from .load import Inspection as Inspection
 from .load import LoadedMissions as LoadedMissions

@@ -29,6 +29,8 @@ BUNDLE = ".lupin"
 #: How many missions a folder may have, and how many bytes they and their parts: to understand more takes
 #: many seconds, in which no mission can be started.
 MAX_FILES, MAX_BYTES = 200, 1_000_000
+#: The line of a copy that says what it was made of.
+_ORIGIN = re.compile(rb"^origin: .*\n", re.MULTILINE)
 #: What a lifecycle is called that can stand in a folder.
 _PLAIN = re.compile(r"\w[\w-]*")
 
@@ -121,7 +123,8 @@ def lifecycle_called(name: str, folder: Path) -> Path | None:
 def is_shipped(file: Path) -> bool:
     """Say whether a mission or lifecycle is a shipped one, or an unchanged copy of it."""
     try:
-        return file.read_bytes() == (default_missions_folder() / file.name).read_bytes()
+        shipped = (default_missions_folder() / file.name).read_bytes()
+        return _ORIGIN.sub(b"", file.read_bytes(), count=1) == shipped
     except (OSError, UsageError):
         return False
 

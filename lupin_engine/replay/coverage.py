@@ -265,11 +265,12 @@ class Coverage:
 
     def add(self, mission: Path, chart: Chart, counts: Mapping[Key, int]) -> None:
         """Add the counts of one run of a mission."""
-        missions = [*chart.missions] if _is_around_own(chart) else ["", *chart.missions]
+        lent = _lent(chart)
+        missions = [*chart.missions] if lent.issuperset(chart.lifecycle_files) else ["", *chart.missions]
         if mission not in self.charts:
             self.charts[mission] = (chart, Counter())
             for item in items(chart):
-                if item.mission in missions:
+                if item.place.file not in lent:
                     self._part(chart, item.mission).items.setdefault(item.key, item)
         self.charts[mission][1].update(counts)
         for name in missions:
@@ -304,10 +305,11 @@ class Coverage:
 
 
 @lru_cache(maxsize=32)
-def _is_around_own(chart: Chart) -> bool:
-    """Return whether a chart is the shipped lifecycle around missions that are not shipped."""
-    missions = (Path(mission.file) for mission in chart.missions.values())
-    return is_shipped(Path(chart.states[""].place.file)) and not any(map(is_shipped, missions))
+def _lent(chart: Chart) -> frozenset[str]:
+    """Return the files of a lifecycle that are shipped, around missions that are not."""
+    if any(is_shipped(Path(mission.file)) for mission in chart.missions.values()):
+        return frozenset()
+    return frozenset(file for file in chart.lifecycle_files if is_shipped(Path(file)))
 
 
 def add_up(results: Iterable[ScenarioResult], missions: Missions) -> Coverage:
