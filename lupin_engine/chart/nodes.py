@@ -121,6 +121,12 @@ class Node(BaseModel):
         return found
 
     @property
+    def content(self) -> Map:
+        """This mapping as it was read."""
+        raw: Map = self._raw
+        return raw
+
+    @property
     def written(self) -> bool:
         """Say whether this was read as a mapping, not as a short form."""
         return isinstance(self._raw, Map)

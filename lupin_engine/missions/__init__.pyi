@@ -13,11 +13,13 @@ from .folders import default_missions_folder as default_missions_folder
 from .folders import find_mission as find_mission
 from .folders import lifecycle_in as lifecycle_in
 from .folders import mission_files as mission_files
+from .folders import origin_of as origin_of
 from .folders import shipped_lifecycles as shipped_lifecycles
 from .load import SAVED as SAVED
 from .load import Inspection as Inspection
 from .load import LoadedMissions as LoadedMissions
 from .load import check_chart as check_chart
+from .load import expanded as expanded
 from .load import forget as forget
 from .load import inspect_chart as inspect_chart
 from .load import load_chart as load_chart

@@ -6,6 +6,7 @@ them.
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -118,6 +119,13 @@ def lifecycle_called(name: str, folder: Path) -> Path | None:
     if _PLAIN.fullmatch(name) and carried.is_file():
         return carried
     return shipped_lifecycles().get(name)
+
+
+def origin_of(lifecycle: Path) -> dict[str, str]:
+    """Return what a copy of a shipped lifecycle says it was made of, as the key `origin` has it."""
+    named, raw = head(lifecycle), lifecycle.read_bytes()
+    digest = hashlib.sha256(raw).hexdigest()[:16]
+    return {"lifecycle": named[1] if named else "", "version": lupin_engine.__version__, "sha256": digest}
 
 
 def is_shipped(file: Path) -> bool:

@@ -312,6 +312,20 @@ def _read_lifecycle(path: Path, findings: Findings, texts: Mapping[Path, bytes])
     return _document(str(path), LifecycleNode, raw, BaseFile(str(named), str(file), base))
 
 
+def expanded(lifecycle: Path) -> dict[str, Any]:
+    """Return the content of a lifecycle as one file, with that of the one that it extends.
+
+    Raises:
+        ChartError: it cannot be read, or an override is wrong.
+    """
+    findings = Findings()
+    document = _read_lifecycle(lifecycle, findings, SAVED)
+    errors = [one for one in (*findings.all, *document.found) if one.severity is Severity.ERROR]
+    if document.node is None or errors:
+        raise ChartError(errors)
+    return {key: value for key, value in document.node.content.items() if key != "extends"}
+
+
 @lru_cache(maxsize=MAX_CHARTS)
 def _extended_by(name: str, raw: bytes) -> Text | None:
     """Return the name of the lifecycle that the bytes of one extend; None without a readable one."""
