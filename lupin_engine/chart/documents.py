@@ -657,7 +657,7 @@ class LifecycleNode(FileNode):
     """The lifecycle: the states and declarations that all missions share."""
 
     lifecycle: Annotated[str, Meaning.FILE] = Field(description="name of the lifecycle")
-    extends: str | None = Field(
+    extends: Annotated[str | None, Meaning.LIFECYCLE] = Field(
         None,
         description="name of the shipped lifecycle that this one is, but for what stands here: mappings are "
         "merged key by key; a transition, an action, a list and an expression replace. What the shipped one "

@@ -11,6 +11,7 @@ from .folders import PARTS as PARTS
 from .folders import check_sizes as check_sizes
 from .folders import default_missions_folder as default_missions_folder
 from .folders import find_mission as find_mission
+from .folders import lifecycle_called as lifecycle_called
 from .folders import lifecycle_in as lifecycle_in
 from .folders import mission_files as mission_files
 from .folders import origin_of as origin_of

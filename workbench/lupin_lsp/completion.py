@@ -30,7 +30,7 @@ from lupin_engine.chart import (
     level_events,
     named_in,
 )
-from lupin_engine.missions import PARTS
+from lupin_engine.missions import PARTS, shipped_lifecycles
 from lupin_engine.plugin import UNITS, Argument, Catalog
 from lupin_lsp import docs
 from lupin_lsp.folder import Folder
@@ -134,9 +134,18 @@ class _Completion:
         colon = (
             "" if token is not None and token.role is TokenRole.KEY and self._has_colon(token.end) else ": "
         )
-        for offer in self._all_keys(spot):
+        for offer in (*self._all_keys(spot), *self._inherited(spot, mapping)):
             if offer.label not in there:
                 yield replace(offer, insert=f"{offer.insert or offer.label}{colon}")
+
+    def _inherited(self, spot: Spot, mapping: Steps) -> Iterator[Offer]:
+        """Offer the names that the extended lifecycle declares here, in the one that extends it."""
+        base = self._folder.base if spot.declares and self._path == self._folder.lifecycle else None
+        if base is None:
+            return
+        scan, origin = self._folder.scan(base), self._folder.scan(self._path).value("extends") or ""
+        for key in scan.keys(mapping):
+            yield Offer(key.text, ItemKind.Property, origin, scan.value(*key.path, "summary") or "")
 
     def _has_colon(self, end: int) -> bool:
         return self._scan.text[end:].lstrip(" \t").startswith(":")
@@ -185,6 +194,7 @@ class _Completion:
             Meaning.STATE: partial(self._states, spot),
             Meaning.CHILD: self._children,
             Meaning.PART: partial(self._parts, spot),
+            Meaning.LIFECYCLE: self._lifecycles,
             Meaning.OPERATION: self._operations,
             Meaning.ACTION: self._plain_actions,
             Meaning.EVENT: self._events,
@@ -246,10 +256,15 @@ class _Completion:
 
     def _state(self, label: str, name: str) -> Offer:
         assert self._model is not None
-        state = self._model.composed.chart.states[name]
-        file = Path(state.place.file).name
+        chart = self._model.composed.chart
+        state, file = chart.states[name], chart.file_of(chart.states[name].place)
         detail = f"{name} ({file}:{state.place.line})"
         return Offer(label, ItemKind.EnumMember, detail, docs.state(name, state, file))
+
+    def _lifecycles(self) -> Iterator[Offer]:
+        for name, file in shipped_lifecycles().items():
+            summary = self._folder.scan(file).value("summary") or ""
+            yield Offer(name, ItemKind.File, summary, summary)
 
     def _parts(self, spot: Spot) -> Iterator[Offer]:
         if spot.holder is PartNode:
@@ -413,7 +428,7 @@ class _Completion:
 
     def _nearest_parameters(self) -> list[str]:
         """Return the parameters of this file and of the lifecycle, in that order."""
-        files = [self._path, self._folder.lifecycle]
+        files = [self._path, self._folder.lifecycle, *([self._folder.base] if self._folder.base else [])]
         return [key.text for file in files for key in self._folder.scan(file).keys(("params",))]
 
     def _field_doc(self, owner: str, name: str) -> str:
