@@ -56,17 +56,17 @@ class BaseFile:
     raw: bytes
 
 
-def extended(own: Map, base: Map, findings: Findings, left_out: list[Way]) -> Map:
+def extended(own: Map, base: Map, findings: Findings, left_out: list[Way]) -> Map | None:
     """Return the lifecycle of a project merged with the one that it extends.
 
     What cannot be overridden is a finding, and stays as it is. What overrides nothing is left out, and added
-    to `left_out`.
+    to `left_out`. None where the other one is not complete.
     """
     if "extends" in base:
         problem = f"{str(own['extends'])!r} extends a lifecycle itself, in {base.key_place('extends')}"
-        hint = "extend one that is complete: a chain of lifecycles is followed by no reader"
+        hint = "extend one that is complete: a lifecycle is read in two files at most"
         findings.add(own.value_place("extends"), "unknown-lifecycle", "extends", problem, hint)
-        return own
+        return None
     _Additions(own, base, findings).check()
     return _Merger(own, base, findings, left_out).merged()
 
@@ -224,9 +224,6 @@ class _Additions:
 
     def _state(self, state: Map, inherited: Any, way: Way, around: list[Map]) -> None:
         base = inherited if isinstance(inherited, Map) else None
-        if "slot" in state and (base is None or "slot" not in base):
-            problem = f"{self._name} has a slot already, and a project adds none"
-            self._findings.add(state.key_place("slot"), _FIXED, _path(way), problem, "remove it")
         self._transitions(state, way)
         within = around if base is None else [base, *around]
         self._start(state, way, within)
