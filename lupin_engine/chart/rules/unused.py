@@ -16,12 +16,21 @@ from lupin_engine.errors import Diagnostic, Place
 
 
 def unused_parameter(index: Index) -> Iterator[Diagnostic]:
-    """Find a parameter that a file declares and no expression reads."""
+    """Find a parameter that a file declares and no expression reads.
+
+    An inherited one cannot be removed: that an override has left it without a reader is a warning.
+    """
+    rule, chart = "unused-parameter", index.chart
     for name, place in _declared(index, "parameter"):
-        if name not in index.composed.usage.parameters:
-            problem = f"nothing reads the parameter {name!r}"
-            hint = f"read it as param.{name}, or remove it"
-            yield Diagnostic(place, "unused-parameter", f"params.{name}", problem, hint)
+        if name in index.composed.usage.parameters:
+            continue
+        problem, path = f"nothing reads the parameter {name!r}", f"params.{name}"
+        if place.file in chart.lifecycle_files[1:]:
+            at = index.composed.drafts[""].file.at("extends")
+            problem += f" of {chart.extends} any more"
+            yield warning(at, rule, path, problem, f"let the override read it as param.{name}")
+        else:
+            yield Diagnostic(place, rule, path, problem, f"read it as param.{name}, or remove it")
 
 
 def _declared(index: Index, family: str) -> Iterator[tuple[str, Place]]:
