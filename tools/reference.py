@@ -150,7 +150,8 @@ LANGUAGE_HEAD = """\
 A mission is a statechart in YAML. There are three kinds of file, told apart by their first key: a *lifecycle*
 is what all missions share (starting up, pausing, driving home), a *mission* is what a robot is asked to do
 and stands in the lifecycle's slot, a *part* is a piece that missions use, as they may use another mission.
-`lifecycle.yaml` stands beside the missions, the parts in the folder `parts` there. What a mission can do
+`lifecycle.yaml` stands beside the missions, the parts in the folder `parts` there; that of a project usually
+[extends](#a-lifecycle-that-extends-another) the shipped one. What a mission can do
 comes from plugins; a service that no plugin calls is connected by a [binding](#bindings), a fourth kind of
 file. The shipped ones in `missions/` are the best introduction; this page is for looking things up. What
 `lupin check` says about a file is explained in [rules.md](rules.md).
@@ -215,6 +216,30 @@ expression without `${ }`, and *one or more* means that a list of one may be wri
 in **bold** must be written.
 """
 
+EXTENDING = """\
+## A lifecycle that extends another
+
+With `extends: NAME` a lifecycle is the shipped one of that name, with changes: those that the file contains.
+The two are merged before anything else happens, so that checks, proofs, pictures and runs see one lifecycle;
+`lupin check --expand` prints it. Every finding has the place of the file that has the mistake.
+
+- A mapping is merged key by key: declarations, states and the states in them, `on`, `after`, `every`, `at`,
+  `invoke`, `budget`. So `params: {dock_timeout_s: {default: 90 s}}` changes one key of one parameter.
+- All else replaces: a transition (with its guard, actions and code), a list, actions, an expression, and an
+  `invoke` with a `do`. Nothing can be taken out.
+- In document order a new state or event comes after the inherited ones.
+- These cannot be overridden: a hold, and the inputs and parameters that its conditions read; a transition
+  with `during` or `releases`; the answers to `mission.start`, also by a state inside or by `mission.*`; the
+  profile and the slot; an invariant. An inherited property may get a stricter `breach`, a `code` and a
+  `summary`. No transition of the file `releases` an inherited hold. New holds, invariants and properties may
+  be added.
+- A name that overrides nothing and cannot be new is an error with the nearest spelling; a value that equals
+  the inherited one is a warning.
+- `extends/NAME.yaml` beside the file counts before the shipped one: bundles and journals carry theirs there.
+
+`lupin new` begins with such a file. `lupin new --copy` writes a whole lifecycle, which ages: its `origin`
+names what it was made of, and `lupin doctor` reports whether that has changed since.
+"""
 ACTIONS_HEAD = """\
 ## Actions
 
@@ -409,7 +434,7 @@ EVENTS: tuple[tuple[str, str], ...] = (
 def language() -> Iterator[str]:
     """Yield the page of the language, line by line."""
     yield from LANGUAGE_HEAD.splitlines()
-    yield from ("", "## Words")
+    yield from ("", *EXTENDING.splitlines(), "", "## Words")
     for model in models():
         yield from _model(model)
     yield from ("", *ACTIONS_HEAD.splitlines(), "")

@@ -659,12 +659,12 @@ class LifecycleNode(FileNode):
     lifecycle: Annotated[str, Meaning.FILE] = Field(description="name of the lifecycle")
     extends: Annotated[str | None, Meaning.LIFECYCLE] = Field(
         None,
-        description="name of the shipped lifecycle that this one is, but for what stands here: mappings are "
-        "merged key by key; a transition, an action, a list and an expression replace. What the shipped one "
-        "says of holds and of a start stays",
+        description="name of a shipped lifecycle, which this one changes: mappings are merged key by key; "
+        "transitions, actions, lists and expressions replace; its holds and its answers to a start stay",
     )
     origin: OriginNode | None = Field(
-        None, description="of a copy: what it was made of; `lupin doctor` says when that has changed since"
+        None,
+        description="of a copy: the lifecycle that it was made of; `lupin doctor` reports a change since",
     )
     profile: str | None = Field(None, description="kind of robot; without it the one that is installed")
     holds: Annotated[dict[str, HoldNode], Named(Meaning.HOLD)] = _by_name(

@@ -265,15 +265,13 @@ class Coverage:
 
     def add(self, mission: Path, chart: Chart, counts: Mapping[Key, int]) -> None:
         """Add the counts of one run of a mission."""
-        lent = _lent(chart)
-        missions = [*chart.missions] if lent.issuperset(chart.lifecycle_files) else ["", *chart.missions]
+        own = _own_items(chart)
         if mission not in self.charts:
             self.charts[mission] = (chart, Counter())
-            for item in items(chart):
-                if item.place.file not in lent:
-                    self._part(chart, item.mission).items.setdefault(item.key, item)
+            for item in own:
+                self._part(chart, item.mission).items.setdefault(item.key, item)
         self.charts[mission][1].update(counts)
-        for name in missions:
+        for name in dict.fromkeys((*chart.missions, *(item.mission for item in own))):
             self._part(chart, name).counts.update(counts)
 
     def _part(self, chart: Chart, mission: str) -> FileCoverage:
@@ -305,11 +303,12 @@ class Coverage:
 
 
 @lru_cache(maxsize=32)
-def _lent(chart: Chart) -> frozenset[str]:
-    """Return the files of a lifecycle that are shipped, around missions that are not."""
+def _own_items(chart: Chart) -> tuple[CoverageItem, ...]:
+    """Return the items of a chart; those of a shipped lifecycle count around shipped missions only."""
+    shipped = {file for file in chart.lifecycle_files if is_shipped(Path(file))}
     if any(is_shipped(Path(mission.file)) for mission in chart.missions.values()):
-        return frozenset()
-    return frozenset(file for file in chart.lifecycle_files if is_shipped(Path(file)))
+        shipped = set()
+    return tuple(item for item in items(chart) if item.place.file not in shipped)
 
 
 def add_up(results: Iterable[ScenarioResult], missions: Missions) -> Coverage:
