@@ -19,9 +19,9 @@ BEGINNING = ["missions/inspection.yaml", "missions/lifecycle.yaml", "scenarios/i
 EXTENDING = """\
 lifecycle: my-robot
 extends: greenhouse-robot
-# Write only what differs: lupin check --expand prints the whole. For example, when you remove the '#':
-# params: {dock_timeout_s: {default: 90 s}}       # one key of one parameter, of a state or of a code
-# states: {RETURNING: {on: {operator.skip_current: DONE}}}   # or one transition, or a state of your own
+# Write only what differs here; lupin check --expand prints the whole. For example:
+# params: {PARAMETER: {default: 90 s}}             # one key of one parameter, and all others stay
+# states: {STATE: {on: {EVENT: OTHER_STATE}}}      # one transition, or a state of your own
 """
 
 
@@ -55,7 +55,8 @@ def test_what_its_lifecycle_suggests_is_right(folder: Path) -> None:
     assert main(["new", "round_trip"]) == 0
     lifecycle = folder / "missions" / "lifecycle.yaml"
     text = EXTENDING.replace("# params", "params").replace("# states", "states")
-    lifecycle.write_text(text)
+    text = text.replace("PARAMETER", "dock_timeout_s").replace("OTHER_STATE", "DONE")
+    lifecycle.write_text(text.replace("STATE", "RETURNING").replace("EVENT", "operator.skip_current"))
     assert main(["check", "--strict", "missions"]) == 0
     assert main(["simulate", "round_trip"]) == 0
     assert main(["test"]) == 0

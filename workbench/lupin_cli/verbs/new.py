@@ -42,9 +42,9 @@ expect:
 LIFECYCLE = """\
 lifecycle: my-robot
 extends: {name}
-# Write only what differs: lupin check --expand prints the whole. For example, when you remove the '#':
-# params: {{dock_timeout_s: {{default: 90 s}}}}       # one key of one parameter, of a state or of a code
-# states: {{RETURNING: {{on: {{operator.skip_current: DONE}}}}}}   # or one transition, or a state of your own
+# Write only what differs here; lupin check --expand prints the whole. For example:
+# params: {{PARAMETER: {{default: 90 s}}}}             # one key of one parameter, and all others stay
+# states: {{STATE: {{on: {{EVENT: OTHER_STATE}}}}}}      # one transition, or a state of your own
 """
 
 #: The scenario of a mission that is copied from another one.
