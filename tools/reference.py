@@ -228,11 +228,11 @@ The two are merged before anything else happens, so that checks, proofs, picture
 - All else replaces: a transition (with its guard, actions and code), a list, actions, an expression, and an
   `invoke` with a `do`. Nothing can be taken out.
 - In document order a new state or event comes after the inherited ones.
-- These cannot be overridden: a hold, and the inputs and parameters that its conditions read; a transition
-  with `during` or `releases`; the answers to `mission.start`, also by a state inside or by `mission.*`; the
-  profile and the slot; an invariant. An inherited property may get a stricter `breach`, a `code` and a
-  `summary`. No transition of the file `releases` an inherited hold. New holds, invariants and properties may
-  be added.
+- These cannot be overridden: a hold; a transition with `during` or `releases`; the answers to
+  `mission.start`, also by a state inside or by `mission.*`; the inputs and parameters that the conditions of
+  holds and of these answers read; the profile and the slot; an invariant. An inherited property may get a
+  stricter `breach`, a `code` and a `summary`. No transition of the file `releases` an inherited hold. New
+  holds, invariants and properties may be added.
 - A name that overrides nothing and cannot be new is an error with the nearest spelling; a value that equals
   the inherited one is a warning.
 - `extends/NAME.yaml` beside the file counts before the shipped one: bundles and journals carry theirs there.

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, NamedTuple, get_args, get_origin
 
@@ -34,14 +34,16 @@ from lupin_engine.errors import Place, meant
 from lupin_engine.plugin.profile import START
 
 _FIXED, _NOTHING = "not-overridable", "overrides-nothing"
-#: What a hold reads in its conditions.
+#: The inputs and parameters that a condition reads.
 _READ = re.compile(r"\b(input|param)\.(\w+)")
 _SECTIONS = {"input": "inputs", "param": "params"}
 #: How strictly a breach is answered.
 _BREACHES = ("report", "hold", "fault")
-#: What may be written of an inherited property.
+#: The keys that an override of a property may have.
 _OF_PROPERTY = frozenset({"breach", "code", "summary"})
-_KEPT = "what is proven of every mission is so in every project"
+_ALIKE = "is so in every project"
+_KEPT = f"what is proven of every mission {_ALIKE}"
+_ANSWERED = f"what answers a start {_ALIKE}"
 _STRICTER = "write one of another name that asks for more"
 _NOT_MEANT = "a mission that it is not meant of says so under 'not_meant', with the reason"
 _OWN_KEYS = frozenset({"lifecycle", "extends"})
@@ -57,10 +59,10 @@ class BaseFile:
 
 
 def extended(own: Map, base: Map, findings: Findings, left_out: list[Way]) -> Map | None:
-    """Return the lifecycle of a project merged with the one that it extends.
+    """Return the lifecycle of a project merged with the one that it extends; None where that is not complete.
 
-    What cannot be overridden is a finding, and stays as it is. What overrides nothing is left out, and added
-    to `left_out`. None where the other one is not complete.
+    A forbidden override is a finding and has no effect. A name that overrides nothing is a finding, too, and
+    is added to `left_out`.
     """
     if "extends" in base:
         problem = f"{str(own['extends'])!r} extends a lifecycle itself, in {base.key_place('extends')}"
@@ -77,7 +79,7 @@ class _Merger:
         self._findings = findings
         self._left_out = left_out
         self._name = str(own["extends"])
-        self._read_by_holds = dict(_read_by_holds(base))
+        self._readers = dict(_readers(base))
         self._mentioned = frozenset(_words_in(own))
 
     def merged(self) -> Merged:
@@ -108,7 +110,8 @@ class _Merger:
         if fixed is not None and not _is_same(new, old):
             self._refuse(own.key_place(key), base.key_place(key), way, fixed)
             return old, base
-        if new is None or new == {}:
+        is_whole = merge is not None and merge.is_whole
+        if new is None or new == {} or (new == [] and is_whole):
             problem = f"nothing is written here, which changes nothing in {self._name}"
             hint = "write what differs, or remove the key"
             self._findings.add(own.key_place(key), _NOTHING, _path(way), problem, hint)
@@ -124,7 +127,7 @@ class _Merger:
         return new, own
 
     def _names(self, own: Map, base: Map, merge: _Merge, way: Way) -> Merged:
-        """Merge two mappings of names; of what a name declares the single keys, where that has a model."""
+        """Merge two mappings of names: their records key by key, values of another kind as a whole."""
         for name in [name for name in own if name not in base]:
             problem, hint = self._misspelt(name, own[name], base, merge, way)
             if problem:
@@ -132,11 +135,10 @@ class _Merger:
                 self._findings.add(place, _NOTHING, _path(way), problem, hint)
                 self._left_out.append((*way, name))
                 del own[name]
-        inside = None if merge.record is None else _Merge(False, merge.record, merge.meaning)
-        return self._keys(own, base, way, dict.fromkeys(own, inside))
+        return self._keys(own, base, way, dict.fromkeys(own, replace(merge, of_names=False)))
 
     def _misspelt(self, name: str, new: Any, base: Map, merge: _Merge, way: Way) -> tuple[str, str]:
-        """Return problem and hint of a new name that was meant to be one of the base; empty ones else."""
+        """Return problem and hint of a name that overrides nothing and cannot be new; empty texts else."""
         if merge.meaning is None:
             return "", ""
         what = merge.meaning.value
@@ -157,17 +159,15 @@ class _Merger:
         self._findings.add(own, _FIXED, _path(way), problem, fixed.hint)
 
     def _fixed(self, way: Way, new: Any, old: Any) -> _Fixed | None:
-        """Return what it is that cannot be overridden; None where it can."""
+        """Return the subject of a forbidden override, with the reason; None for one that is allowed."""
         match way:
             case ("profile",):
                 return _Fixed("the profile", "its states are published in the words of that profile")
             case ("holds", name):
-                why = "what stops a robot, and what releases it, is so in every project"
-                return _Fixed(f"the hold {name!r}", why)
-            case (("inputs" | "params") as section, name) if (section, name) in self._read_by_holds:
+                return _Fixed(f"the hold {name!r}", f"what stops a robot, and what releases it, {_ALIKE}")
+            case (("inputs" | "params") as section, name) if (section, name) in self._readers:
                 what = "input" if section == "inputs" else "parameter"
-                hold = self._read_by_holds[str(section), str(name)]
-                return _Fixed(f"the {what} {name!r}", f"the hold {hold!r} reads it")
+                return _Fixed(f"the {what} {name!r}", f"{self._readers[str(section), str(name)]} reads it")
             case ("invariants", name):
                 return _Fixed(f"the invariant {name!r}", _KEPT, _STRICTER)
             case ("properties", name) if _is_weaker(new, old):
@@ -180,7 +180,7 @@ class _Merger:
 def _is_weaker(new: Any, old: Any) -> bool:
     """Say whether a property would be another one, or its breach be answered less strictly."""
     if not isinstance(new, Map) or not isinstance(old, Map):
-        return False
+        return True
     if any(key not in _OF_PROPERTY and not _is_same(new[key], old.get(key)) for key in new):
         return True
     breach, before = new.get("breach", _BREACHES[-1]), old.get("breach", _BREACHES[0])
@@ -188,7 +188,7 @@ def _is_weaker(new: Any, old: Any) -> bool:
 
 
 def _fixed_transition(way: Way, old: Any) -> _Fixed | None:
-    """Return what happens for an event and must stay; None where it may change."""
+    """Return the transitions that an override must not replace, with the reason; None where it may."""
     *_, key = way
     in_names = len(way) > 1 and way[-2] in ("on", "after", "every", "at")
     merge = _fields(StateNode).get(str(way[-2] if in_names else key))
@@ -196,14 +196,14 @@ def _fixed_transition(way: Way, old: Any) -> _Fixed | None:
         return None
     what = f"what {key!r} does" if in_names else repr(key)
     if in_names and way[-2] == "on" and matches(str(key), START):
-        return _Fixed(what, "what answers a start is so in every project")
+        return _Fixed(what, _ANSWERED)
     written = {word for each in _elements(old) if isinstance(each, Map) for word in each}
     marked = sorted(written & {"during", "releases"})
     return _Fixed(what, f"it says {marked[0]!r} of a hold") if marked else None
 
 
 class _Additions:
-    """What a project adds that would change a hold, or the answer to a start, without overriding it."""
+    """Finds additions of a project that would change the effect of a hold, or the answer to a start."""
 
     def __init__(self, own: Map, base: Map, findings: Findings) -> None:
         self._own, self._base = own, base
@@ -230,18 +230,18 @@ class _Additions:
         self._states(state, base, way, within)
 
     def _transitions(self, holder: Map, way: Way) -> None:
-        """Report what releases an inherited hold."""
+        """Report transitions that release an inherited hold."""
         for key, transition in _transitions_in(holder):
             for hold in _elements(transition.get("releases", ())):
-                if hold in self._holds:
+                if isinstance(hold, str) and hold in self._holds:
                     where = self._holds.key_place(str(hold))
                     what = f"this releases the hold {str(hold)!r} of {self._name}, {where}"
-                    problem = f"{what}: what releases it is so in every project"
+                    problem = f"{what}: what releases it {_ALIKE}"
                     place = transition.key_place("releases")
                     self._findings.add(place, _FIXED, _path((*way, key)), problem, "remove it")
 
     def _start(self, state: Map, way: Way, within: Iterable[Map]) -> None:
-        """Report what would answer a start beside the inherited state, or before the one around it."""
+        """Report further answers to a start, in an inherited state that has one or inside it."""
         answers = [_inner(each, "on") for each in within]
         first = next((each for each in answers if START in each), None)
         on = _inner(state, "on")
@@ -250,7 +250,7 @@ class _Additions:
             is_answer = matches(event, START) and not all(map(_refuses, _elements(on[event])))
             if is_answer and not is_override and first is not None:
                 what = f"this answers a start, as {self._name} does in {first.key_place(START)}"
-                problem = f"{what}: what answers a start is so in every project"
+                problem = f"{what}: {_ANSWERED}"
                 hint = "remove it, or refuse the start here"
                 self._findings.add(on.key_place(event), _FIXED, _path((*way, "on", event)), problem, hint)
 
@@ -259,7 +259,7 @@ class _Additions:
 
 
 class _Fixed(NamedTuple):
-    """Something that cannot be overridden, why, and what to do."""
+    """The subject of a forbidden override, the reason, and the remedy."""
 
     what: str
     why: str
@@ -268,14 +268,16 @@ class _Fixed(NamedTuple):
 
 @dataclass(frozen=True)
 class _Merge:
-    """How the values of a key are merged: as names of records or of other values, as one record, or not.
+    """The way in which two values of a key are merged: by name, as one record, or not at all.
 
-    `meaning` is that of the names that are declared.
+    `record` is the model of the record, or of each named one, and `meaning` that of the names. `is_whole`:
+    these are transitions or actions, which replace.
     """
 
     of_names: bool = False
     record: type[Node] | None = None
     meaning: Meaning | None = None
+    is_whole: bool = False
     is_transition: bool = False
 
 
@@ -292,6 +294,7 @@ def _merge_of(field: Any) -> _Merge:
         of_names=get_origin(field.annotation) is dict,
         record=None if is_whole else next(iter(nodes), None),
         meaning=next((each.meaning for each in field.metadata if isinstance(each, Named)), None),
+        is_whole=is_whole,
         is_transition=TransitionNode in nodes,
     )
 
@@ -305,7 +308,7 @@ def _nodes(annotation: Any) -> Iterator[type[Node]]:
 
 
 def _lacks(model: type[Node] | None, new: Any) -> str:
-    """Return what a new record lacks that none can be without, as a list of keys; '' where it has all."""
+    """Return the required keys that a new record lacks, as a text; '' where it has all."""
     if model is None or not isinstance(new, Map):
         return ""
     if model is PropertyNode:
@@ -349,12 +352,21 @@ def _transitions_in(holder: Map) -> Iterator[tuple[str, Map]]:
                 yield key, each
 
 
-def _read_by_holds(base: Map) -> Iterator[tuple[tuple[str, str], str]]:
-    """Yield what the holds of a lifecycle read, by section and name, each with the hold."""
+def _readers(base: Map) -> Iterator[tuple[tuple[str, str], str]]:
+    """Yield the inputs and parameters that holds and answers to a start read, each with its reader."""
     for name, hold in _inner(base, "holds").items():
         for text in hold.values() if isinstance(hold, Map) else ():
-            for root, read in _READ.findall(str(text)):
-                yield (_SECTIONS[root], read), name
+            yield from _read_in(text, f"the hold {name!r}")
+    for name, state in _inner(base, "states").items():
+        answers = _inner(state, "on").get(START) if isinstance(state, Map) else None
+        for each in _elements(answers):
+            if isinstance(each, Map):
+                yield from _read_in(each.get("guard"), f"the answer to a start in {name!r}")
+
+
+def _read_in(condition: Any, reader: str) -> Iterator[tuple[tuple[str, str], str]]:
+    for root, name in _READ.findall(str(condition)):
+        yield (_SECTIONS[root], name), reader
 
 
 def _words_in(value: Any) -> Iterator[str]:

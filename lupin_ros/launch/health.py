@@ -22,6 +22,7 @@ from lupin_engine import __version__
 from lupin_engine.chart import Findings, read
 from lupin_engine.errors import LupinError, Severity, UsageError
 from lupin_engine.missions import (
+    EXTENDED,
     check_chart,
     folders,
     lifecycle_in,
@@ -65,6 +66,8 @@ RIHS = "RIHS01_"
 _EXTRAS = {"hmi": "`--hmi`", "record": "`lupin record`"}
 
 
+#: What to do about a lifecycle that is carried.
+_CARRIED = "it counts before the shipped one, and ages: remove it, unless it shall stay as it is"
 #: What to do about a copy of a lifecycle.
 _EXTEND = "write `extends: NAME` and only what differs: `lupin new NAME` in an empty folder shows how"
 
@@ -316,7 +319,10 @@ def look_at_lifecycle() -> Iterator[Finding]:
     if named is None or own in shipped.values():
         return
     name, extends, origin = (named.get(key) for key in ("lifecycle", "extends", "origin"))
-    if extends in shipped:
+    carried = own.parent / EXTENDED / f"{extends}.yaml"
+    if carried.is_file():
+        yield Finding("lifecycle", f"{own} extends {carried}", "note", _CARRIED)
+    elif extends in shipped:
         yield Finding("lifecycle", f"{own} extends {extends}, which engine {__version__} ships")
     elif isinstance(origin, dict) and origin.get("lifecycle") in shipped:
         yield _copied(own, origin, origin_of(shipped[origin["lifecycle"]]))

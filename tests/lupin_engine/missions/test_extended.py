@@ -263,3 +263,42 @@ def test_a_carried_one_counts_before_the_installed(
     again = load_files(mission.parent / "lifecycle.yaml", [mission], catalog)
     assert again.hash == loaded.hash
     assert again.chart.parameters["dock_retry_max"].default == 4
+
+
+@pytest.mark.parametrize("value", ["", "[]", "{}", "3", "true", "x", "[[]]", "[{a: {}}]", "{a: {b: c}}"])
+@pytest.mark.parametrize(
+    "form",
+    [
+        "{}",
+        "holds: {}",
+        "inputs: {}",
+        "params: {{dock_timeout_s: {}}}",
+        "properties: {{ends_at_home: {}}}",
+        "states: {}",
+        "states: {{READY: {}}}",
+        "states: {{READY: {{on: {}}}}}",
+        "states: {{READY: {{on: {{mission.*: {}}}}}}}",
+        "states: {{RETURNING: {{on: {{operator.resume: {{target: DONE, releases: {}}}}}}}}}",
+        "states: {{RETURNING: {{states: {{DRIVING_HOME: {{invoke: {}}}}}}}}}",
+        "states: {{RETURNING: {{states: {{DRIVING_HOME: {{always: {}}}}}}}}}",
+    ],
+)
+def test_nothing_odd_is_a_traceback(form: str, value: str, folder: Path, catalog: Catalog) -> None:
+    """Whatever stands where something is overridden is a finding; what is empty and new adds nothing."""
+    adds_nothing = value == "[]" and ("mission.*" in form or "releases" in form)
+    assert told(folder, form.format(value) + "\n", catalog) or (form, value) == ("{}", "") or adds_nothing
+
+
+def test_nothing_can_be_taken_out(folder: Path, catalog: Catalog) -> None:
+    """By nothing, nor by an empty list: a transition, actions, a state."""
+    for overrides, path in (
+        ("RETURNING: {on: {operator.dock: []}}", "RETURNING.on.operator.dock"),
+        ("READY: {always: []}", "READY.always"),
+        ("DONE: {entry: []}", "DONE.entry"),
+        ("DONE: {entry: }", "DONE.entry"),
+        ("DONE: ", "DONE"),
+    ):
+        assert told(folder, f"states: {{{overrides}}}\n", catalog) == [
+            f"states.{path}: nothing is written here, which changes nothing in greenhouse-robot; write what "
+            "differs, or remove the key"
+        ]

@@ -294,6 +294,16 @@ def test_a_lifecycle_that_has_aged_is_told(tmp_path: Path, monkeypatch: pytest.M
     shipped = f"greenhouse-robot, which engine {__version__} ships"
     assert found.found == f"missions/lifecycle.yaml extends {shipped}"
 
+    carried = tmp_path / "missions" / "extends" / "greenhouse-robot.yaml"
+    carried.parent.mkdir()
+    carried.write_text("lifecycle: greenhouse-robot\n", encoding="utf-8")
+    (found,) = health.look_at_lifecycle()
+    assert (found.state, found.found) == (
+        "note",
+        f"missions/lifecycle.yaml extends {carried.relative_to(tmp_path)}",
+    )
+    carried.unlink()
+
     lifecycle.unlink()
     (tmp_path / "missions" / "patrol.yaml").unlink()
     (tmp_path / "scenarios" / "patrol.scenario.yaml").unlink()

@@ -100,16 +100,21 @@ def test_a_lifecycle_of_ones_own_is_copied_as_it_is(folder: Path) -> None:
     assert (folder / "missions" / "lifecycle.yaml").read_text() == own
 
 
-def test_the_lifecycle_can_be_printed_as_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_lifecycle_can_be_printed_and_drawn_as_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """As it is with what it extends; only one, and none with an error."""
     assert main(["new", "round_trip"]) == 0
     lifecycle = folder / "missions" / "lifecycle.yaml"
-    lifecycle.write_text(f"{EXTENDING}params: {{dock_timeout_s: {{default: 90 s}}}}\n")
+    skip = "states: {RETURNING: {on: {operator.skip_current: DONE}}}"
+    lifecycle.write_text(f"{EXTENDING}params: {{dock_timeout_s: {{default: 90 s}}}}\n{skip}\n")
     capsys.readouterr()
     assert main(["check", "--expand"]) == 0
     text = capsys.readouterr().out
     assert text.startswith("lifecycle: my-robot\nprofile: greenhouse\n")
     assert "  dock_timeout_s: {type: duration, default: 90 s, min: 1 s, summary: longest drive home" in text
+    assert main(["diagram", "round_trip"]) == 0
+    drawn = capsys.readouterr().out
+    assert "DRIVING_HOME" in drawn
+    assert "skip_current" in drawn
     assert main(["check", "--expand", "missions", str(default_missions_folder())]) == 2
     assert capsys.readouterr().err.startswith("lupin: --expand prints one lifecycle, not missions/")
     lifecycle.write_text(f"{EXTENDING}holds: {{pause: {{code: battery_low}}}}\n")
