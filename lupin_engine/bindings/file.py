@@ -202,7 +202,7 @@ class BoundOperationNode(Node):
     detail: Written = Field(None, description="text beside the code, from the answer")
     progress: Written = Field(
         None,
-        description="what an action tells meanwhile, from `feedback`: a value, or several by their names",
+        description="feedback of an action, from `feedback`: a value, or several by their names",
     )
     uses: Names = Field(default_factory=list, description="what it needs for itself, such as base or lift")
     cut_short: bool = Field(
@@ -269,7 +269,7 @@ class BoundValueNode(Node):
 
     summary: str = Field(description="one sentence for people: what it is")
     type: Annotated[str, Meaning.TYPE] = Field(description="such as bool, number, length, pose")
-    topic: TopicNode = Field(description="topic that tells it")
+    topic: TopicNode = Field(description="topic that reports it")
     from_: Written = Field(alias="from", description="value, from `message`")
     when: Condition = Field(None, description="condition on `message`: others are passed over")
     unit: Annotated[str | None, Meaning.UNIT] = Field(
@@ -294,7 +294,7 @@ class BoundEventNode(Node):
     )
 
     summary: str = Field(description="one sentence for people: what happened")
-    topic: TopicNode = Field(description="topic that tells it")
+    topic: TopicNode = Field(description="topic that reports it")
     when: Condition = Field(None, description="condition on `message`: others are no event")
     fields: dict[str, ResultNode] = Field(default_factory=dict, description="what comes with it, by name")
 

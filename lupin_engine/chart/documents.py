@@ -265,16 +265,16 @@ class ForEachNode(Node):
 
     item: str = Field(description="what the element is called in the expressions below")
     in_: Annotated[Written, Meaning.VALUE] = Field(
-        alias="in", description="list of elements, looked at again after every step"
+        alias="in", description="list of elements, evaluated again after every step"
     )
     key: Annotated[Written, Meaning.VALUE] = Field(
-        description="what tells elements apart; each is dealt with once in a mission"
+        description="identifies an element; each key is handled once in a mission"
     )
     limit: Annotated[Written, Meaning.VALUE] = Field(
         None, description="largest number of operations at a time; otherwise all at once"
     )
     when: Annotated[Condition, Meaning.CONDITION] = Field(
-        None, description="condition on the element; looked at until it holds"
+        None, description="condition on the element; evaluated until it is true"
     )
     invoke: InvokeNode = Field(description="operation that is begun for the element")
     on_done: ElementEndNode | None = Field(
@@ -340,13 +340,17 @@ class ItineraryNode(Node):
     SHAPE = "{items: LIST}"
 
     items: Annotated[Written, Meaning.VALUE] = Field(
-        description="list of targets: texts, whole numbers or records with an `id`, which they are told by"
+        description="list of targets: texts, whole numbers or records, identified by their `id`"
     )
     order: Annotated[Written, Meaning.VALUE] = Field(
         None, description="number for each `target`; the smallest is next"
     )
     sweeps: Annotated[Written, Meaning.VALUE] = Field(
         None, description="how often the list is walked; 0: until something else ends it"
+    )
+    again: Names = Field(
+        [],
+        description="statuses: what ended so in the last sweep is visited once more, after the rest",
     )
     on_abort: Literal["skip", "leave_open"] = Field(
         "skip", description="what itinerary.close_rest does to the targets that are still open"
@@ -370,6 +374,11 @@ class StateNode(Node):
         None, description="child that is entered first; needed where several could be"
     )
     states: Annotated[dict[str, StateNode | None], Named(Meaning.STATE)] = _by_name("children, by name")
+    sequence: list[Annotated[dict[str, StateNode | None], Named(Meaning.STATE)]] = _many(
+        "children, one after the other: the end of each leads to the next, that of the last ends this state; "
+        "`on_error` is that of each step that has none"
+    )
+    times: Written = Field(None, description="how often the sequence is walked, 1 or more")
     entry: Actions = _many("actions on entering")
     exit: Actions = _many("actions on leaving")
     invoke: InvokeNode | None = Field(None, description="operation that lives as long as this state")
@@ -547,11 +556,11 @@ class InvariantNode(Node):
 class PropertyNode(Node):
     """A condition on every possible run, checked by `lupin test`, `prove` and `campaign`; a robot watches it.
 
-    One that reads the `request` of its mission is about the runs of that mission, and so is one that begins
-    with each start of it: places to visit, and `until` without `after`. Missions of one lifecycle, which a
-    robot loads together, have no two properties of one name. `breach` and `code` say what a robot does that
-    breaks it: a breach is a step of its own, right after the one that broke the property, and is reported
-    once until the property holds again.
+    One that reads the `request` of its mission is about the runs of that mission. So is one that begins with
+    each start of it: places to visit, and `until` without `after`. Missions of one lifecycle, which a robot
+    loads together, have no two properties of one name. `breach` and `code` decide what a robot does when it
+    is broken. A breach is a step of its own, right after the one that broke the property. It is reported once
+    until the property holds again.
     """
 
     SHAPE = "a mapping with one of always, never, eventually, visit_all and visit_in_order, or with built_in"
@@ -623,7 +632,7 @@ class FileNode(Node):
         Named(Meaning.INVARIANT),
     ] = _by_name("conditions that hold at every moment; broken, they lead to FAULT, and nothing starts")
     properties: Annotated[dict[str, PropertyNode], Named(Meaning.PROPERTY)] = _by_name(
-        "what is true of every run, by name; looked at before the robot runs, and while it does"
+        "what is true of every run, by name; checked before the robot runs, and watched while it does"
     )
     initial: Annotated[str | None, Meaning.CHILD] = Field(
         None, description="state that is entered first; needed where several could be"

@@ -165,14 +165,16 @@ class Itinerary:
 
     `order` is a number for each `target`: the open one with the smallest is next, the first among equals;
     without it the list's order counts. `sweeps` is the number of passes, 0 without end; the list is evaluated
-    again for each. With `leaves_open`, `itinerary.close_rest` closes none of its visits. `source` is named as
-    the source of its observations, '' for the mission's name.
+    again for each. After the last, the targets whose visit ended with a status of `again` have one more. With
+    `leaves_open`, `itinerary.close_rest` closes none of its visits. `source` is named as the source of its
+    observations, '' for the mission's name.
     """
 
     items: Value = field(metadata=said(Role.VALUE, "items"))
     place: Place
     order: Value | None = field(default=None, metadata=said(Role.VALUE, "order"))
     sweeps: Value | None = field(default=None, metadata=said(Role.VALUE, "sweeps"))
+    again: tuple[str, ...] = field(default=(), metadata=said(Role.PLAIN, "again"))
     leaves_open: bool = field(default=False, metadata=said(Role.PLAIN, "on_abort"))
     source: str = field(default="", metadata=said(Role.PLAIN, "source"))
 

@@ -26,6 +26,7 @@ from lupin_engine.chart.extended import BaseFile, extended
 from lupin_engine.chart.findings import Findings, answered, collected, warning
 from lupin_engine.chart.model import Chart
 from lupin_engine.chart.rules.checks import check_composed
+from lupin_engine.chart.sequences import write_out
 from lupin_engine.chart.source import Text, head, parse_bytes, read_bytes
 from lupin_engine.chart.validation import Way, follows, is_kind, read_document
 from lupin_engine.errors import MAX_LISTED, ChartError, Diagnostic, Place, Severity, meant
@@ -343,6 +344,9 @@ def _document(name: str, model: type[FileNode], raw: bytes, base: BaseFile | Non
         parsed = parse_bytes(raw, name, findings)
         if parsed is not None and base is not None and is_kind(parsed, "lifecycle", findings):
             under = parse_bytes(base.raw, base.file, findings)
+            for each in (parsed, under):
+                if each is not None:
+                    write_out(each, findings)
             parsed = None if under is None else extended(parsed, under, findings, left_out)
         return None if parsed is None else read_document(parsed, model, findings, left_out)
 

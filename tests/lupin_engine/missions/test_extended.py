@@ -134,6 +134,27 @@ states:
     assert [rule.during for rule in chart.states["CLEANING"].transitions][-1] == {"wind"}
 
 
+def test_a_sequence_of_ones_own(folder: Path, catalog: Catalog) -> None:
+    """It is written out before the two are merged, with its counter."""
+    overrides = """\
+states:
+  MISSION: {on_done: DISINFECTING}
+  DISINFECTING:
+    on: {mission.start: {refuse: mission_running}}
+    sequence:
+      - SPRAYING: {after: {5 s: DISINFECTING.DRYING}}
+      - DRYING: {after: {30 s: DISINFECTING.again}}
+    times: 2
+    on_done: RETURNING
+"""
+    chart = charted(folder, overrides, catalog)
+    assert [name for name in chart.states if name.startswith("DISINFECTING.")] == [
+        f"DISINFECTING.{name}" for name in ("begin", "SPRAYING", "DRYING", "again", "over")
+    ]
+    assert chart.context["disinfecting_round"].type.name == "count"
+    assert chart.states["DISINFECTING.again"].transitions[0].place.file == chart.lifecycle_files[0]
+
+
 def test_every_value_has_the_place_where_it_is_written(folder: Path, catalog: Catalog) -> None:
     """In the project's file what that writes, in the shipped one all else."""
     chart = charted(folder, "states:\n  RETURNING:\n    on: {operator.skip_current: DONE}\n", catalog)

@@ -58,7 +58,8 @@ CASES = {
     ),
     "keys of a state": (
         INSPECTION, "        on_error: FAULT", "        |",
-        ["summary", "type", "depth", "initial", "states", "entry", "exit", "on_error", "on"], 24,
+        ["summary", "type", "depth", "initial", "states", "sequence", "times", "entry", "exit", "on_error",
+         "on"], 26,
     ),
     "keys of a file": (INSPECTION, "initial: PREPARE", "|", ["inputs", "context", "invariants"], 0),
     "operations": (INSPECTION, "do: nav.localize", "do: na|", OPERATIONS, 7),
