@@ -41,11 +41,11 @@ _SECTIONS = {"input": "inputs", "param": "params"}
 _BREACHES = ("report", "hold", "fault")
 #: The keys that an override of a property may have.
 _OF_PROPERTY = frozenset({"breach", "code", "summary"})
-_ALIKE = "is so in every project"
-_KEPT = f"what is proven of every mission {_ALIKE}"
-_ANSWERED = f"what answers a start {_ALIKE}"
+_HELD = "every project is held and released in the same way"
+_ANSWERED = "every project answers a start in the same way"
+_KEPT = "every project keeps the conditions that it inherits"
 _STRICTER = "write one of another name that asks for more"
-_NOT_MEANT = "a mission that it is not meant of says so under 'not_meant', with the reason"
+_NOT_MEANT = "a mission that it is not meant of names it under 'not_meant', with the reason"
 _OWN_KEYS = frozenset({"lifecycle", "extends"})
 
 
@@ -112,8 +112,8 @@ class _Merger:
             return old, base
         is_whole = merge is not None and merge.is_whole
         if new is None or new == {} or (new == [] and is_whole):
-            problem = f"nothing is written here, which changes nothing in {self._name}"
-            hint = "write what differs, or remove the key"
+            problem = f"nothing is written here, and nothing of {self._name} can be taken out"
+            hint = "write the keys that differ, or remove this one"
             self._findings.add(own.key_place(key), _NOTHING, _path(way), problem, hint)
             return old, base
         if merge is not None and isinstance(new, Map) and isinstance(old, Map):
@@ -162,9 +162,9 @@ class _Merger:
         """Return the subject of a forbidden override, with the reason; None for one that is allowed."""
         match way:
             case ("profile",):
-                return _Fixed("the profile", "its states are published in the words of that profile")
+                return _Fixed("the profile", "its states belong to that profile")
             case ("holds", name):
-                return _Fixed(f"the hold {name!r}", f"what stops a robot, and what releases it, {_ALIKE}")
+                return _Fixed(f"the hold {name!r}", _HELD)
             case (("inputs" | "params") as section, name) if (section, name) in self._readers:
                 what = "input" if section == "inputs" else "parameter"
                 return _Fixed(f"the {what} {name!r}", f"{self._readers[str(section), str(name)]} reads it")
@@ -173,7 +173,7 @@ class _Merger:
             case ("properties", name) if _is_weaker(new, old):
                 return _Fixed(f"the property {name!r}", _KEPT, f"{_STRICTER}; {_NOT_MEANT}")
             case ("states", *_, "slot"):
-                return _Fixed("the slot", "missions stand where they are proven to stand")
+                return _Fixed("the slot", "the missions stand in the inherited one")
         return _fixed_transition(way, old)
 
 
@@ -194,12 +194,13 @@ def _fixed_transition(way: Way, old: Any) -> _Fixed | None:
     merge = _fields(StateNode).get(str(way[-2] if in_names else key))
     if merge is None or not merge.is_transition or merge.of_names is not in_names:
         return None
-    what = f"what {key!r} does" if in_names else repr(key)
+    what = f"the transition under {key!r}"
     if in_names and way[-2] == "on" and matches(str(key), START):
         return _Fixed(what, _ANSWERED)
     written = {word for each in _elements(old) if isinstance(each, Map) for word in each}
-    marked = sorted(written & {"during", "releases"})
-    return _Fixed(what, f"it says {marked[0]!r} of a hold") if marked else None
+    if "releases" in written:
+        return _Fixed(what, "it releases a hold")
+    return _Fixed(what, "it is taken during a hold") if "during" in written else None
 
 
 class _Additions:
@@ -236,7 +237,7 @@ class _Additions:
                 if isinstance(hold, str) and hold in self._holds:
                     where = self._holds.key_place(str(hold))
                     what = f"this releases the hold {str(hold)!r} of {self._name}, {where}"
-                    problem = f"{what}: what releases it {_ALIKE}"
+                    problem = f"{what}: {_HELD}"
                     place = transition.key_place("releases")
                     self._findings.add(place, _FIXED, _path((*way, key)), problem, "remove it")
 
@@ -249,7 +250,7 @@ class _Additions:
             is_override = event == START and START in answers[0]  # which is refused as such
             is_answer = matches(event, START) and not all(map(_refuses, _elements(on[event])))
             if is_answer and not is_override and first is not None:
-                what = f"this answers a start, as {self._name} does in {first.key_place(START)}"
+                what = f"this answers a start, which {self._name} does in {first.key_place(START)}"
                 problem = f"{what}: {_ANSWERED}"
                 hint = "remove it, or refuse the start here"
                 self._findings.add(on.key_place(event), _FIXED, _path((*way, "on", event)), problem, hint)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -43,8 +44,9 @@ def charted(folder: Path, overrides: str, catalog: Catalog) -> Chart:
 
 
 def told(folder: Path, overrides: str, catalog: Catalog) -> list[str]:
-    """Return what is wrong with overrides, without places and rules."""
-    return [one.message for one in check_chart(*written(folder, overrides), catalog)[1]]
+    """Return the messages about overrides; SHIPPED stands for a place in the shipped file."""
+    found = check_chart(*written(folder, overrides), catalog)[1]
+    return [re.sub(rf"{re.escape(str(SHIPPED))}:\d+:\d+", "SHIPPED", one.message) for one in found]
 
 
 def taken(chart: Chart, state: str, event: str) -> list[Transition]:
@@ -184,10 +186,9 @@ def test_what_a_warning_accepts_is_read_in_both_files(folder: Path, catalog: Cat
     overrides = f"{line}  # accept overrides-nothing: we want to see it\n"
     (one,) = check_chart(*written(folder, overrides), catalog)[1]
     assert one.severity is Severity.INFO
-    (one,) = check_chart(*written(folder, f"{line}\n"), catalog)[1]
-    assert one.message == (
-        f"params.dock_retry_max.default: this is the same as in greenhouse-robot, {SHIPPED}:7:33; remove it"
-    )
+    assert told(folder, f"{line}\n", catalog) == [
+        "params.dock_retry_max.default: this is the same as in greenhouse-robot, SHIPPED; remove it"
+    ]
 
 
 def test_an_unknown_lifecycle_is_answered_with_the_shipped_ones(folder: Path, catalog: Catalog) -> None:
@@ -229,6 +230,41 @@ states: {RETURNING: {states: {DOCKED: {on: {mission.start: {refuse: waits}}}}}}
 """
     chart = charted(folder, overrides, catalog)
     assert [rule.refuse for rule in taken(chart, "RETURNING.DOCKED", "mission.start")] == ["waits"]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "text"),
+    [
+        (
+            "profile: warehouse",
+            "profile: the profile of greenhouse-robot, SHIPPED, cannot be overridden: its states belong to "
+            "that profile; remove it",
+        ),
+        (
+            "inputs: {missing: {initial: [x]}}",
+            "inputs.missing: the input 'missing' of greenhouse-robot, SHIPPED, cannot be overridden: the "
+            "answer to a start in 'READY' reads it; remove it",
+        ),
+        (
+            "states: {READY: {on: {mission.*: MISSION}}}",
+            "states.READY.on.mission.*: this answers a start, which greenhouse-robot does in "
+            "SHIPPED: every project answers a start in the same way; remove it, or refuse the start here",
+        ),
+        (
+            "states: {DONE: {on: {mission.start: MISSION}}}",
+            "states.DONE.on.mission.start: the transition under 'mission.start' of greenhouse-robot, "
+            "SHIPPED, cannot be overridden: every project answers a start in the same way; remove it",
+        ),
+        (
+            "on: {nav.arrived: {releases: estop}}",
+            "on: this releases the hold 'estop' of greenhouse-robot, SHIPPED: every project is held and "
+            "released in the same way; remove it",
+        ),
+    ],
+)
+def test_what_stops_and_what_starts_stays(overrides: str, text: str, folder: Path, catalog: Catalog) -> None:
+    """In the shipped lifecycle: each refusal names the place in both files, and why."""
+    assert text in told(folder, f"{overrides}\n", catalog)
 
 
 def test_a_property_may_be_watched_more_strictly(folder: Path, catalog: Catalog) -> None:
@@ -320,6 +356,6 @@ def test_nothing_can_be_taken_out(folder: Path, catalog: Catalog) -> None:
         ("DONE: ", "DONE"),
     ):
         assert told(folder, f"states: {{{overrides}}}\n", catalog) == [
-            f"states.{path}: nothing is written here, which changes nothing in greenhouse-robot; write what "
-            "differs, or remove the key"
+            f"states.{path}: nothing is written here, and nothing of greenhouse-robot can be taken out; "
+            "write the keys that differ, or remove this one"
         ]
