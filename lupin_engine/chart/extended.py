@@ -46,7 +46,8 @@ _ANSWERED = "every project answers a start in the same way"
 _KEPT = "every project keeps the conditions that it inherits"
 _STRICTER = "write one of another name that asks for more"
 _NOT_MEANT = "a mission that it is not meant of names it under 'not_meant', with the reason"
-_OWN_KEYS = frozenset({"lifecycle", "extends"})
+#: The keys that each file has for itself.
+_OWN_KEYS = frozenset({"lifecycle", "extends", "lupin"})
 
 
 @dataclass(frozen=True)

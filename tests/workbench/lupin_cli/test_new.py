@@ -100,7 +100,7 @@ def test_a_lifecycle_of_ones_own_is_copied_as_it_is(folder: Path) -> None:
     assert (folder / "missions" / "lifecycle.yaml").read_text() == own
 
 
-def test_the_lifecycle_can_be_printed_and_drawn_as_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_lifecycle_is_printed_and_drawn_as_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """As it is with what it extends; only one, and none with an error."""
     assert main(["new", "round_trip"]) == 0
     lifecycle = folder / "missions" / "lifecycle.yaml"
