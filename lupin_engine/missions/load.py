@@ -303,7 +303,7 @@ def _read_lifecycle(path: Path, findings: Findings, texts: Mapping[Path, bytes])
     if raw is None or named is None:
         return _Document(None) if raw is None else _document(str(path), LifecycleNode, raw)
     file = lifecycle_called(named, path.parent)
-    if file is None or file.resolve() == path.resolve():
+    if file is None:
         known = shipped_lifecycles()
         findings.unknown(named.place, "unknown-lifecycle", "extends", "shipped lifecycle", named, known)
         return _Document(None)

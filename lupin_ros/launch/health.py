@@ -22,9 +22,9 @@ from lupin_engine import __version__
 from lupin_engine.chart import Findings, read
 from lupin_engine.errors import LupinError, Severity, UsageError
 from lupin_engine.missions import (
-    EXTENDED,
     check_chart,
     folders,
+    lifecycle_called,
     lifecycle_in,
     mission_files,
     mission_folders,
@@ -319,14 +319,16 @@ def look_at_lifecycle() -> Iterator[Finding]:
     if named is None or own in shipped.values():
         return
     name, extends, origin = (named.get(key) for key in ("lifecycle", "extends", "origin"))
-    carried = own.parent / EXTENDED / f"{extends}.yaml"
-    if carried.is_file():
-        yield Finding("lifecycle", f"{own} extends {carried}", "note", _CARRIED)
-    elif extends in shipped:
+    base = lifecycle_called(extends, own.parent) if isinstance(extends, str) else None
+    origin = origin if isinstance(origin, dict) else {}
+    copied = str(origin.get("lifecycle"))
+    if base is not None and base not in shipped.values():
+        yield Finding("lifecycle", f"{own} extends {base}", "note", _CARRIED)
+    elif base is not None:
         yield Finding("lifecycle", f"{own} extends {extends}, which engine {__version__} ships")
-    elif isinstance(origin, dict) and origin.get("lifecycle") in shipped:
-        yield _copied(own, origin, origin_of(shipped[origin["lifecycle"]]))
-    elif name in shipped and not folders.is_shipped(own):
+    elif copied in shipped:
+        yield _copied(own, origin, origin_of(shipped[copied]))
+    elif str(name) in shipped and not folders.is_shipped(own):
         found = f"{own} differs from the {name} that engine {__version__} ships"
         yield Finding("lifecycle", found, "note", f"{_EXTEND}, or give it a name of its own")
 

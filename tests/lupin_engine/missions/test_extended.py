@@ -205,6 +205,20 @@ def test_an_unknown_lifecycle_is_answered_with_the_shipped_ones(folder: Path, ca
         assert str(one) == f"{lifecycle}:2:10: error: {problem} [unknown-lifecycle]"
 
 
+def test_a_lifecycle_does_not_extend_itself(folder: Path, catalog: Catalog) -> None:
+    """Nor one that extends another: both are said to be no complete one."""
+    lifecycle = folder / "extends" / "a.yaml"
+    lifecycle.parent.mkdir()
+    for text in ("lifecycle: a\nextends: a\n", f"{HEAD}"):
+        lifecycle.write_text(text)
+        (folder / "lifecycle.yaml").write_text("lifecycle: b\nextends: a\n")
+        (one,) = check_chart(folder / "lifecycle.yaml", [], catalog)[1]
+        assert one.message == (
+            f"extends: 'a' extends a lifecycle itself, in {lifecycle}:2:1; extend one that is complete: "
+            "a lifecycle is read in two files at most"
+        )
+
+
 @pytest.mark.parametrize("name", ["3", "[a]", "", "true"])
 def test_what_is_no_name_is_told(name: str, folder: Path, catalog: Catalog) -> None:
     """No traceback."""

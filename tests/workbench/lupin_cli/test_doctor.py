@@ -325,5 +325,11 @@ def test_a_lifecycle_that_has_aged_is_told(tmp_path: Path, monkeypatch: pytest.M
     differs = f"missions/lifecycle.yaml differs from the greenhouse-robot that engine {__version__} ships"
     assert (found.state, found.found) == ("note", differs)
 
-    lifecycle.write_text("lifecycle: [", encoding="utf-8")
-    assert list(health.look_at_lifecycle()) == []
+    for odd in (
+        "lifecycle: [",
+        "lifecycle: [a]",
+        "lifecycle: a\nextends: [b]",
+        "lifecycle: a\norigin: {lifecycle: {}}",
+    ):
+        lifecycle.write_text(f"{odd}\n", encoding="utf-8")
+        assert list(health.look_at_lifecycle()) == []
