@@ -34,6 +34,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from lupin_cli.main import main as run_lupin
+from lupin_engine.missions.folders import default_missions_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -231,7 +232,8 @@ class Reader:
             os.chdir(before)
             os.environ.clear()
             os.environ.update(environment)
-        return _TOOK.sub(r"\1 0.01 s", written.getvalue())
+        said = written.getvalue().replace(f"{default_missions_folder()}/", ".../missions/")
+        return _TOOK.sub(r"\1 0.01 s", said)
 
 
 def _filtered(lines: list[str], words: Sequence[str]) -> list[str]:

@@ -152,7 +152,7 @@ introduction, and the [glossary](glossary.md) explains the words of statecharts.
 its kind:
 
 - a *lifecycle* is what all missions share: starting up, pausing, driving home. It is `lifecycle.yaml`,
-  beside the missions;
+  beside the missions; that of a project usually [extends](#a-lifecycle-that-extends-another) the shipped one;
 - a *mission* is what a robot is asked to do. It stands in the lifecycle's slot;
 - a *part* is a piece that missions use, in the folder `parts`. A mission may also use another mission;
 - a [*binding*](#bindings) connects a ROS service, action or topic that no plugin offers, in the folder
@@ -241,6 +241,30 @@ expression without `${ }`. *One or more* means that a list of one may be written
 **bold** must be written.
 """
 
+EXTENDING = """\
+## A lifecycle that extends another
+
+With `extends: NAME` a lifecycle is the shipped one of that name, with changes: those that the file contains.
+The two are merged before anything else happens, so that checks, proofs, pictures and runs see one lifecycle;
+`lupin check --expand` prints it. Every finding has the place of the file that has the mistake.
+
+- A mapping is merged key by key: declarations, states and the states in them, `on`, `after`, `every`, `at`,
+  `invoke`, `budget`. So `params: {dock_timeout_s: {default: 90 s}}` changes one key of one parameter.
+- All else replaces: a transition (with its guard, actions and code), a list, actions, an expression, and an
+  `invoke` with a `do`. Nothing can be taken out.
+- In document order a new state or event comes after the inherited ones.
+- These cannot be overridden: a hold; a transition with `during` or `releases`; the answers to
+  `mission.start`, also by a state inside or by `mission.*`; the inputs and parameters that the conditions of
+  holds and of these answers read; the profile and the slot; an invariant. An inherited property may get a
+  stricter `breach`, a `code` and a `summary`. No transition of the file `releases` an inherited hold. New
+  holds, invariants and properties may be added.
+- A name that overrides nothing and cannot be new is an error with the nearest spelling; a value that equals
+  the inherited one is a warning.
+- `extends/NAME.yaml` beside the file counts before the shipped one: bundles and journals carry theirs there.
+
+`lupin new` begins with such a file. `lupin new --copy` writes a whole lifecycle, which ages: its `origin`
+names what it was made of, and `lupin doctor` reports whether that has changed since.
+"""
 ACTIONS_HEAD = """\
 ## Actions
 
@@ -446,7 +470,7 @@ EVENTS: tuple[tuple[str, str], ...] = (
 def language() -> Iterator[str]:
     """Yield the page of the language, line by line."""
     yield from LANGUAGE_HEAD.splitlines()
-    yield from ("", "## Words")
+    yield from ("", *EXTENDING.splitlines(), "", "## Words")
     for model in models():
         yield from _model(model)
     yield from ("", *ACTIONS_HEAD.splitlines(), "")

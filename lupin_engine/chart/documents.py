@@ -25,7 +25,7 @@ from pydantic import (
 
 from lupin_engine.chart.nodes import Keyed, Meaning, Named, Node, show, wrong_shape
 from lupin_engine.chart.semantics import MIN_PERIOD
-from lupin_engine.chart.source import Map
+from lupin_engine.chart.source import Map, Merged
 
 
 def _many(description: str, alias: str | None = None) -> Any:
@@ -685,10 +685,29 @@ class FileNode(Node):
         return f"{type(self).__name__} {self.name}"
 
 
+class OriginNode(Node):
+    """The lifecycle that a copy was made of."""
+
+    SHAPE = "{lifecycle: NAME, version: VERSION, sha256: DIGEST}"
+
+    lifecycle: str = Field(description="name of the shipped lifecycle")
+    version: str = Field(description="version of the engine that shipped it")
+    sha256: str = Field(description="beginning of the digest of its file")
+
+
 class LifecycleNode(FileNode):
     """The lifecycle: the states and declarations that all missions share."""
 
     lifecycle: Annotated[str, Meaning.FILE] = Field(description="name of the lifecycle")
+    extends: Annotated[str | None, Meaning.LIFECYCLE] = Field(
+        None,
+        description="name of a shipped lifecycle, which this one changes: mappings are merged key by key; "
+        "transitions, actions, lists and expressions replace; its holds and its answers to a start stay",
+    )
+    origin: OriginNode | None = Field(
+        None,
+        description="of a copy: the lifecycle that it was made of; `lupin doctor` reports a change since",
+    )
     profile: str | None = Field(None, description="kind of robot; without it the one that is installed")
     holds: Annotated[dict[str, HoldNode], Named(Meaning.HOLD)] = _by_name(
         "suspensions of the whole chart, by name"
@@ -701,6 +720,12 @@ class LifecycleNode(FileNode):
     def name(self) -> str:
         """The name that the file gives itself."""
         return self.lifecycle
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The names of the files that it is written in: its own, and the one that it extends."""
+        raw = self._raw
+        return (raw.file.name, raw.base.file.name) if isinstance(raw, Merged) else (raw.file.name,)
 
 
 class MissionNode(FileNode):
@@ -793,6 +818,7 @@ __all__ = [
     "LifecycleNode",
     "LimitNode",
     "MissionNode",
+    "OriginNode",
     "ParameterNode",
     "PartNode",
     "PropertyNode",

@@ -434,6 +434,8 @@ class Chart:
     `plugins` are those that the missions use; `catalog` is the one that it was checked against: all
     declarations of the installed plugins and of the bindings beside the missions.
 
+    `lifecycle_files` are the lifecycle's own file and the one that it extends, which is called `extends`.
+
     Charts are compared by identity, because results are cached by chart.
     """
 
@@ -451,6 +453,8 @@ class Chart:
     plugins: tuple[str, ...] = ()
     summary: str = ""
     catalog: Catalog = field(default_factory=Catalog)
+    lifecycle_files: tuple[str, ...] = ()
+    extends: str = ""
 
     @property
     def profile(self) -> Profile:
@@ -463,6 +467,10 @@ class Chart:
         owners = self.catalog.owners
         read = [("value", name) for each in self.profile.projections.values() for name in each.values]
         return tuple(sorted({*self.plugins, *(owners[one] for one in read if one in owners)}))
+
+    def file_of(self, place: Place) -> str:
+        """Return how the file of a place is called in a line: a lifecycle that is extended by its name."""
+        return self.extends if place.file in self.lifecycle_files[1:] else place.file.rpartition("/")[2]
 
     @cached_property
     def answers(self) -> Mapping[str, Code]:

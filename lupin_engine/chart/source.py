@@ -285,6 +285,35 @@ def map_at(place: Place) -> Map:
     return Map(File(place.file, ""), _spot_of(place))
 
 
+class Merged(Map):
+    """A mapping of two files: what stands in `own` replaces, or is added to, what stands in `base`."""
+
+    __slots__ = ("_owners", "base")
+
+    def __init__(self, own: Map, base: Map) -> None:
+        super().__init__(own.file, own.start)
+        self.base = base
+        self._owners: dict[str, Map] = {}
+
+    def take(self, key: str, value: Any, owner: Map) -> None:
+        """Enter a value under a key that stands in `owner`."""
+        self[key] = value
+        self.key_starts[key] = owner.key_starts[key]
+        self._owners[key] = owner
+
+    def value_place(self, key: str) -> Place:
+        """Return where a value stands; KeyError without it."""
+        return self._owners[key].value_place(key)
+
+    def key_place(self, key: str) -> Place:
+        """Return where a key stands; KeyError without it."""
+        return self._owners[key].key_place(key)
+
+    def key_text(self, key: str) -> Text:
+        """Return a key as a text with its place; KeyError without it."""
+        return self._owners[key].key_text(key)
+
+
 def data_at(value: Any, place: Place) -> Any:
     """Return plain data as if all of it stood at `place`, for what is not written; placed data stays."""
     if type(value) in _PLACED or not isinstance(value, (str, dict, list)):

@@ -31,7 +31,7 @@ from lupin_engine.chart import (
     level_events,
     named_in,
 )
-from lupin_engine.missions import PARTS
+from lupin_engine.missions import PARTS, shipped_lifecycles
 from lupin_engine.plugin import ANY, UNITS, Argument, Catalog, Type, parse_type
 from lupin_lsp import docs
 from lupin_lsp.folder import Folder
@@ -149,7 +149,7 @@ class _Completion:
 
     def _keys(self, spot: Spot, mapping: Steps) -> Iterator[Offer]:
         """Offer the keys of the mapping at a path, without present ones."""
-        return self._absent(mapping, self._all_keys(spot))
+        return self._absent(mapping, (*self._all_keys(spot), *self._inherited(spot, mapping)))
 
     def _absent(self, mapping: Steps, offers: Iterable[Offer]) -> Iterator[Offer]:
         token = self._cursor.token
@@ -160,6 +160,15 @@ class _Completion:
         for offer in offers:
             if offer.label not in there:
                 yield replace(offer, insert=f"{offer.insert or offer.label}{colon}")
+
+    def _inherited(self, spot: Spot, mapping: Steps) -> Iterator[Offer]:
+        """Offer the names that the extended lifecycle declares here, in the one that extends it."""
+        base = self._folder.base if spot.declares and self._path == self._folder.lifecycle else None
+        if base is None:
+            return
+        scan, origin = self._folder.scan(base), self._folder.scan(self._path).value("extends") or ""
+        for key in scan.keys(mapping):
+            yield Offer(key.text, ItemKind.Property, origin, scan.value(*key.path, "summary") or "")
 
     def _has_colon(self, end: int) -> bool:
         return self._scan.text[end:].lstrip(" \t").startswith(":")
@@ -208,6 +217,7 @@ class _Completion:
             Meaning.STATE: partial(self._states, spot),
             Meaning.CHILD: self._children,
             Meaning.PART: partial(self._parts, spot),
+            Meaning.LIFECYCLE: self._lifecycles,
             Meaning.OPERATION: self._operations,
             Meaning.ACTION: self._plain_actions,
             Meaning.EVENT: self._events,
@@ -269,10 +279,15 @@ class _Completion:
 
     def _state(self, label: str, name: str) -> Offer:
         assert self._model is not None
-        state = self._model.composed.chart.states[name]
-        file = Path(state.place.file).name
+        chart = self._model.composed.chart
+        state, file = chart.states[name], chart.file_of(chart.states[name].place)
         detail = f"{name} ({file}:{state.place.line})"
         return Offer(label, ItemKind.EnumMember, detail, docs.state(name, state, file))
+
+    def _lifecycles(self) -> Iterator[Offer]:
+        for name, file in shipped_lifecycles().items():
+            summary = self._folder.scan(file).value("summary") or ""
+            yield Offer(name, ItemKind.File, summary, summary)
 
     def _parts(self, spot: Spot) -> Iterator[Offer]:
         if spot.holder is PartNode:
@@ -444,7 +459,7 @@ class _Completion:
 
     def _nearest_parameters(self) -> list[str]:
         """Return the parameters of this file and of the lifecycle, in that order."""
-        files = [self._path, self._folder.lifecycle]
+        files = [self._path, self._folder.lifecycle, *([self._folder.base] if self._folder.base else [])]
         return [key.text for file in files for key in self._folder.scan(file).keys(("params",))]
 
     def _field_doc(self, owner: str, name: str) -> str:

@@ -68,7 +68,9 @@ class Model:
         else:
             local = (*self._written[parent.name][1], draft.local)
         self._written[draft.name] = (file, local)
-        self._drafts.setdefault((file, local), []).append(draft)
+        files = self.composed.chart.lifecycle_files
+        for each in files if draft.file.place.file in files else (file,):
+            self._drafts.setdefault((Path(each), local), []).append(draft)
         if draft.part is not None:
             self._drafts.setdefault((Path(draft.part.place.file), ()), []).append(draft)
 

@@ -58,6 +58,9 @@ def definition(folder: Folder, path: Path, mention: Mention) -> list[Spanned]:
         return _states(folder, path, mention)
     if meaning is Meaning.PART:
         return _part(folder, mention.name)
+    if meaning is Meaning.LIFECYCLE:
+        base = folder.base
+        return [] if base is None else _spanned(base, folder.scan(base).value_token(("lifecycle",)))
     if meaning is Meaning.LEVEL:
         return _declared(folder, path, ("inputs", mention.of, "levels", mention.name))
     if meaning is Meaning.BINDING:
@@ -85,6 +88,9 @@ def place_of(folder: Folder, draft: Draft) -> Spanned | None:
     if folder.model is None:
         return None
     file, local = folder.model.written(draft)
+    if file == folder.lifecycle and folder.base is not None and local:
+        steps = steps_of(local if draft.node is not None else local[:-1])
+        file = file if folder.scan(file).key_token(steps) else folder.base
     scan = folder.scan(file)
     if draft.node is None and draft.kind is not Kind.HISTORY:
         head = next((key for key in scan.keys(()) if key.text in ("mission", "lifecycle")), None)

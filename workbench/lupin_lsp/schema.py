@@ -38,6 +38,9 @@ SHORT_FORMS: Mapping[str, Schema] = MappingProxyType(
 )
 
 
+#: What a lifecycle that extends another one writes as a whole.
+_REPLACED = frozenset({"TransitionNode", "HoldNode", "OriginNode", "RaiseNode", "IfNode"})
+
 #: Actions with models of their own.
 _STRUCTURED: Mapping[str, type[BaseModel]] = MappingProxyType({"raise": RaiseNode, "if": IfNode})
 
@@ -86,7 +89,27 @@ def schema(
         name: _with_short_form(name, definition, forms) for name, definition in definitions.items()
     }
     made["title"] = f"Lupin {kind}"
-    return {"$schema": DIALECT, **made, "definitions": dict(sorted(definitions.items()))}
+    whole = {"$schema": DIALECT, **made, "definitions": dict(sorted(definitions.items()))}
+    return _without_required(whole) if "extends" in made["properties"] else whole
+
+
+def _without_required(whole: Schema) -> Schema:
+    """Return the schema of a lifecycle, which may extend another: then a record has only what differs."""
+    names = [name for name in whole["definitions"] if name.endswith("Node") and name not in _REPLACED]
+    text = json.dumps(whole)
+    for name in names:
+        text = text.replace(f'"#/definitions/{name}"', f'"#/definitions/Extending{name}"')
+    found: Schema = json.loads(text)
+    found["required"].remove("states")
+    found["definitions"] = {
+        f"Extending{name}" if name in names else name: definition
+        for name, definition in found["definitions"].items()
+    }
+    for name in names:
+        definition = found["definitions"][f"Extending{name}"]
+        for each in (definition, *definition.get("anyOf", ())):
+            each.pop("required", None)
+    return found
 
 
 def any_kind(schemas: Mapping[str, Schema]) -> Schema:

@@ -194,7 +194,7 @@ class _Composer:
         holds = self._declarer.holds(self._lifecycle, holds_scope, self._codes)
         chart = Chart(
             name=self._lifecycle.lifecycle,
-            files=tuple(dict.fromkeys(file.place.file for file in files)),
+            files=tuple(dict.fromkeys((*self._lifecycle.files, *(file.place.file for file in files)))),
             states=states,
             missions=self._mission_records(),
             holds=holds,
@@ -206,6 +206,8 @@ class _Composer:
             properties=self._properties(files),
             summary=self._lifecycle.summary,
             catalog=self._catalog,
+            lifecycle_files=self._lifecycle.files,
+            extends=self._lifecycle.extends or "",
         )
         plugins = self._plugins()
         chart = replace(chart, plugins=plugins)

@@ -87,6 +87,6 @@ def test_all_that_is_wrong_is_told_at_once(folder: Path, capsys: pytest.CaptureF
         f"there is a profile 'greenhouse' already, from lupin-engine 0.1.0; choose another name\n{exists}"
         f"lupin: 'Courier' cannot be the name of a profile: write {wanted} {courier}\n{exists}"
         f"lupin: there is a package lupin_nav already; choose another name for the profile\n{exists}"
-        "lupin: --like and --profile exclude each other: a mission has one profile\n"
+        "lupin: --profile excludes --like and --copy: it comes with a lifecycle of its own\n"
     )
     assert [file.name for file in folder.rglob("*")] == ["missions", "lifecycle.yaml"]
