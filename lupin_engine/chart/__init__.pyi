@@ -22,6 +22,7 @@ from .documents import LifecycleNode as LifecycleNode
 from .documents import MissionNode as MissionNode
 from .documents import PartNode as PartNode
 from .documents import RaiseNode as RaiseNode
+from .documents import RecordFieldNode as RecordFieldNode
 from .documents import RetryNode as RetryNode
 from .documents import StateNode as StateNode
 from .documents import TransitionNode as TransitionNode

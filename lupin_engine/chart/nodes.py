@@ -28,6 +28,7 @@ class Meaning(enum.Enum):
     KEY = "key"  #: a word of the language
     STATE = "state"  #: looked for in the nearest enclosing scope
     CHILD = "child"  #: a state inside the one that this is said of
+    LIFECYCLE = "lifecycle"  #: one that is shipped
     PART = "part"  #: or a mission that is used as one
     OPERATION = "operation"
     ACTION = "action"
@@ -122,6 +123,12 @@ class Node(BaseModel):
         raw = self._raw
         found: Place = raw.file.place(raw.start)
         return found
+
+    @property
+    def content(self) -> Map:
+        """This mapping as it was read."""
+        raw: Map = self._raw
+        return raw
 
     @property
     def written(self) -> bool:

@@ -35,7 +35,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "run": "Run a mission over ROS 2 and watch it.",
         "up": "Start the nodes of missions; an operator starts the missions.",
         "new": "Begin a mission: its file, the lifecycle around it, a scenario.",
-        "import": "Make a mission of a chart by others (SCXML).",
+        "import": "Make a mission of a chart by others (SCXML, behavior trees).",
         "check": "Check missions and report all mistakes in them.",
         "simulate": "Run a mission in virtual time, without ROS.",
         "test": "Run scenarios against missions, without ROS.",

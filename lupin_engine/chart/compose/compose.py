@@ -65,7 +65,7 @@ from lupin_engine.chart.model import (
 )
 from lupin_engine.chart.semantics import MIN_PERIOD
 from lupin_engine.chart.source import Text
-from lupin_engine.errors import Place
+from lupin_engine.errors import Place, nearest
 from lupin_engine.plugin.builtin import BUILTIN, MAX_TARGETS, TIME_ZONE
 from lupin_engine.plugin.contract import Code, Parameter
 from lupin_engine.plugin.profile import ANSWER
@@ -194,7 +194,7 @@ class _Composer:
         holds = self._declarer.holds(self._lifecycle, holds_scope, self._codes)
         chart = Chart(
             name=self._lifecycle.lifecycle,
-            files=tuple(dict.fromkeys(file.place.file for file in files)),
+            files=tuple(dict.fromkeys((*self._lifecycle.files, *(file.place.file for file in files)))),
             states=states,
             missions=self._mission_records(),
             holds=holds,
@@ -206,6 +206,8 @@ class _Composer:
             properties=self._properties(files),
             summary=self._lifecycle.summary,
             catalog=self._catalog,
+            lifecycle_files=self._lifecycle.files,
+            extends=self._lifecycle.extends or "",
         )
         plugins = self._plugins()
         chart = replace(chart, plugins=plugins)
@@ -598,8 +600,17 @@ class _Composer:
         inner = outer.with_names({"target": item, "itinerary": ITINERARY})
         if items is None:
             return None, inner
-        walk = Itinerary(items, node.place, order, sweeps, node.on_abort == "leave_open", node.source)
-        return walk, inner
+        again, leaves_open = self._again(node, path), node.on_abort == "leave_open"
+        return Itinerary(items, node.place, order, sweeps, again, leaves_open, node.source), inner
+
+    def _again(self, node: ItineraryNode, path: str) -> tuple[str, ...]:
+        """Return the statuses after which a target is visited once more; findings for unknown ones."""
+        allowed = self._catalog.profile.statuses
+        for index, status in enumerate(node.again):
+            if status not in allowed:
+                problem, hint = f"unknown status {str(status)!r}", nearest(status, allowed)
+                self._findings.add(node.at("again", index), "wrong-type", f"{path}.again", problem, hint)
+        return tuple(map(str, node.again))
 
     def _check_identity(self, item: Type, place: Place, path: str) -> None:
         """Report targets without an `id`, by which published messages name them."""
